@@ -19,7 +19,7 @@ from cohelm.law.verdict import UNTOUCHED
 from cohelm.link.messages import Mode
 from cohelm.pilot.behavior import FOLLOWING
 from cohelm.robot.gate.modes import GateMode
-from cohelm.study.campaign.plant import looking_round
+from cohelm.study.campaign.plant import with_all_round_lidar
 
 FREE = 0.5
 """Nothing is in the way where nothing is seen nearer than this to the outline [m], the guard
@@ -62,7 +62,7 @@ def drive(
     pushed = found = math.nan
     made = simulated(scenario, kind, real_time=False, seed=seed)
     blind = made.model.model_copy(update={"camera": None})  # nobody looks, and pictures take long
-    blind = looking_round(blind) if all_round else blind
+    blind = with_all_round_lidar(blind) if all_round else blind
     made = replace(made, scenario=made.scenario.model_copy(update={"robot": blind}))
     with Session(SessionConfig(made)) as session:
         gated, loop = session.loop.gated, session.loop

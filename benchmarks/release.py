@@ -63,19 +63,21 @@ class Released(NamedTuple):
 def still_room(seed: int, number: int) -> Setup:
     """A room of `random` in which nobody walks."""
     setup = rooms.case(seed, number).setup
-    discs = setup.around.discs
-    rests = np.diff(setup.around.path_first) == 0
+    discs = setup.obstacles.discs
+    rests = np.diff(setup.obstacles.path_first) == 0
     rests &= (discs[:, VX] == 0.0) & (discs[:, VY] == 0.0)
     bodies = [Body(tuple(row)) for row in discs[rests].tolist()]
     names = tuple(f"disc_{i}" for i in range(len(bodies)))
-    setup = replace(setup, around=world((bodies, setup.around.walls)), names=names, duration=LIMIT)
+    setup = replace(
+        setup, around=world((bodies, setup.obstacles.walls)), names=names, duration=LIMIT
+    )
     return with_pilot(setup, max_acceleration=0.0, gains=lively(setup.gains))
 
 
 def pressed(setup: Setup, rng: np.random.Generator) -> tuple[Pose, float]:
     """A tight spot that a hand has driven the robot into, under the filter, and its clearance."""
     dt, limits, reach = setup.dt, setup.limits, float(np.hypot(*setup.outline.T).max())
-    around = surroundings(setup.around.discs, None, setup.around.walls)
+    around = surroundings(setup.obstacles.discs, None, setup.obstacles.walls)
     guard = prepared(setup.outline, limits, Rules(dt=dt))
     while True:
         pose, twist, wish, until = setup.start, Twist(0.0, 0.0), Twist(0.0, 0.0), 0.0
@@ -90,7 +92,7 @@ def pressed(setup: Setup, rng: np.random.Generator) -> tuple[Pose, float]:
             pose = arc(pose, twist, dt)
             if t > _AT_LEAST and abs(twist.v) + abs(twist.omega) < 1e-3:
                 gap = outline_clearance(
-                    pose, setup.outline, reach, setup.around.discs, setup.around.walls, 1.0
+                    pose, setup.outline, reach, setup.obstacles.discs, setup.obstacles.walls, 1.0
                 )
                 if gap < TIGHT:
                     return pose, gap

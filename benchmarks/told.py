@@ -108,7 +108,7 @@ def at(world: World, t: float) -> Floats:
 
 def sampled(way: Way, seed: int, care: TrackerParams | None = None) -> Iterator[Sample]:
     """What perception told on the way."""
-    around, outline = way.setup.around, way.setup.outline
+    around, outline = way.setup.obstacles, way.setup.outline
     lidar = LIDAR.lidar()
     eyes = Perception(
         SALLY, tracker_params=care or TrackerParams(max_acceleration=MAX_ACCELERATION)

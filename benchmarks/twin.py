@@ -32,7 +32,7 @@ def lab() -> tuple[RobotModel, Pose, World]:
     made = load.scenario("lab-avoid", [])
     assert made.start is not None
     start = Pose(made.start.x_m, made.start.y_m, made.start.heading_rad)
-    return load.robot("sally"), start, made.around()
+    return load.robot("sally"), start, made.build_world()
 
 
 def field(count: int) -> World:

@@ -184,7 +184,7 @@ def _filter_questions(fields: dict[int, Field]) -> list[dict[str, Any]]:
 
 def world_question(setup: Setup, trace: Trace) -> dict[str, Any]:
     """What ir-sim is asked to play: the world of our run, and the commands of its wheels."""
-    around = setup.around.discs
+    around = setup.obstacles.discs
     commands = np.column_stack((trace.rows["applied_v"], trace.rows["applied_omega"]))
     size: Floats = setup.outline.max(axis=0) - setup.outline.min(axis=0)
     return {

@@ -93,7 +93,7 @@ def course(duration: float | None = None) -> Setup:
         reference=through(_WAYPOINTS, _SPEED),
         outline=_sally().outline,
         limits=unlimited(_sally().track_m),
-        around=world((bodies, np.empty((0, 4)))),
+        obstacles=world((bodies, np.empty((0, 4)))),
         names=tuple(f"disc_{i + 1}" for i in range(len(bodies))),
         duration=duration,
     )

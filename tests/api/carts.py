@@ -18,7 +18,7 @@ class Cart(cohelm.Robot):
     def __init__(self, model: cohelm.RobotModel) -> None:
         super().__init__(model)
         pace = OnTheWall() if self.real_time else None
-        around = scenario(SITE).around()
+        around = scenario(SITE).build_world()
         self.inside = Kinematic(model, cohelm.Pose(0.0, 0.0, 0.0), around, timeout=1e6, pace=pace)
         self.now, self.wait = self.inside.now, self.inside.wait
         self.number = -1

@@ -96,8 +96,8 @@ def alarms(made, number: int, said: Counter, shown: bool = False) -> float:
             if looked is None or t - looked.stamp >= 1.0 / rate - 1e-6:
                 ranges = np.empty(len(lidar.beams))
                 scan(
-                    pose, lidar, np.ascontiguousarray(people), setup.around.walls, NO_GRID, number,
-                    count, ranges,
+                    pose, lidar, np.ascontiguousarray(people), setup.obstacles.walls, NO_GRID,
+                    number, count, ranges,
                 )  # fmt: skip
                 looked = Scan(t, count, ranges, 0.0)
                 count += 1

@@ -46,7 +46,7 @@ def made(delay: float, bodies, name: str = "sally"):
     model = robot(name).model_copy(update={"odometry": EXACT, "delay_s": delay, "camera": None})
     setup = Setup(
         Pose(0.0, 0.0, 0.0), through([[0, 0], [2, 0], [4, 0], [6, 0]], 0.5), model.outline,
-        model.bounds(), around=world((bodies, np.array(ROOM, dtype=float))), dt=DT, seed=3,
+        model.bounds(), obstacles=world((bodies, np.array(ROOM, dtype=float))), dt=DT, seed=3,
         names=tuple(f"body_{i}" for i in range(len(bodies))), duration=8.0, delay=delay,
     )  # fmt: skip
     return model, with_pilot(setup, lidar=model.lidar, further=model.further_lidars)
@@ -55,7 +55,7 @@ def made(delay: float, bodies, name: str = "sally"):
 def looped(model, setup, steps: int) -> np.ndarray:
     """Poses at the beginning of each period, and what the gate let through in it, by the loop."""
     settings, pilot = setup.pilot.settings, setup.pilot
-    plant = Kinematic(model, setup.start, setup.around, seed=setup.seed, step=DT)
+    plant = Kinematic(model, setup.start, setup.obstacles, seed=setup.seed, step=DT)
     driver_pilot = Pilot(
         setup.reference, settings, delay=setup.delay, path_params=pilot.path_params,
         replan_params=pilot.replan_params,

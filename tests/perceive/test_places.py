@@ -438,7 +438,7 @@ def test_one_scan_does_not_outweigh_what_a_pose_was_believed_for():
 def test_people_who_walk_about_in_a_hall_that_looks_alike_turned_round_make_nobody_lost(field):
     """In the middle of a hall of four walls, the place turned by half a turn fits as well. That
     scans contradict each other while people cross the view is no proof of having been moved."""
-    around = movers.case(5500, field).setup.around
+    around = movers.case(5500, field).setup.obstacles
     twists = [Twist(0.9, 0.0)] * 350
     twists += [Twist(0.1 * math.sin(0.022 * k), math.sin(0.018 * k + 1.0)) for k in range(350, 900)]
     poses = [Pose(1.2, 6.3, 0.0)]
@@ -469,7 +469,7 @@ def test_people_round_a_robot_that_stands_do_not_turn_it_round_in_a_hall_that_lo
 ):
     """They gather about it, hide much of the hall, and contradict each scan before: it was lost for
     most of the time, and sure of the other end of the hall for some."""
-    around = movers.case(5500, field).setup.around
+    around = movers.case(5500, field).setup.obstacles
     seconds = 40.0
     still = round(seconds / DT)
 

@@ -14,7 +14,7 @@ from cohelm.robot.sensors import Lidar
 from cohelm.scenario.load import robot
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import sight
-from cohelm.study.campaign.plant import carried
+from cohelm.study.campaign.plant import equipped
 
 SALLY = robot("sally")
 WALLS = np.array([[-4.0, -3.0, 4.0, -3.0], [-4.0, 3.0, 4.0, 3.0]])
@@ -226,7 +226,7 @@ def test_a_look_ends_the_doubt():
 
 
 def test_a_lidar_that_looks_all_round_leaves_nothing_blind():
-    assert driven(ahead(1.0), model=carried("sally", "twin-all-round")).unobserved == 0
+    assert driven(ahead(1.0), model=equipped("sally", "twin-all-round")).unobserved == 0
 
 
 def test_a_lidar_of_unknown_carrier_tells_no_ground():

@@ -21,7 +21,7 @@ def ended(*bodies: Body, seconds: float):
     """The rows of a drive 4 m straight ahead."""
     setup = Setup(
         Pose(0.0, 0.0, 0.0), through([[0, 0], [2, 0], [4, 0]], 0.5), SALLY.outline, SALLY.bounds(),
-        around=world((list(bodies), np.empty((0, 4)))), names=("body",) * len(bodies), dt=0.02,
+        obstacles=world((list(bodies), np.empty((0, 4)))), names=("body",) * len(bodies), dt=0.02,
         duration=seconds,
     )  # fmt: skip
     return run(with_pilot(setup)).rows

@@ -44,7 +44,7 @@ def lab(duration: float | None = None) -> Setup:
         reference=through(LAB, 0.5),
         outline=OUTLINE,
         limits=unlimited(0.5),
-        around=world((bodies, WALLS)),
+        obstacles=world((bodies, WALLS)),
         names=("cone_1", "cone_2", "cone_3", "mover"),
         operator=OperatorModel(active=True),
         duration=duration,
@@ -53,7 +53,7 @@ def lab(duration: float | None = None) -> Setup:
 
 
 def scene(setup: Setup) -> RunScene:
-    return RunScene(setup.outline, setup.around.walls, way(setup.reference))
+    return RunScene(setup.outline, setup.obstacles.walls, way(setup.reference))
 
 
 def recorded(path: Path, setup: Setup) -> Trace:

@@ -32,7 +32,7 @@ def drive(tmp_path_factory):
 
 
 def test_the_replayed_drive_senses_what_the_driven_one_did(drive):
-    robot = Kinematic(sally(), around=room(), seed=4)
+    robot = Kinematic(sally(), obstacles=room(), seed=4)
     again = Replayed(drive)
     assert again.model == robot.model
     for k in range(100):
@@ -156,7 +156,7 @@ def test_a_drive_holds_only_what_belongs_in_it(tmp_path):
 
 def test_the_scans_of_further_lidars_are_kept_and_played_back(tmp_path):
     model, path = load_robot("sally-rear"), tmp_path / "two.mcap"
-    robot = Kinematic(model, around=room(), seed=4)
+    robot = Kinematic(model, obstacles=room(), seed=4)
     with path.open("wb") as file:
         made = RecordWriter(file, About("drive", EPOCH), model)
         for k in range(30):
@@ -171,7 +171,7 @@ def test_the_scans_of_further_lidars_are_kept_and_played_back(tmp_path):
     kept = read_record(path)
     assert list(kept.further_scans) == ["rear"]
     assert len(kept.further_scans["rear"]) == len(kept.scans) == 6
-    again, then = Replayed(path), Kinematic(model, around=room(), seed=4)
+    again, then = Replayed(path), Kinematic(model, obstacles=room(), seed=4)
     for one in (again, then):
         one.wait(0.3)
     (back,), (was,) = again.read().further, then.read().further

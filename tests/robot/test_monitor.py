@@ -39,7 +39,7 @@ class Says:
 def kept(*monitors):
     made = load.scenario("minimal", [])
     alone = load.standing_alone(made, Path())
-    robot = Kinematic(alone.robot, Pose(0.0, 0.0, 0.0), alone.around(), seed=0)
+    robot = Kinematic(alone.robot, Pose(0.0, 0.0, 0.0), alone.build_world(), seed=0)
     events = []
     it = LocalGatedRobot(robot, RULES, events.append, monitors)
     it.wait(0.1)

@@ -62,7 +62,7 @@ def test_a_stick_given_beside_the_scenario_replaces_its_hand(tmp_path, monkeypat
     (tmp_path / "log.csv").write_text("run,source,t,v,w\n3,joy_cmd,0,1,0.65\n4,joy_cmd,0,0,0\n")
     monkeypatch.chdir(tmp_path)
     made = load.scenario("minimal", stick="log.csv#3")
-    hands = build.setup(made).hands
+    hands = build.setup(made).recorded_stick
     assert (hands.x.tolist(), hands.psi.tolist()) == ([1.0], [0.5])
 
 

@@ -34,6 +34,7 @@ def lab_run(k_cbf: float | None = 1.5, **changes) -> Setup:
     gains = Gains(barrier=False) if k_cbf is None else Gains(k_cbf=k_cbf)
     given = {
         "start": Pose(*lab.START), "reference": LAB, "outline": lab.SALLY,
-        "limits": unlimited(lab.TRACK), "gains": gains, "around": lab_world(), "names": lab.NAMES,
+        "limits": unlimited(lab.TRACK), "gains": gains, "obstacles": lab_world(),
+        "names": lab.NAMES,
     }  # fmt: skip
     return Setup(**(given | changes))

@@ -24,7 +24,7 @@ def crossing(*bodies: Body) -> Setup:
     """Six metres straight ahead."""
     return Setup(
         Pose(0.0, 0.0, 0.0), through([[0, 0], [2, 0], [4, 0], [6, 0]], 0.5), SALLY.outline,
-        SALLY.bounds(), around=world((list(bodies), np.array(ROOM, dtype=float))), dt=0.02,
+        SALLY.bounds(), obstacles=world((list(bodies), np.array(ROOM, dtype=float))), dt=0.02,
         names=tuple(f"body_{i}" for i in range(len(bodies))), duration=40.0,
     )  # fmt: skip
 

@@ -40,7 +40,7 @@ def test_it_holds_still_while_somebody_is_in_its_lidar(walls, there, spot):
     """He comes up a dead end, or from where nothing looks; after a while no track tells of him."""
     setup = Setup(
         Pose(0.0, 0.0, 0.0), through([[0, 0], [2, 0], [3.5, 0]], 0.5), SALLY.outline,
-        SALLY.bounds(), around=world(([visit(there, spot)], np.array(walls, dtype=float))),
+        SALLY.bounds(), obstacles=world(([visit(there, spot)], np.array(walls, dtype=float))),
         dt=0.02, names=("who",), duration=13.0,
     )  # fmt: skip
     made = run(with_pilot(setup, lidar=SALLY.lidar))

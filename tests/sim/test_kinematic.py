@@ -24,7 +24,7 @@ def driven(robot: Kinematic, twist: Twist, seconds: float) -> None:
 
 
 def test_a_command_reaches_the_wheels_after_the_delay():
-    robot = Kinematic(sally(), around=room())
+    robot = Kinematic(sally(), obstacles=room())
     robot.send(Twist(0.5, 0.0))
     robot.wait(sally().delay_s)
     assert robot.truth().twist.v == 0.0
@@ -34,7 +34,7 @@ def test_a_command_reaches_the_wheels_after_the_delay():
 
 def test_no_command_is_late_on_a_robot_without_delay():
     at_once = sally().model_copy(update={"delay_s": 0.0})
-    robot = Kinematic(at_once, around=room())
+    robot = Kinematic(at_once, obstacles=room())
     robot.wait(0.013)
     robot.send(Twist(0.5, 0.0))
     robot.wait(0.013 + 5 * TICK)
@@ -54,7 +54,7 @@ def test_whole_numbers_are_numbers():
 
 def test_the_same_seed_makes_the_same_run_to_the_last_bit():
     def run(seed: int) -> tuple:
-        robot = Kinematic(sally(), around=room(), seed=seed)
+        robot = Kinematic(sally(), obstacles=room(), seed=seed)
         driven(robot, Twist(0.3, 0.5), 2.0)
         readings = robot.read()
         return robot.truth(), readings.odometry, readings.scan.ranges.tobytes()
@@ -64,7 +64,7 @@ def test_the_same_seed_makes_the_same_run_to_the_last_bit():
 
 
 def test_how_often_one_looks_does_not_change_what_happens():
-    often, seldom = (Kinematic(sally(), around=room(), seed=5) for _ in range(2))
+    often, seldom = (Kinematic(sally(), obstacles=room(), seed=5) for _ in range(2))
     for robot, step in ((often, TICK), (seldom, 0.1)):
         robot.send(Twist(0.4, 0.7))
         while robot.now() < 0.4 - 1e-9:
@@ -85,7 +85,7 @@ def test_driving_into_a_wall_is_seen_by_the_truth():
 def test_walked_into_while_standing_is_not_driven_into():
     path = through(np.array([[3.0, 0.0], [0.0, 0.0]]), 1.0)
     robot = Kinematic(
-        sally(), around=world(([Body((3, 0, 0, 0, 0.2, 0.2), path)], np.empty((0, 4))))
+        sally(), obstacles=world(([Body((3, 0, 0, 0, 0.2, 0.2), path)], np.empty((0, 4))))
     )
     robot.wait(4.0)
     truth = robot.truth()
@@ -94,7 +94,7 @@ def test_walked_into_while_standing_is_not_driven_into():
 
 
 def test_a_push_moves_the_robot_but_not_its_odometry():
-    robot = Kinematic(sally(), around=room())
+    robot = Kinematic(sally(), obstacles=room())
     robot.wait(0.1)
     before = robot.read().odometry
     robot.push(1.0, -0.5, 0.3)
@@ -105,7 +105,7 @@ def test_a_push_moves_the_robot_but_not_its_odometry():
 
 def test_movers_are_in_the_scans():
     robot = Kinematic(
-        sally(), around=world(([Body((4.0, 0.0, -1.0, 0.0, 0.3, 0.2))], np.empty((0, 4))))
+        sally(), obstacles=world(([Body((4.0, 0.0, -1.0, 0.0, 0.3, 0.2))], np.empty((0, 4))))
     )
     middle = sally().lidar.beams // 2
     robot.wait(1.0)
@@ -113,14 +113,14 @@ def test_movers_are_in_the_scans():
 
 
 def test_a_robot_without_a_lidar_has_no_scan():
-    robot = Kinematic(sally().model_copy(update={"lidar": None}), around=room())
+    robot = Kinematic(sally().model_copy(update={"lidar": None}), obstacles=room())
     robot.wait(1.0)
     assert robot.read().scan is None
 
 
 def test_exact_odometry_is_the_truth():
     model = OdometryModel()
-    robot = Kinematic(sally().model_copy(update={"odometry": model}), around=room())
+    robot = Kinematic(sally().model_copy(update={"odometry": model}), obstacles=room())
     driven(robot, Twist(0.4, 0.6), 3.0)
     pose = robot.read().odometry.pose
     # readings are arcs over 20 ms, the truth gathers speed in between

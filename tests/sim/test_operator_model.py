@@ -89,13 +89,13 @@ def test_the_hand_stays_on_the_stick_and_moves_no_faster_than_a_hand(dodging):
 
 
 def test_nobody_touches_the_stick_in_an_empty_world():
-    trace = run(lab_run(operator=PERSON, around=world(([], NO_WALLS)), names=()))
+    trace = run(lab_run(operator=PERSON, obstacles=world(([], NO_WALLS)), names=()))
     assert not held(trace).any()
 
 
 def test_what_the_person_does_not_notice_is_left_to_the_controller():
     unseen = [Body(b.row, b.path, b.start, noticed=False) for b in bodies()]
-    trace = run(lab_run(operator=PERSON, around=world((unseen, NO_WALLS))))
+    trace = run(lab_run(operator=PERSON, obstacles=world((unseen, NO_WALLS))))
     assert not held(trace).any()
 
 
@@ -103,7 +103,9 @@ def test_the_person_dodges_away_from_the_obstacle():
     for side in (1, -1):
         # The cone stands left or right of a path that leads straight north.
         cone = Body(disc(-0.12 * side, 0.0, 0.1))
-        trace = run(lab_run(None, operator=PERSON, around=world(([cone], NO_WALLS)), duration=6.0))
+        trace = run(
+            lab_run(None, operator=PERSON, obstacles=world(([cone], NO_WALLS)), duration=6.0)
+        )
         assert held(trace).any()
         pushed = trace.rows["stick_psi"]
         first = pushed[np.flatnonzero(np.abs(pushed) > 0.1)[0]]

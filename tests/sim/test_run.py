@@ -21,7 +21,7 @@ from tests.sim.runs import SALLY, WALLS, lab_run, lab_world
 
 ALL_AT_ONCE = lab_run(
     operator=OperatorModel(active=True, tremor=0.05), seed=7, limits=SALLY, delay=0.13,
-    around=lab_world(WALLS), duration=8.0,
+    obstacles=lab_world(WALLS), duration=8.0,
 )  # fmt: skip
 """Person, trembling, wheel limits, delay, walls and a mover together."""
 
@@ -95,7 +95,7 @@ def test_clearance_is_that_of_the_real_outline_to_the_nearest_disc_or_wall(busy)
 
 
 def test_in_an_empty_world_there_is_nothing_to_be_near_to():
-    trace = run(lab_run(around=world(([], np.empty((0, 4)))), names=(), duration=1.0))
+    trace = run(lab_run(obstacles=world(([], np.empty((0, 4)))), names=(), duration=1.0))
     assert (trace.rows["clearance"] == np.inf).all()
     assert (trace.rows["h"] == np.inf).all()
     assert trace.h.shape == (101, 0)
@@ -148,7 +148,7 @@ def test_the_recorded_energy_is_the_springs_and_never_negative(path):
     """(40)–(42): from a centred stick the passivity integral is V_h of the raw deflection."""
     times = 0.3 + 0.02 * np.arange(len(path))
     hand = (times, np.array([p[0] for p in path]), np.array([p[1] for p in path]))
-    rows = run(lab_run(hands=replay(*hand), duration=1.0)).rows
+    rows = run(lab_run(recorded_stick=replay(*hand), duration=1.0)).rows
     spring = 0.5 * Gains().k_s * (rows["stick_x"] ** 2 + rows["stick_psi"] ** 2)
     assert rows["energy"] == pytest.approx(spring, abs=1e-12)
     assert rows["energy"].min() >= -1e-12
@@ -159,7 +159,7 @@ def test_fast_turns_in_free_space_are_blamed_on_the_heading_and_no_obstacle():
     # Starting across the path asks for a turn at once; the only disc is 50 m away.
     setup = lab_run(
         start=Pose(0.0, -1.75, -0.8), duration=2.0, gains=Gains(k_psi=4.0),
-        around=world(([Body(disc(50.0, 50.0, 0.1))], np.empty((0, 4)))), names=("far",),
+        obstacles=world(([Body(disc(50.0, 50.0, 0.1))], np.empty((0, 4)))), names=("far",),
     )  # fmt: skip
     rows = run(setup).rows
     acting = rows[rows["verdict"] != 0]
@@ -169,7 +169,7 @@ def test_fast_turns_in_free_space_are_blamed_on_the_heading_and_no_obstacle():
 
 def test_a_number_that_is_not_finite_stops_the_robot_and_says_so():
     hand = (np.array([1.0, 1.5]), np.array([math.nan, 0.0]), np.zeros(2))
-    rows = run(lab_run(hands=replay(*hand), duration=3.0, limits=SALLY)).rows
+    rows = run(lab_run(recorded_stick=replay(*hand), duration=3.0, limits=SALLY)).rows
     lost = (rows["t"] > 0.995) & (rows["t"] < 1.495)
     assert (rows["verdict"][lost] == 3).all()
     assert (rows["safe_v"][lost] == 0.0).all()

@@ -194,7 +194,7 @@ def mode_and_stick(made: RobotFactory, mode: str) -> tuple[Mode, ScenarioStick]:
     """The mode to drive in, and who holds the stick. CohelmError for a mode there is not."""
     stick = made.scenario.stick
     present = not isinstance(stick, (StickNone, StickOperator))
-    table = build.setup(made.scenario).hands if present else None
+    table = build.setup(made.scenario).recorded_stick if present else None
 
     def hand(t: float) -> Stick | None:
         return None if table is None else replayed(table, t)

@@ -57,7 +57,7 @@ class Simulated:
         scenery, clock = self.scenario.scenery(), pace(self.real_time)
         if scenery.grid is not NO_GRID:  # its borders come with the map, and a LiDAR sees its cells
             scenery = scenery._replace(walls=NO_WALLS)
-        around, grid = self.scenario.around(scenery), scenery.grid
+        around, grid = self.scenario.build_world(scenery), scenery.grid
         if self.kind == "kinematic":
             return Kinematic(self.model, self.start, around, grid=grid, seed=self.seed, pace=clock)
         from cohelm.sim.twin.robot import Twin  # MuJoCo takes half a second to import

@@ -41,7 +41,7 @@ def setup(scenario: Scenario) -> Setup:
     alone = standing_alone(scenario, Path())
     robot = _robot(alone)
     reference = alone.reference.spline()
-    hands, alone = _hands(alone)
+    recorded_stick, alone = _hands(alone)
     operator = alone.stick.person() if isinstance(alone.stick, StickOperator) else OperatorModel()
     limits = robot.bounds(enforced=alone.simulation.wheel_limits)
     gains = alone.law.gains(alone.reference.speed_mps)
@@ -50,8 +50,8 @@ def setup(scenario: Scenario) -> Setup:
     made = Setup(
         start=_start(alone, reference), reference=reference, outline=robot.outline, limits=limits,
         gains=gains, spline_speed=alone.reference.feed_forward == "spline",
-        around=alone.around(scenery),
-        names=(*(obstacle.name for obstacle in alone.obstacles), *scenery.names), hands=hands,
+        obstacles=alone.build_world(scenery),
+        names=(*(obstacle.name for obstacle in alone.obstacles), *scenery.names), recorded_stick=recorded_stick,
         operator=operator, dt=alone.simulation.step_s, duration=alone.simulation.duration_s,
         delay=alone.simulation.delay_s, seed=alone.simulation.seed, grid=scenery.grid,
         barred=alone.walls(Read()) if scenery.grid is not NO_GRID else None,
@@ -74,13 +74,13 @@ def warnings(scenario: Scenario) -> list[str]:
     reference = alone.reference.spline()
     found = _beyond_limits(reference, _robot(alone))
     found += [f"world: {said}" for said in alone.scenery().left_out]
-    hands, _ = _hands(alone)
+    recorded_stick, _ = _hands(alone)
     if alone.simulation.plant == "twin" and not alone.simulation.wheel_limits:
         found.append("simulation.wheel_limits: the twin's wheels always have their limits")
     run_s = alone.simulation.duration_s or reference.duration
-    if isinstance(alone.stick, StickFile) and hands.times[-1] < run_s:
+    if isinstance(alone.stick, StickFile) and recorded_stick.times[-1] < run_s:
         found.append(
-            f"stick: the file ends at {hands.times[-1]:.1f} s of {run_s:.1f} s; "
+            f"stick: the file ends at {recorded_stick.times[-1]:.1f} s of {run_s:.1f} s; "
             "from then on the stick is centred and the controller leads"
         )
     return found
@@ -210,7 +210,8 @@ def _check_world(made: Setup, alone: Scenario) -> None:
     """The same for what the world's file holds; on a map the robot stands in no solid cell."""
     clearance = outline_clearance(
         made.start, made.outline, float(np.hypot(*made.outline.T).max()),
-        made.around.discs[len(alone.obstacles) :], made.around.walls[len(alone.walls_m) :], NOWHERE,
+        made.obstacles.discs[len(alone.obstacles) :],
+        made.obstacles.walls[len(alone.walls_m) :], NOWHERE,
     )  # fmt: skip
     _check_clearance(clearance, made.start, alone, "something of the world's file")
     if solid_at(made.grid, made.start.x, made.start.y):

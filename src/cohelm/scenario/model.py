@@ -271,7 +271,7 @@ class Scenario(Schema):
         own = [o.body(minds is None or o.name in minds) for o in self.obstacles]
         return [*own, *(scenery or self.scenery()).bodies]
 
-    def around(self, scenery: Read | None = None) -> World:
+    def build_world(self, scenery: Read | None = None) -> World:
         """Obstacles and walls as the simulator takes them, those of the world last."""
         known = scenery or self.scenery()
         return world((self.bodies(known), self.walls(known)))

@@ -1,7 +1,7 @@
-"""Adversarial rollout: a stick in an attacker's hand against one filter, in one compiled call.
+"""Adversarial rollout: an attacker's stick against one filter, in one compiled call.
 
-Nobody else steers: there is no reference and no blending. The stick's full deflection asks for
-the robot's full speed and yaw rate, and the law lets through what it lets through.
+There is no reference and no blending. The stick's full deflection requests the robot's full speed
+and yaw rate; the filter shapes that.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from cohelm.sim.operator_model import uniform
 from cohelm.sim.world import from_wall
 
 GUARD, PAPER, NO_LAW = range(3)
-"""Whose filter it is: the guard, the paper's barrier, or none but the wheels' limits."""
+"""Which filter: the guard, the paper's barrier, or none but the wheels' limits."""
 
 RAM, BANG, SPIN, SCRIPT = range(4)
 """RAM: at the nearest thing, two seconds of three, and BANG in between. BANG: any deflection,
@@ -53,7 +53,7 @@ class AdversarialScene(NamedTuple):
 
 
 class Attack(NamedTuple):
-    """Whose hand it is. seed: of everything random. script: (k, 2) deflections fore-aft and
+    """How the stick moves. seed: of everything random. script: (k, 2) deflections fore-aft and
     left-right, each held for `hold` [s]; the last one to the end."""
 
     kind: int
@@ -94,8 +94,10 @@ def rollout(
         nominal = Twist(stick.x * limits.speed, stick.psi * limits.yaw_rate)
         verdict, limiting = 0, -1
         if law == GUARD:
-            around = Surroundings(now[:n], scene.max_acceleration, sure, scene.walls, scene.points)
-            passed = guard(pose, applied, nominal, around, outline, limits, rules, False)
+            surrounding = Surroundings(
+                now[:n], scene.max_acceleration, sure, scene.walls, scene.points
+            )
+            passed = guard(pose, applied, nominal, surrounding, outline, limits, rules, False)
             command = Twist(passed.v, passed.omega)
             verdict, limiting = passed.verdict, passed.limiting
             twist = command
@@ -133,7 +135,7 @@ def rollout(
 
 @jit_inline
 def deflection(
-    attack: Attack, before: Stick, k: int, dt: float, pose: Pose, things: Floats, walls: Floats
+    attack: Attack, before: Stick, k: int, dt: float, pose: Pose, discs: Floats, walls: Floats
 ) -> Stick:
     """Where the attacker holds the stick in step k."""
     kind = attack.kind
@@ -141,7 +143,7 @@ def deflection(
         i = min(int(k * dt / attack.hold), len(attack.script) - 1)
         return Stick(attack.script[i, 0], attack.script[i, 1])
     if kind == RAM and (k * dt) % 3.0 < 2.0:
-        dx, dy = _nearest(pose, things, walls)
+        dx, dy = _nearest(pose, discs, walls)
         turn = math.atan2(dy, dx) - pose.psi
         return Stick(math.cos(turn), math.sin(turn))
     if k > 0 and uniform(attack.seed, 4 * k) > 0.05:
@@ -156,12 +158,12 @@ def deflection(
 
 
 @jit_inline
-def _nearest(pose: Pose, things: Floats, walls: Floats) -> tuple[float, float]:
+def _nearest(pose: Pose, discs: Floats, walls: Floats) -> tuple[float, float]:
     """From the robot's centre to the nearest surface, or the centre of the disc it belongs to."""
     best, x, y = math.inf, 1.0, 0.0
-    for i in range(len(things)):
-        dx, dy = things[i, X] - pose.x, things[i, Y] - pose.y
-        far = math.sqrt(dx * dx + dy * dy) - things[i, RADIUS]
+    for i in range(len(discs)):
+        dx, dy = discs[i, X] - pose.x, discs[i, Y] - pose.y
+        far = math.sqrt(dx * dx + dy * dy) - discs[i, RADIUS]
         if far < best:
             best, x, y = far, dx, dy
     for i in range(len(walls)):

@@ -54,13 +54,13 @@ class Piloted:
     further: tuple[LidarModel, ...] = ()
     """What it sees with besides."""
     tracker_params: TrackerParams = field(default_factory=TrackerParams)
-    """How things that move are told by the LiDAR."""
+    """Parameters of the tracker."""
     path_params: PathParams = field(default_factory=PathParams)
     replan_params: ReplanParams = field(default_factory=ReplanParams)
     period: float = 0.2
     """From the beginning of one plan to the next [s]."""
     thinking: float = 0.04
-    """From the snapshot to the plan that is made of it [s]."""
+    """From the snapshot to the plan that is made of it [s]: planning takes that long."""
     zones: Zones | None = None
     """Where the robot keeps out, and where it goes slowly; None: nowhere."""
 
@@ -68,10 +68,10 @@ class Piloted:
 class Scene(NamedTuple):
     """What stays the same during a run."""
 
-    around: World
+    obstacles: World
     grid: Grid
     max_acceleration: Floats
-    hands: Replay
+    recorded_stick: Replay
     operator: OperatorModel
     seed: int
     reach: float
@@ -82,9 +82,9 @@ class Scene(NamedTuple):
     done: int
     """... if the row of the route where it is is this one, or a later one."""
     barred: Floats
-    """(s, 4), the walls that a LiDAR sees beside the map [m]."""
+    """(s, 4), the walls that a LiDAR sees besides the map's [m]."""
     sees: bool
-    """Whether the robot sees at all; else it is told everything, as it is."""
+    """Whether the robot drives by its LiDAR; else it is given the true obstacles."""
 
 
 class Now(NamedTuple):
@@ -93,7 +93,7 @@ class Now(NamedTuple):
     robot: SimulatedState
     pilot: PilotState
     person: OperatorState
-    told: Surroundings
+    seen_obstacles: Surroundings
     """What it sees now, world frame; nothing for a robot that does not see."""
     led: bool
     arrived: bool
@@ -112,52 +112,52 @@ class Rows(NamedTuple):
 
 
 def stretches(
-    start: Pose, planner: Planner, scene: Scene, given: Piloted, dt: float, delay: int,
+    start: Pose, planner: Planner, scene: Scene, piloted: Piloted, dt: float, delay: int,
     steps: int, length: int,
 ) -> Iterator[Rows]:  # fmt: skip
     """The run in pieces of at most `length` steps; it ends when the robot has arrived."""
-    settings = given.settings
+    settings = piloted.settings
     eyes = (
         None
-        if given.lidar is None
+        if piloted.lidar is None
         else Perception(
-            given.lidar,
-            tracker_params=given.tracker_params,
+            piloted.lidar,
+            tracker_params=piloted.tracker_params,
             outline=settings.outline,
-            further=given.further,
+            further=piloted.further,
         )
     )
-    looking = scanners(given, scene.seed)
+    scanners_ = scanners(piloted, scene.seed)
     zones = None
-    if given.zones is not None:
-        zones = Zoned(given.zones, settings.outline, settings.gains.u_d)
-    m = len(scene.around.discs)
+    if piloted.zones is not None:
+        zones = Zoned(piloted.zones, settings.outline, settings.gains.u_d)
+    m = len(scene.obstacles.discs)
     queue, sent, mover_history = np.zeros((delay, 2)), np.zeros((delay, 2)), empty_mover_history()
-    period = max(round(given.period / dt), 1)
-    thinking = min(round(given.thinking / dt), period - 1)
+    period = max(round(piloted.period / dt), 1)
+    thinking = min(round(piloted.thinking / dt), period - 1)
     now = Now(at_rest(start), START, IDLE, NOTHING_NEAR, False, False)
     current = course(planner.route.reference, 0, True, settings.pace)
     number, since, waiting = 0, 0, None
-    walls = near_walls(scene.around.walls, start)
+    walls = near_walls(scene.obstacles.walls, start)
     k, written = 0, 0
     out = _empty(min(length, steps), m)
     while k < steps and not now.arrived:
-        if eyes is not None and any(k == one.due for one in looking):
-            now = now._replace(told=look(k, dt, now, scene, looking, eyes))
+        if eyes is not None and any(k == one.due for one in scanners_):
+            now = now._replace(seen_obstacles=look(k, dt, now, scene, scanners_, eyes))
         elif eyes is not None:
-            now = now._replace(told=told_by(eyes, k * dt, now.robot))
-        seen, limited = now.told, settings
+            now = now._replace(seen_obstacles=perceived(eyes, k * dt, now.robot))
+        seen, limited = now.seen_obstacles, settings
         if zones is not None:
-            now = now._replace(told=zones.beside(seen, now.robot.pose))
+            now = now._replace(seen_obstacles=zones.beside(seen, now.robot.pose))
             limited = settings._replace(fastest=zones.limit(now.robot.pose)[0])
         if k % period == 0:
-            walls = near_walls(scene.around.walls, now.robot.pose)
-            told = known(k * dt, now.told, walls, scene)
+            walls = near_walls(scene.obstacles.walls, now.robot.pose)
+            seen_obstacles = known(k * dt, now.seen_obstacles, walls, scene)
             end = len(seen.points)
-            told, unseen = apart(told, end - (0 if eyes is None else eyes.unobserved), end)
+            seen_obstacles, unseen = apart(seen_obstacles, end - (0 if eyes is None else eyes.unobserved), end)
             task = Task(
-                now.pilot, now.robot.pose, now.robot.applied, told, current, (k - since) * dt,
-                now.led, unseen=unseen,
+                now.pilot, now.robot.pose, now.robot.applied, seen_obstacles, current,
+                (k - since) * dt, now.led, unseen=unseen,
             )  # fmt: skip
             waiting = planner(task)
         if waiting is not None and k % period == thinking:
@@ -169,13 +169,13 @@ def stretches(
             waiting = None
         upto = min(_next(k, period, thinking), steps, k + len(out.rows) - written)
         if eyes is not None or zones is not None:
-            upto = k + 1  # what moves is foretold anew in every step, as in the loop
+            upto = k + 1  # movers are predicted anew in every step, as in the loop
         part = out.part(written, written + upto - k)
         now, done = _advance(
             k, dt, now, current, number, planner.route.line, limited, scene, walls, queue, sent,
             mover_history, part.rows, part.h, part.discs,
         )  # fmt: skip
-        now = now._replace(told=seen)
+        now = now._replace(seen_obstacles=seen)
         k, written = k + done, written + done
         if written == len(out.rows) or now.arrived or k == steps:
             yield out.part(0, written)
@@ -217,27 +217,27 @@ class Scanner:
     """The step of its next scan."""
 
 
-def scanners(given: Piloted, seed: int) -> list[Scanner]:
+def scanners(piloted: Piloted, seed: int) -> list[Scanner]:
     """All LiDARs of a run; none for a robot that knows all there is."""
-    if given.lidar is None:
+    if piloted.lidar is None:
         return []
-    first = Scanner(given.lidar, "", given.rate, seed)
+    first = Scanner(piloted.lidar, "", piloted.rate, seed)
     further = [
         Scanner(one.lidar(), one.name, one.rate_hz, noise_seed(seed, i))
-        for i, one in enumerate(given.further, 1)
+        for i, one in enumerate(piloted.further, 1)
     ]
     return [first, *further]
 
 
 def look(
-    k: int, dt: float, now: Now, scene: Scene, looking: Sequence[Scanner], eyes: Perception
+    k: int, dt: float, now: Now, scene: Scene, scanners_: Sequence[Scanner], eyes: Perception
 ) -> Surroundings:
     """What the robot knows after the scans of step k: points that stand, discs that move."""
-    scans = [_scanned(k, dt, now, scene, one) for one in looking if k == one.due]
-    return told_by(eyes, k * dt, now.robot, scans)
+    scans = [_scanned(k, dt, now, scene, one) for one in scanners_ if k == one.due]
+    return perceived(eyes, k * dt, now.robot, scans)
 
 
-def told_by(
+def perceived(
     eyes: Perception, t: float, robot: SimulatedState, scans: Sequence[Scan] = ()
 ) -> Surroundings:
     """What the robot sees at time t, with the scans that are new."""
@@ -254,8 +254,8 @@ def _scanned(k: int, dt: float, now: Now, scene: Scene, scanner: Scanner) -> Sca
     """The scan of step k."""
     lidar, rate = scanner.lidar, scanner.rate
     scanner.due = _next_scan(k, dt, rate)
-    discs = np.empty((len(scene.around.discs), 6))
-    place(discs, scene.around, k * dt)
+    discs = np.empty((len(scene.obstacles.discs), 6))
+    place(discs, scene.obstacles, k * dt)
     ranges = np.empty(len(lidar.beams))
     pose, number = now.robot.pose, _scans(k, dt, rate)
     scan(pose, lidar, discs, scene.barred, scene.grid, scanner.seed, number, ranges)
@@ -273,13 +273,15 @@ def _next_scan(k: int, dt: float, rate: float) -> int:
 
 
 @jit
-def known(t: float, told: Surroundings, walls: Floats, scene: Scene) -> Surroundings:
+def known(t: float, seen_obstacles: Surroundings, walls: Floats, scene: Scene) -> Surroundings:
     """What the robot knows of its surroundings at time t: what it sees, or all there is."""
     if scene.sees:
-        return told
-    discs = np.empty((len(scene.around.discs), 6))
-    place(discs, scene.around, t)
-    return Surroundings(discs, scene.max_acceleration, np.zeros(len(discs)), walls, told.points)
+        return seen_obstacles
+    discs = np.empty((len(scene.obstacles.discs), 6))
+    place(discs, scene.obstacles, t)
+    return Surroundings(
+        discs, scene.max_acceleration, np.zeros(len(discs)), walls, seen_obstacles.points
+    )
 
 
 @jit
@@ -289,23 +291,23 @@ def _advance(
     mover_history: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
 ) -> tuple[Now, int]:  # fmt: skip
     """Steps first ... first + len(rows) - 1, fewer on arrival; how many they were."""
-    robot, pilot, person, told = now.robot, now.pilot, now.person, now.told
+    robot, pilot, person, seen_obstacles = now.robot, now.pilot, now.person, now.seen_obstacles
     led, arrived = now.led, now.arrived
     done = 0
     for j in range(len(rows)):
         k = first + j
         pose, before = robot.pose, robot.applied
         there = discs[j]
-        place(there, scene.around, k * dt)
-        around = known(k * dt, told, walls, scene)
+        place(there, scene.obstacles, k * dt)
+        obstacles = known(k * dt, seen_obstacles, walls, scene)
         if scene.operator.active:
             person, stick = operate(
-                person, scene.operator, pose, there, scene.around.noticed, k, dt, scene.seed
+                person, scene.operator, pose, there, scene.obstacles.noticed, k, dt, scene.seed
             )
         else:
-            stick = replayed(scene.hands, k * dt)
+            stick = replayed(scene.recorded_stick, k * dt)
         pilot, d = pilot_step(
-            pilot, pose, before, stick, around, course, line, settings, dt, sent, mover_history
+            pilot, pose, before, stick, obstacles, course, line, settings, dt, sent, mover_history
         )
         led = d.behavior == LED
         robot, saturated = moved(
@@ -328,4 +330,4 @@ def _advance(
         done = j + 1
         if arrived:
             break
-    return Now(robot, pilot, person, told, led, arrived), done
+    return Now(robot, pilot, person, seen_obstacles, led, arrived), done

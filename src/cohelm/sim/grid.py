@@ -137,7 +137,7 @@ def _crossed(border: float, t: float, first: bool) -> bool:
 
 
 def solid_at(grid: Grid, x: float, y: float) -> bool:
-    """Whether a world point lies in a solid cell."""
+    """Whether a world point is in a solid cell."""
     c, s = math.cos(grid.origin.psi), math.sin(grid.origin.psi)
     dx, dy = x - grid.origin.x, y - grid.origin.y
     column = math.floor((c * dx + s * dy) / grid.resolution)

@@ -26,7 +26,7 @@ class Heights(NamedTuple):
     boxes: Floats = NOTHING
     """(n, 8); and from which height to which [m]."""
     drops: Floats = NOTHING[:, :7]
-    """(m, 7); and how deep the ground lies [m]."""
+    """(m, 7); and the depth of the ground [m]."""
 
 
 def box(
@@ -143,7 +143,7 @@ def _inside(drops: Floats, x: float, y: float, z: float) -> int:
 
 @jit_inline
 def _ground(drops: Floats, lens: Floats, dx: float, dy: float, dz: float) -> tuple[float, float]:
-    """When a ray that goes down meets the floor, or what lies in a drop, and how fast."""
+    """When a ray that goes down meets the floor, or what is in a drop, and how fast."""
     t = -lens[2] / dz
     k, normal = _inside(drops, lens[0] + t * dx, lens[1] + t * dy, 0.0), abs(dz)
     for _ in range(_STEPS):

@@ -23,7 +23,7 @@ LOOKS = 4
 """Looks in one control step, where anything is near enough to matter."""
 
 FAR = 2.0
-"""Gaps are told up to here [m]; what stays farther away was not near."""
+"""Clearances are measured up to here [m]; what stays farther away was not near."""
 
 _NONE, _STANDING, _DEPARTING, _MOVING = range(4)
 _DEEPER = 1e-9  # of an overlap, by rounding alone [m]

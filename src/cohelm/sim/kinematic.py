@@ -32,7 +32,7 @@ _MOVING = 1e-9  # a robot slower than this stands [m/s]
 
 
 class KinematicTruth(NamedTuple):
-    """What no sensor says: for scores and tests, never for the loop."""
+    """Ground truth, for scores and tests, never for the loop."""
 
     stamp: float
     pose: Pose
@@ -75,17 +75,17 @@ class KinematicState(NamedTuple):
 
 
 class Kinematic(Paced):
-    """A differential drive that does what its wheels can do of what it is told, after a delay.
+    """A differential drive that follows commands within its wheels' limits, after a delay.
 
-    It passes through what it hits; `truth` says that it did. What moves in `around` goes with the
-    robot's clock.
+    It passes through what it hits; `truth` reports it. Movers of `obstacles` go with the robot's
+    clock.
     """
 
     def __init__(
         self,
         model: RobotModel,
         start: Pose = _ORIGIN,
-        around: World | None = None,
+        obstacles: World | None = None,
         *,
         grid: Grid = NO_GRID,
         seed: int = 0,
@@ -100,17 +100,17 @@ class Kinematic(Paced):
         self._step = step
         self._limits = model.bounds()
         self._outline, self._reach = model.outline, model.reach
-        around = world(([], np.empty((0, 4)))) if around is None else around
-        self._seen_walls = around.walls  # a LiDAR sees the grid itself
-        self._world = around._replace(walls=np.vstack((around.walls, borders(grid))))
-        self._discs = np.empty((len(around.discs), 6))
+        obstacles = world(([], np.empty((0, 4)))) if obstacles is None else obstacles
+        self._seen_walls = obstacles.walls  # a LiDAR sees the grid itself
+        self._world = obstacles._replace(walls=np.vstack((obstacles.walls, borders(grid))))
+        self._discs = np.empty((len(obstacles.discs), 6))
         self._grid = grid
         self._timeout = max(round(timeout / self._step), 1)
         self._delay = round(model.delay_s / self._step)
         self._tick = 0
-        self._asked = Twist(0.0, 0.0)
+        self._command = Twist(0.0, 0.0)
         self._coming: deque[tuple[int, Twist]] = deque()
-        self._told = 0
+        self._commanded_at = 0
         start = Pose(*map(float, start))  # compiled code knows no whole numbers
         self._motion = KinematicState(start, Twist(0.0, 0.0), 0.0, 0.0, 0.0, NOWHERE, NOWHERE)
         self._odometer = Odometer(model.odometry, seed)
@@ -133,9 +133,9 @@ class Kinematic(Paced):
         )  # fmt: skip
 
     def send(self, twist: Twist) -> Twist:
-        """Ask for a twist; it reaches the wheels after the robot's delay."""
+        """Send a command; it reaches the wheels after the robot's delay."""
         self._catch_up()
-        self._told = self._tick
+        self._commanded_at = self._tick
         if not (is_finite(twist.v) and is_finite(twist.omega)):
             twist = Twist(0.0, 0.0)
         twist = Twist(float(twist.v), float(twist.omega))
@@ -164,8 +164,8 @@ class Kinematic(Paced):
         )
 
     def push(self, x: float, y: float, psi: float) -> None:
-        """Somebody lifts the robot and puts it down so far off [m, m, rad], in the world frame;
-        wheels and gyro notice nothing."""
+        """Displaces the robot by so much [m, m, rad], in the world frame, as if carried; wheels and
+        gyro notice nothing."""
         self._catch_up()
         was = self._motion.pose
         self._motion = self._motion._replace(pose=Pose(was.x + x, was.y + y, was.psi + psi))
@@ -175,7 +175,7 @@ class Kinematic(Paced):
         self._open()
         due = math.floor(self._pace.due() / self._step + 1e-6)
         while self._tick < due:
-            events = [due, self._next_odometry, self._told + self._timeout]
+            events = [due, self._next_odometry, self._commanded_at + self._timeout]
             events += [scanner.next for scanner in self._scanners]
             events += [self._coming[0][0]] if self._coming else []
             self._on(min(at for at in events if at > self._tick))
@@ -183,13 +183,13 @@ class Kinematic(Paced):
     def _on(self, tick: int) -> None:
         """Move on to a tick, the next at which anything happens, and let it happen."""
         self._motion = _move(
-            self._motion, self._tick, tick, self._asked, self._limits, self._outline, self._reach,
+            self._motion, self._tick, tick, self._command, self._limits, self._outline, self._reach,
             self._world, self._discs, self._step,
         )  # fmt: skip
         self._tick = tick
         self._arrive()
-        if tick >= self._told + self._timeout:
-            self._asked = Twist(0.0, 0.0)
+        if tick >= self._commanded_at + self._timeout:
+            self._command = Twist(0.0, 0.0)
         if tick >= self._next_odometry:
             self._measure(tick)
         for scanner in self._scanners:
@@ -197,9 +197,9 @@ class Kinematic(Paced):
                 self._look(tick, scanner)
 
     def _arrive(self) -> None:
-        """Commands whose delay is over by now reach the wheels; without one, as they are sent."""
+        """Commands whose delay is over reach the wheels; without a delay, as they are sent."""
         while self._coming and self._coming[0][0] <= self._tick:
-            self._asked = self._coming.popleft()[1]
+            self._command = self._coming.popleft()[1]
 
     def _measure(self, tick: int) -> None:
         m, rate = self._motion, self._model.odometry.rate_hz
@@ -242,25 +242,25 @@ def _clearance(pose: Pose, outline: Floats, reach: float, discs: Floats, walls: 
 
 @jit
 def _move(
-    motion: KinematicState, first: int, last: int, asked: Twist, limits: Limits, outline: Floats,
-    reach: float, around: World, discs: Floats, step: float,
+    motion: KinematicState, first: int, last: int, command: Twist, limits: Limits, outline: Floats,
+    reach: float, obstacles: World, discs: Floats, step: float,
 ) -> KinematicState:  # fmt: skip
     """From tick to tick under one command; what wheels and gyro went is added up."""
     pose, twist = motion.pose, motion.twist
     left, right, yaw = motion.left, motion.right, motion.yaw
     least, least_moving = motion.least, motion.least_moving
     for k in range(first + 1, last + 1):
-        twist = achievable(asked, twist, limits, step)
+        twist = achievable(command, twist, limits, step)
         pose = arc(pose, twist, step)
         turn = 0.5 * limits.track * twist.omega
         left += (twist.v - turn) * step
         right += (twist.v + turn) * step
         yaw += twist.omega * step
         if k % _LOOKS == 0:
-            place(discs, around, k * step)
-            least = outline_clearance(pose, outline, reach, discs, around.walls, least)
+            place(discs, obstacles, k * step)
+            least = outline_clearance(pose, outline, reach, discs, obstacles.walls, least)
             if abs(twist.v) > _MOVING or abs(twist.omega) > _MOVING:
                 least_moving = outline_clearance(
-                    pose, outline, reach, discs, around.walls, least_moving
+                    pose, outline, reach, discs, obstacles.walls, least_moving
                 )
     return KinematicState(pose, twist, left, right, yaw, least, least_moving)

@@ -19,7 +19,9 @@ from cohelm.sim.operator_model import normal
 
 _AGAINST = 1e-9  # nearer to a wall than this [m], the sensor is on it and its side is undefined
 _CORNER = 1e-12  # walls overlap by this share of their length, so no beam slips through a corner
-_STREAM = 1 << 40  # random numbers from here on: the hand of the same seed uses the first ones
+_STREAM = (
+    1 << 40
+)  # the operator model of the same seed uses the numbers before
 
 
 @jit
@@ -42,7 +44,7 @@ def scan(
 def sight(
     pose: Pose, lidar: Lidar, discs: Floats, walls: Floats, grid: Grid, ranges: Floats
 ) -> None:
-    """True distances along the beams, as in `scan`, before the sensor has its say."""
+    """True distances along the beams, as in `scan`, without the sensor's errors."""
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     x = pose.x + c * lidar.mount.x - s * lidar.mount.y
     y = pose.y + s * lidar.mount.x + c * lidar.mount.y
@@ -75,8 +77,8 @@ def noise_seed(seed: int, number: int) -> int:
 def hits(lidar: Lidar, ranges: Floats) -> Floats:
     """Where a scan's beams ended, in the body frame, (m, 2) [m], in the order of the beams.
 
-    Beams without a return (inf, NaN) are left out. A surface too near to be measured (-inf) is
-    put at range_min: nobody may forget it.
+    Beams without a return (inf, NaN) are left out. A surface too near to be measured (-inf) is put
+    at range_min: it must not be forgotten.
     """
     points = np.empty((len(ranges), 2))
     c, s = math.cos(lidar.mount.psi), math.sin(lidar.mount.psi)

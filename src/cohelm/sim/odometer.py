@@ -1,4 +1,4 @@
-"""What wheels and a gyro say of a motion: the truth, with the errors of `OdometryModel`."""
+"""Odometry from wheels and a gyro: the truth, with the errors of `OdometryModel`."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class Odometer:
         body turned by `yaw` [rad], truly."""
         model = self._model
         noise = self._random.standard_normal(3)
-        gone_left = left * self._left + model.slip * math.sqrt(abs(left)) * float(noise[0])
-        gone_right = right * self._right + model.slip * math.sqrt(abs(right)) * float(noise[1])
+        distance_left = left * self._left + model.slip * math.sqrt(abs(left)) * float(noise[0])
+        distance_right = right * self._right + model.slip * math.sqrt(abs(right)) * float(noise[1])
         rate = yaw / dt + self._drift + math.radians(model.gyro_noise_degps) * float(noise[2])
-        way, turned = 0.5 * (gone_left + gone_right), rate * dt
+        way, turned = 0.5 * (distance_left + distance_right), rate * dt
         half = 0.5 * turned
         chord = way * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
         x, y, psi = self._pose

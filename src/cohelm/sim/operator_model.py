@@ -1,4 +1,4 @@
-"""The hand on the stick: replayed from a table, or a simulated person who dodges and lets go."""
+"""The simulated operator: a replayed stick, or a model that dodges obstacles and lets go."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cohelm.core.types import RADIUS, Floats, Pose, Stick, X, Y
 
 
 class OperatorModel(NamedTuple):
-    """A person who watches the road ahead through a camera and dodges what is in the way.
+    """An operator who watches the way ahead through a camera and dodges what is in it.
 
     The model, step by step:
     - *see*: a disc is seen while its surface is less than `look_ahead` ahead of the robot's
@@ -22,15 +22,15 @@ class OperatorModel(NamedTuple):
       `half_width` from the line of the robot's heading;
     - *notice*: a disc that is seen is in the way while its centre is in front and its surface
       less than `half_width` from that line;
-    - *react*: `reaction` after something came in the way, if anything is still seen, the person
+    - *react*: `reaction` after something came in the way, if anything is still seen, the operator
       takes the stick and picks a side, away from the nearest disc (right when it is dead
       ahead), and keeps it;
     - *dodge*: fore-aft the stick goes to `surge`; left-right it points, by `steer` per radian
       and up to `yaw`, at the place that is `berth` beside the nearest disc that is seen, and
       to 0 if none is;
     - *let go*: once nothing has been seen for `linger`, and the stick has been held for `hold`,
-      the hand opens;
-    - the hand moves no faster than `hand_rate`, and trembles with `tremor` while it leads.
+      the stick is released;
+    - the stick moves no faster than `hand_rate`, and trembles with `tremor` while it is held.
     """
 
     active: bool = False
@@ -47,7 +47,7 @@ class OperatorModel(NamedTuple):
     steer: float = 3.0
     """Left-right deflection per radian of bearing [1/rad]."""
     berth: float = 0.44
-    """From a disc's centre to the place beside it that the person steers for [m]."""
+    """From a disc's centre to the place beside it that the operator steers for [m]."""
     reaction: float = 1.3
     """[s]"""
     linger: float = 0.0
@@ -61,21 +61,21 @@ class OperatorModel(NamedTuple):
 
 
 class OperatorState(NamedTuple):
-    """What the simulated person has in mind between two steps."""
+    """The simulated operator between two steps."""
 
     noticed_at: float
     """When something came in the way, and once the stick is held, when it was taken [s]."""
     seen_at: float
     """When something was last seen [s]."""
     side: float
-    """+1 dodging to the left, -1 to the right, 0 hands off."""
+    """+1 dodging to the left, -1 to the right, 0 stick released."""
     x: float
     psi: float
-    """Where the hand is, without its trembling."""
+    """The stick, without its trembling."""
 
 
 _NEAR = 0.3
-"""A place beside a disc is looked at as at least this far ahead [m]: nobody steers sideways."""
+"""A place beside a disc counts as at least this far ahead [m]: no steering sideways."""
 
 IDLE = OperatorState(math.inf, -math.inf, 0.0, 0.0, 0.0)
 
@@ -93,23 +93,23 @@ class Replay(NamedTuple):
 
 
 def replay(times: ArrayLike = (), x: ArrayLike = (), psi: ArrayLike = ()) -> Replay:
-    """A stick from its columns; without any, nobody at it."""
+    """A stick from its columns; without any, centred."""
     return Replay(*(np.array(column, dtype=np.float64) for column in (times, x, psi)))
 
 
 @jit_inline
-def replayed(hand: Replay, t: float) -> Stick:
+def replayed(stick: Replay, t: float) -> Stick:
     """The newest deflection at time t."""
-    low, high = 0, len(hand.times)
-    if low == high or t < hand.times[low] or t > hand.times[high - 1]:
+    low, high = 0, len(stick.times)
+    if low == high or t < stick.times[low] or t > stick.times[high - 1]:
         return Stick(0.0, 0.0)
     while high - low > 1:
         middle = (low + high) // 2
-        if hand.times[middle] <= t:
+        if stick.times[middle] <= t:
             low = middle
         else:
             high = middle
-    return Stick(float(hand.x[low]), float(hand.psi[low]))
+    return Stick(float(stick.x[low]), float(stick.psi[low]))
 
 
 @jit_inline
@@ -124,7 +124,7 @@ def uniform(seed: int, k: int) -> float:
 
 @jit_inline
 def normal(seed: int, k: int) -> float:
-    """A standard normal number that depends only on seed and k, whatever thread asks."""
+    """A standard normal number that depends only on seed and k, in any thread."""
     radius = math.sqrt(-2.0 * math.log(uniform(seed, 2 * k)))
     return radius * math.cos(2.0 * math.pi * uniform(seed, 2 * k + 1))
 
@@ -134,11 +134,11 @@ def operate(
     person: OperatorState, operator: OperatorModel, pose: Pose, discs: Floats,
     noticed: NDArray[np.bool_], k: int, dt: float, seed: int,
 ) -> tuple[OperatorState, Stick]:  # fmt: skip
-    """One step of the simulated person: what they have in mind, and where the stick is."""
+    """One step of the simulated operator: the new state, and the stick."""
     t = k * dt
     c, s = facing(pose.psi)
-    nearest, beside, before = math.inf, 0.0, 0.0
-    in_the_way = False
+    nearest, lateral, before = math.inf, 0.0, 0.0
+    blocking = False
     for i in range(discs.shape[0]):
         if not noticed[i]:
             continue
@@ -153,9 +153,9 @@ def operate(
         ):
             continue
         if ahead > 0.0 and off < operator.half_width:
-            in_the_way = True
+            blocking = True
         if clearance < nearest:
-            nearest, beside, before = clearance, left, ahead
+            nearest, lateral, before = clearance, left, ahead
     seen = nearest < math.inf
     seen_at = t if seen else person.seen_at
     noticed_at, side = person.noticed_at, person.side
@@ -165,15 +165,15 @@ def operate(
     elif not seen:
         noticed_at = math.inf
     else:
-        if in_the_way:
+        if blocking:
             noticed_at = min(noticed_at, t)
         if t - noticed_at >= operator.reaction:
-            noticed_at, side = t, (1.0 if beside < -0.02 else -1.0)
+            noticed_at, side = t, (1.0 if lateral < -0.02 else -1.0)
     to_x, to_psi = 0.0, 0.0
     if side != 0.0:
         to_x = operator.surge
         if seen:
-            bearing = math.atan2(beside + side * operator.berth, max(before, _NEAR))
+            bearing = math.atan2(lateral + side * operator.berth, max(before, _NEAR))
             to_psi = min(max(operator.steer * bearing, -operator.yaw), operator.yaw)
     reach = operator.hand_rate * dt
     x = person.x + min(max(to_x - person.x, -reach), reach)

@@ -1,4 +1,4 @@
-"""How near a run came to those who move, and for how long: what a person beside a robot feels.
+"""How near a run came to movers, and for how long: the distance a person feels.
 
 It works from the trace alone, as the judge does, once a control step.
 """
@@ -21,7 +21,7 @@ INTIMATE = 0.45
 
 
 class Proximity(NamedTuple):
-    """To the nearest of those who move at any time, also while he stands."""
+    """To the nearest of all that move at any time, also while they stand."""
 
     closest: float = FAR
     """Smallest gap of the outline, negative in overlap; at most FAR [m]."""
@@ -37,17 +37,18 @@ def movers(world: World) -> NDArray[np.bool_]:
 @jit
 def approached(
     seen: Proximity, rows: NDArray[np.void], discs: Floats, outline: Floats,
-    who: NDArray[np.bool_],
+    moving: NDArray[np.bool_],
 ) -> Proximity:  # fmt: skip
-    """Go on over further rows. rows: (n,) of dtype `core.row.ROW`, discs: (n, m, 6), who: (m,)."""
+    """Continue over further rows. rows: (n,) of dtype `core.row.ROW`, discs: (n, m, 6), moving:
+    (m,)."""
     closest, near, reach = seen.closest, seen.near, 0.0
     for i in range(len(outline)):
         reach = max(reach, np.hypot(outline[i, 0], outline[i, 1]))
     for k in range(len(rows)):
         pose = Pose(rows[k].x, rows[k].y, rows[k].psi)
         least = FAR
-        for i in range(len(who)):
-            if not who[i]:
+        for i in range(len(moving)):
+            if not moving[i]:
                 continue
             x, y, radius = discs[k, i, X], discs[k, i, Y], discs[k, i, RADIUS]
             matters = min(least, max(closest, INTIMATE))

@@ -33,14 +33,15 @@ def run(setup: Setup) -> Trace:
 
 
 def _piloted(setup: Setup, pilot: Piloted, length: int) -> Iterator[Trace]:
-    asked = route(setup.reference)
-    planner = Planner(asked, pilot.settings, pilot.path_params, pilot.replan_params)
+    wanted = route(setup.reference)
+    planner = Planner(wanted, pilot.settings, pilot.path_params, pilot.replan_params)
     end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
     reach = float(np.hypot(*setup.outline.T).max())
     scene = Scene(
-        setup.around, setup.grid, pilot.max_acceleration, setup.hands, setup.operator, setup.seed,
-        reach, np.array([end.x, end.y]), setup.near, nearly_done(asked.line, setup.near),
-        setup.around.walls if setup.barred is None else setup.barred, pilot.lidar is not None,
+        setup.obstacles, setup.grid, pilot.max_acceleration, setup.recorded_stick,
+        setup.operator, setup.seed, reach, np.array([end.x, end.y]), setup.near,
+        nearly_done(wanted.line, setup.near), setup.obstacles.walls if setup.barred is None
+        else setup.barred, pilot.lidar is not None,
     )  # fmt: skip
     for part in stretches(
         setup.start, planner, scene, pilot, setup.dt, setup.delay_steps, setup.steps, length
@@ -61,7 +62,7 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
     desired = tabulate(setup.reference, setup.dt, setup.steps, setup.spline_speed)
     state, person = at_rest(setup.start), IDLE
     queue = np.zeros((setup.delay_steps, 2))
-    m = len(setup.around.discs)
+    m = len(setup.obstacles.discs)
     reach = float(np.hypot(*setup.outline.T).max())
     end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
     goal = (end.x, end.y, setup.near)
@@ -70,8 +71,9 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
         rows = blank(n)
         h, discs = np.empty((n, m)), np.empty((n, m, 6))
         state, person = _advance(
-            k, setup.dt, state, person, desired, goal, setup.around, setup.hands, setup.operator,
-            setup.seed, setup.gains, setup.limits, setup.outline, reach, queue, rows, h, discs,
+            k, setup.dt, state, person, desired, goal, setup.obstacles, setup.recorded_stick,
+            setup.operator, setup.seed, setup.gains, setup.limits, setup.outline, reach, queue,
+            rows, h, discs,
         )  # fmt: skip
         yield Trace(rows, h, discs, setup.names, setup.dt, setup.scenario)
 
@@ -79,28 +81,28 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
 @jit
 def _advance(
     first: int, dt: float, state: SimulatedState, person: OperatorState, table: Floats,
-    goal: tuple[float, float, float], around: World,
-    hands: Replay, operator: OperatorModel, seed: int, gains: Gains, limits: Limits,
+    goal: tuple[float, float, float], obstacles: World,
+    recorded_stick: Replay, operator: OperatorModel, seed: int, gains: Gains, limits: Limits,
     outline: Floats, reach: float, queue: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
 ) -> tuple[SimulatedState, OperatorState]:  # fmt: skip
     """Steps first ... first + len(rows) - 1, each written into rows, h and discs."""
     for j in range(len(rows)):
         k = first + j
         now = discs[j]
-        place(now, around, k * dt)
+        place(now, obstacles, k * dt)
         d = table[k]
         desired = Desired(d[0], d[1], d[2], d[3], d[4])
         pose = state.pose
         if operator.active:
-            person, stick = operate(person, operator, pose, now, around.noticed, k, dt, seed)
+            person, stick = operate(person, operator, pose, now, obstacles.noticed, k, dt, seed)
         else:
-            stick = replayed(hands, k * dt)
+            stick = replayed(recorded_stick, k * dt)
         s = control_step(pose, desired, stick, now, gains)
         command = Twist(s.safe_v, s.safe_omega)
         state, saturated = moved(k, dt, state, command, stick, gains, limits, queue)
         row = rows[j]
         note(row, h[j], k * dt, pose, stick, desired, s, state, saturated, now)
-        row.clearance = outline_clearance(pose, outline, reach, now, around.walls, NOWHERE)
+        row.clearance = outline_clearance(pose, outline, reach, now, obstacles.walls, NOWHERE)
         row.clearance_seen, row.change = math.inf, 0.0
         row.behavior, row.course = FOLLOWING, 0
         row.tau, row.rate = k * dt, 1.0

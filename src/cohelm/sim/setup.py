@@ -37,9 +37,9 @@ class Setup:
     limits: Limits
     gains: Gains = field(default_factory=Gains)
     spline_speed: bool = False
-    around: World = field(default_factory=lambda: world(([], np.empty((0, 4)))))
+    obstacles: World = field(default_factory=lambda: world(([], np.empty((0, 4)))))
     names: tuple[str, ...] = ()
-    hands: Replay = field(default_factory=replay)
+    recorded_stick: Replay = field(default_factory=replay)
     operator: OperatorModel = field(default_factory=OperatorModel)
     dt: float = 0.01
     duration: float | None = None
@@ -50,7 +50,7 @@ class Setup:
     grid: Grid = NO_GRID
     """An occupancy map, seen by a LiDAR; its borders are walls of `around` too."""
     barred: Floats | None = None
-    """(s, 4), the walls that a LiDAR sees beside the map; None: all of `around`."""
+    """(s, 4), the walls that a LiDAR sees besides the map's; None: all of `obstacles`."""
     near: float = REACHED
     """Nearer to the end of the reference than this, the robot has arrived [m]."""
     pilot: Piloted | None = None
@@ -80,15 +80,14 @@ def with_pilot(
     setup: Setup, pace: PaceParams | None = None, lidar: LidarModel | None = None,
     max_acceleration: float = 1.0, gains: Gains | None = None, further: tuple[LidarModel, ...] = (),
 ) -> Setup:  # fmt: skip
-    """The same run with the pilot, at its usual care; without `gains` with those of the setup.
+    """The same run with the pilot, at its default parameters; without `gains` with those of the
+    setup.
 
-    lidar: what the robot sees with; None: it knows everything as it is. max_acceleration: of the
-    discs that drift or follow a path, the largest acceleration they are taken to be capable of
-    [m/s^2].
-    further: LiDARs beside that one.
+    lidar: what the robot sees with; None: it is given the true obstacles. max_acceleration: assumed
+    of the discs that drift or follow a path [m/s^2]. further: LiDARs besides that one.
     """
-    moving = np.hypot(setup.around.discs[:, VX], setup.around.discs[:, VY]) > 0.0
-    moving |= np.diff(setup.around.path_first) > 0
+    moving = np.hypot(setup.obstacles.discs[:, VX], setup.obstacles.discs[:, VY]) > 0.0
+    moving |= np.diff(setup.obstacles.path_first) > 0
     gains = gains or setup.gains
     settings = Settings(
         setup.outline, setup.limits, gains, Rules(dt=setup.dt), pace or PaceParams(),

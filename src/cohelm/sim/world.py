@@ -25,7 +25,7 @@ class Body:
     path: Reference | None = None
     start: float = 0.0
     noticed: bool = True
-    """Whether the simulated person minds it."""
+    """Whether the simulated operator dodges it."""
 
 
 class World(NamedTuple):

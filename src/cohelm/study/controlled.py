@@ -37,7 +37,7 @@ _MAX_ACCELERATION = 1.0  # of what moves, as the guard takes it by default [m/s^
 
 
 class Observation(NamedTuple):
-    """What a law is told in one control step; world frame, SI units, radians.
+    """What a law is given in one control step; world frame, SI units, radians.
 
     >>> import cohelm
     >>> def law(now: cohelm.Observation) -> cohelm.Twist:
@@ -92,7 +92,7 @@ class RunResult:
         """Contacts of the real outline, between the control steps too."""
         setup, trace = self.setup, self.trace
         return judge(
-            Judged(), trace.rows, trace.discs, setup.outline, setup.around.walls, setup.limits,
+            Judged(), trace.rows, trace.discs, setup.outline, setup.obstacles.walls, setup.limits,
             trace.dt,
         )  # fmt: skip
 
@@ -123,8 +123,8 @@ def run(
         (0, False)
 
     scenario: a shipped name, a file, or one that is loaded. controller: a law of one's own instead
-    of the scenario's, on exact arcs with the robot's delay and wheel limits; it is told all there
-    is. changes: `key.path=value` as in `cohelm run --set`. stick: a stick file to play.
+    of the scenario's, on exact arcs with the robot's delay and wheel limits; it is given the true
+    obstacles. changes: `key.path=value` as in `cohelm run --set`. stick: a stick file to play.
 
     Raises CohelmError for a scenario that can not be used.
     """
@@ -152,7 +152,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
             "a controller of your own drives the kinematic plant and is told the truth: "
             "set simulation.plant=kinematic and senses=truth"
         )
-    n, m, dt = setup.steps, len(setup.around.discs), setup.dt
+    n, m, dt = setup.steps, len(setup.obstacles.discs), setup.dt
     rows, h, discs = blank(n), np.empty((n, m)), np.empty((n, m, 6))
     end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
     goal, reach = (float(end.x), float(end.y)), float(np.hypot(*setup.outline.T).max())
@@ -162,30 +162,30 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
     done = n
     for k in range(n):
         t, there = k * dt, discs[k]
-        place(there, setup.around, t)
+        place(there, setup.obstacles, t)
         if setup.operator.active:
             person, stick = operate(
-                person, setup.operator, pose, there, setup.around.noticed, k, dt, setup.seed
+                person, setup.operator, pose, there, setup.obstacles.noticed, k, dt, setup.seed
             )
         else:
-            stick = replayed(setup.hands, t)
+            stick = replayed(setup.recorded_stick, t)
         wanted = desired(setup.reference, t, setup.spline_speed)
-        around = _obstacles(there, moving, setup.around.walls)
-        now = Observation(t, dt, pose, applied, around, wanted, goal, stick)
-        command, sound = _asked(controller, now)
+        obstacles = _obstacles(there, moving, setup.obstacles.walls)
+        now = Observation(t, dt, pose, applied, obstacles, wanted, goal, stick)
+        command, sound = _command(controller, now)
         queue.append(command)
         arriving = queue.pop(0)
         after = achievable(arriving, applied, setup.limits, dt)
         away = math.hypot(pose.x - goal[0], pose.y - goal[1])
         apart = (there[:, X] - pose.x) ** 2 + (there[:, Y] - pose.y) ** 2
         h[k] = apart - there[:, SAFE] ** 2
-        hand = human(limited(stick, setup.gains), setup.gains)
+        operator = human(limited(stick, setup.gains), setup.gains)
         row = rows[k]
         row["t"], row["x"], row["y"], row["psi"] = t, *pose
         row["x_d"], row["y_d"], row["psi_d"], row["u_d"], row["r_d"] = wanted
         row["e_p"] = pose_error(pose, wanted)
         row["stick_x"], row["stick_psi"] = stick
-        row["operator_v"], row["operator_omega"] = hand
+        row["operator_v"], row["operator_omega"] = operator
         for name in ("safe", "tracking", "nominal"):
             row[f"{name}_v"], row[f"{name}_omega"] = command
         row["authority_x"] = row["authority_psi"] = row["rate"] = 1.0
@@ -194,7 +194,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
         row["applied_v"], row["applied_omega"] = after
         row["saturated"] = after != arriving
         row["clearance"] = outline_clearance(
-            pose, setup.outline, reach, there, setup.around.walls, NOWHERE
+            pose, setup.outline, reach, there, setup.obstacles.walls, NOWHERE
         )
         row["clearance_seen"], row["tau"] = math.inf, t
         row["behavior"], row["course"] = FOLLOWING, 0
@@ -206,7 +206,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
     return Trace(rows[:done], h[:done], discs[:done], setup.names, dt, setup.scenario)
 
 
-def _asked(controller: Controller, now: Observation) -> tuple[Twist, bool]:
+def _command(controller: Controller, now: Observation) -> tuple[Twist, bool]:
     """The law's command, and whether it was one."""
     given = controller(now)
     try:
@@ -223,9 +223,11 @@ def _asked(controller: Controller, now: Observation) -> tuple[Twist, bool]:
 
 def _moving(setup: Setup) -> Floats:
     """Largest acceleration that each disc is taken to be capable of (m,) [m/s^2]."""
-    discs = setup.around.discs
+    discs = setup.obstacles.discs
     drifts = (discs[:, VX] != 0.0) | (discs[:, VY] != 0.0)
-    return _MAX_ACCELERATION * (drifts | (np.diff(setup.around.path_first) > 0)).astype(np.float64)
+    return _MAX_ACCELERATION * (drifts | (np.diff(setup.obstacles.path_first) > 0)).astype(
+        np.float64
+    )
 
 
 def _obstacles(discs: Floats, max_acceleration: Floats, walls: Floats) -> Obstacles:

@@ -1,4 +1,4 @@
-"""The parts that figures are made of: the lab seen from above, lines in time, files."""
+"""Parts of figures: the lab from above, lines in time, files."""
 
 # matplotlib's methods take untyped **kwargs; everything of ours is still checked.
 # pyright: reportUnknownMemberType=false
@@ -22,7 +22,7 @@ from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, Pose, X, Y
 from cohelm.study.experiments import Run
 from cohelm.study.metrics import LEADS_BELOW, spans
 
-# Okabe and Ito's colours: told apart with any kind of colour vision.
+# Okabe and Ito's colours, distinct with any kind of colour vision.
 ROBOT = "#0072B2"
 SHARED = "#009E73"
 PERSON = "#E69F00"
@@ -66,7 +66,7 @@ def styled() -> AbstractContextManager[None]:
 
 
 def sheet(finding: str, about: str, width: float, height: float) -> Figure:
-    """An empty figure whose title says what is to be seen, and whose subtitle what was run."""
+    """An empty figure with a title and, as subtitle, what was run."""
     figure = Figure(figsize=(width, height))
     figure.text(0.02, 1.0 - 0.14 / height, finding, fontsize=13, weight="bold", va="top")
     figure.text(0.02, 1.0 - 0.42 / height, about, fontsize=9.5, color=PALE, va="top")
@@ -83,7 +83,7 @@ def save(figure: Figure, folder: Path, name: str) -> list[Path]:
 
 def plan(axes: Axes, run: Run, *, reference: bool = True) -> None:
     """The lab from above: walls with their doors, and the reference."""
-    for x1, y1, x2, y2 in run.setup.around.walls:
+    for x1, y1, x2, y2 in run.setup.obstacles.walls:
         axes.plot([x1, x2], [y1, y2], color=WALL, lw=2.2, zorder=2)
     if reference:
         rows = run.trace.rows[::_EVERY]
@@ -94,7 +94,7 @@ def plan(axes: Axes, run: Run, *, reference: bool = True) -> None:
 
 
 def doors(axes: Axes, walls: Floats) -> None:
-    """Say where the doors are: gaps about a person wide in the walls along x."""
+    """Mark the doors: gaps about a person wide in the walls along x."""
     along = walls[walls[:, 1] == walls[:, 3]]
     for y in np.unique(along[:, 1]):
         spans = np.sort(along[along[:, 1] == y][:, [0, 2]], axis=1)
@@ -198,7 +198,7 @@ def robot(axes: Axes, run: Run, t: float, color: str = ROBOT, *, filled: bool = 
 
 
 def clock(axes: Axes, run: Run, times: Sequence[float]) -> None:
-    """When the robot was where, written on the left-hand side of its way."""
+    """Times along the robot's path, on its left-hand side."""
     away = 0.2 + float(np.hypot(*run.setup.outline.T).max())
     for t in times:
         row = run.trace.rows[run.step(t)]

@@ -37,7 +37,7 @@ _EXPERIMENTS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "shared": ("a person at the stick", "lab-shared", ()),
     "recovery": ("a sudden heading error", "lab-track", _HEADING_ERROR),
 }
-"""What is run: in words, from which shipped scenario, with which changes."""
+"""What is run: a description, the shipped scenario, its changes."""
 
 _LIMITED = ("track", "avoid", "shared", "recovery")
 
@@ -74,7 +74,7 @@ class Experiments:
     without: Run
     """As `avoid`, with the barrier off."""
     shared: Run
-    """Tracking, barrier and a person at the stick."""
+    """Tracking, barrier and a simulated operator."""
     recovery: Run
     """A sudden 90 degree heading error on a straight reference."""
     limited: dict[str, Run]

@@ -53,7 +53,7 @@ def draw_run(run: Run, folder: Path, name: str = "run") -> list[Path]:
 
 
 def figure_run(run: Run) -> Figure:
-    """Any run: where it went, and below E_P, the smallest h and who led."""
+    """Any run: its path, and below E_P, the smallest h and who led."""
     m = run.metrics
     near = f"h ≥ {panels.rounded_down(m.min_h)} m²" if m.discs else "no obstacles"
     figure = draw.sheet(
@@ -192,7 +192,7 @@ def figure_9(ex: Experiments) -> Figure:
 
 
 def figure_10(ex: Experiments) -> Figure:
-    """Path with a person at the stick."""
+    """Path with a simulated operator."""
     m = ex.shared.metrics
     back = "returns to the path" if panels.returns(ex.shared) else "DOES NOT RETURN to the path"
     return _path_figure(
@@ -287,7 +287,7 @@ def overview(ex: Experiments) -> Figure:
     figure = Figure(figsize=(10.0, 7.4))
     axes = figure.add_axes((0.02, 0.37, 0.96, 0.59))
     draw.plan(axes, ex.track, reference=False)
-    draw.doors(axes, ex.track.setup.around.walls)
+    draw.doors(axes, ex.track.setup.obstacles.walls)
     draw.driven(axes, ex.track, REFERENCE, 1.6)
     draw.driven(axes, ex.avoid, ROBOT, 2.4)
     draw.driven(axes, ex.shared, SHARED, 2.0, (0, (2.5, 2.0)))

@@ -21,7 +21,7 @@ from cohelm.study.mapping_session import MappingSession, Mark
 
 @dataclass(frozen=True)
 class MapResult:
-    """What came out, for a person or a program."""
+    """The outcome, for people or programs."""
 
     scans: int
     empty_scans: int
@@ -33,7 +33,7 @@ class MapResult:
     encounters: int
     """Times that the robot came back to where it had been, each with some loops."""
     marks: tuple[str, ...]
-    """What was told to be wrong, as on the command line."""
+    """The errors marked, as on the command line."""
     odometry_scale: float
     travelled_m: float
     width_m: float

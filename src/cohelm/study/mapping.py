@@ -1,4 +1,4 @@
-"""Makes a map from a recorded drive, goes on with one, and heeds what a person marks in it."""
+"""Makes a map from a recorded drive, continues one, and applies the user's corrections."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from cohelm.study.map_files import MapResult, outcome, write
 from cohelm.study.mapping_session import MappingSession, Mark
 
 RESOLUTION = 0.025
-"""Side of a cell, where nobody says [m]."""
+"""Default side of a cell [m]."""
 _MAGIC = b"\x89MCAP"
 _NO_RETURN = 0.98  # of the range: farther ends are taken for none
 _FARTHEST = 25.0  # and no beam is drawn farther than this [m]
@@ -51,7 +51,7 @@ class RecordedDrive(NamedTuple):
 def drive(path: Path, robot: RobotModel | None = None) -> RecordedDrive:
     """Odometry and scans of a record: our MCAP, any with /odom and /scan, or a CARMEN log.
 
-    robot: whose LiDAR it was, where an MCAP record does not say. Raises CohelmError where the
+    robot: whose LiDAR it was, where an MCAP record does not have it. Raises CohelmError where the
     file is neither, or holds nothing to map.
     """
     check_regular(path)
@@ -167,7 +167,7 @@ def marked(
     folder: Path, out: Path, resolution: float | None, progress: Progress, *,
     remove_loops: Sequence[int], marks: Sequence[Mark], undo: bool,
 ) -> MapResult:  # fmt: skip
-    """Draw an earlier mapping's folder again, by what a person says is wrong in it.
+    """Draw an earlier mapping's folder again, with further corrections.
 
     remove_loops: numbers in its loops.csv. undo: take back the last mark first. Raises CohelmError
     where there is no such loop, mark or mapping.
@@ -205,7 +205,7 @@ def _go_on(session: MappingSession, given: RecordedDrive, path: Path) -> None:
 
 
 def _marked(session: MappingSession) -> tuple[Survey, NDArray[np.bool_]]:
-    """The survey as a person wants it, and which of its scans are not drawn. The session's own is
+    """The survey with the corrections, and which of its scans are not drawn. The session's own is
     left as it is, so that it can go on, and marks be taken back."""
     survey = Survey.restored(session.lidar.lidar(), session.survey.state())
     for mark in session.marks:

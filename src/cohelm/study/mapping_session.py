@@ -1,5 +1,5 @@
-"""A mapping that can go on later: what `cohelm map` keeps beside a map, and what a person marked in
-it."""
+"""A mapping that can be continued: what `cohelm map` keeps with a map, and the user's
+corrections."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ Kind = Literal["remove-loop", "cut", "crop"]
 
 
 class Mark(NamedTuple):
-    """What a person says is wrong. values: of *remove-loop* pairs of scans that did not meet; of
-    *cut* one row, from and to which second after the first scan nothing is drawn or linked; of
-    *crop* one row, the corners x, y, x, y of the part of the map that is kept [m]."""
+    """One correction. values: of *remove-loop* pairs of scans that did not meet; of *cut* one row,
+    from and to which second after the first scan nothing is drawn or linked; of *crop* one row, the
+    corners x, y, x, y of the part of the map that is kept [m]."""
 
     kind: Kind
     values: list[list[float]]
@@ -40,7 +40,7 @@ class Mark(NamedTuple):
 
 @dataclass
 class MappingSession:
-    """A survey before its loops are closed for good, so that it can go on, and marks be undone."""
+    """A survey before its loops are closed, so that it can be continued, and corrections undone."""
 
     lidar: LidarModel
     survey: Survey

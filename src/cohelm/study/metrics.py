@@ -71,7 +71,7 @@ class Metrics:
 
     max_speed_mps: float
     max_yaw_rate_radps: float
-    """Largest |v| and |omega| asked of the robot by U (49) (E5)."""
+    """Largest |v| and |omega| requested of the robot by U (49) (E5)."""
     max_acceleration_mps2: float
     max_yaw_acceleration_radps2: float
     """Largest change per second of what was applied, between two steps."""

@@ -1,4 +1,4 @@
-"""What several figures share: the whole lab, one meeting from near, E_P, authority, words."""
+"""Parts shared by figures: the whole lab, one encounter from near, E_P, authority, texts."""
 
 # pyright: reportUnknownMemberType=false
 from __future__ import annotations
@@ -21,7 +21,7 @@ def whole_lab(axes: Axes, run: Run, width: float = 2.0) -> None:
     end = float(run.trace.rows["t"][-1])
     every = outline_every(run)
     draw.plan(axes, run)
-    draw.doors(axes, run.setup.around.walls)
+    draw.doors(axes, run.setup.obstacles.walls)
     draw.obstacles(axes, run)
     draw.movers(axes, run, every)
     draw.driven(axes, run, ROBOT, width)
@@ -81,7 +81,7 @@ _WORDS = {
 
 
 def error(axes: Axes, run: Run, *, turns: bool = True) -> None:
-    """E_P over time; where the reference turns sharply is shaded and said."""
+    """E_P over time; where the reference turns sharply is shaded and labelled."""
     rows = run.trace.rows
     draw.in_time(axes, run, rows["e_p"], ROBOT)
     axes.set_ylabel("E_P [m, rad]")

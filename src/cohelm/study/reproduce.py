@@ -37,11 +37,11 @@ class Reproduction:
 
 
 def reproduce(out: Path, progress: Progress = lambda _doing, _share: None) -> Reproduction:
-    """Run the paper's experiments and write what they show into the folder `out`.
+    """Run the paper's experiments and write their figures and numbers into the folder `out`.
 
     The folder is made if need be; files of an earlier reproduction in it are replaced. The same
-    code writes the same bytes every time. progress: told what is being done, and the share of
-    the whole that is behind. Raises CohelmError where the folder can not be written.
+    code writes the same bytes every time. progress: called with a description, and the share of the
+    whole that is done. Raises CohelmError where the folder can not be written.
     """
     try:
         (out / "records").mkdir(parents=True, exist_ok=True)  # before the work, if it can not be
@@ -65,7 +65,7 @@ def _write(ex: Experiments, out: Path, progress: Progress) -> list[Path]:
         done = (len(written) - 1) / len(runs)
         progress(f"record {name}", _RUNS + (_RECORDS - _RUNS) * done)
         written.append(record(run, out / "records" / f"{name}.mcap"))
-    # matplotlib takes a second to import: only those who draw wait for it.
+    # matplotlib takes a second to import: only drawing waits for it.
     from cohelm.study.figures import draw_figures
 
     written += draw_figures(

@@ -30,7 +30,7 @@ _SIMULATED = 0.7
 """Share of the whole that is behind when the run is; drawing is the rest."""
 
 _NAMED = 8
-"""Of more obstacles than this, only so many are told one by one."""
+"""Of more obstacles than this, only so many are listed."""
 
 _UNSAFE = re.compile(r"[^\w-]")
 
@@ -64,12 +64,12 @@ def scene(setup: Setup) -> RunScene:
     """What a record of a run draws once."""
     zones = None if setup.pilot is None else setup.pilot.zones
     return RunScene(
-        setup.outline, setup.around.walls, way(setup.reference), zoned(zones, setup.gains.u_d)
+        setup.outline, setup.obstacles.walls, way(setup.reference), zoned(zones, setup.gains.u_d)
     )
 
 
 def table(m: Metrics) -> list[tuple[str, str]]:
-    """Rows of (quantity, value), for a person; of many obstacles those that came nearest."""
+    """Rows of (quantity, value), for people; of many obstacles those that came nearest."""
     near = f"{m.min_clearance_m:.3f} m at {m.min_clearance_at_s:.1f} s"
     led = ", ".join(f"{a:.1f}–{b:.1f} s" for a, b in m.human_windows_s)
     back = ", ".join(f"{s:.1f} s" if s < inf else "not again" for s in m.return_s)

@@ -31,7 +31,7 @@ from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.world import Body, World, world
 from cohelm.study.campaign.episode import Episode
-from cohelm.study.campaign.plant import looking_round
+from cohelm.study.campaign.plant import with_all_round_lidar
 from cohelm.study.campaign.rooms import case
 
 PERIOD = 0.02
@@ -99,7 +99,7 @@ class Wants:
 
 def standing(drawn: Episode) -> World:
     """Its room without the walkers."""
-    around = drawn.setup.around
+    around = drawn.setup.obstacles
     bodies = [
         Body(tuple(row)) for row, name in zip(around.discs.tolist(), drawn.setup.names, strict=True)
         if name.startswith("disc_")
@@ -115,7 +115,7 @@ def drive(
     drawn = case(seed, number)
     around, kind = standing(drawn), KINDS[number % len(KINDS)]
     model: RobotModel = robot("sally")
-    model = looking_round(model) if all_round else model
+    model = with_all_round_lidar(model) if all_round else model
     simulated = Kinematic(model, drawn.setup.start, around, seed=number)
     kept = LocalGatedRobot(simulated, rules(model, PERIOD), None, None if watched else ())
     wants = Wants(kind, drawn, around, seed)

@@ -65,7 +65,7 @@ class Traced:
 
 class _Leaving(Kinematic):
     def __init__(self, made: Traced) -> None:
-        super().__init__(made.model, around=world(([], HALL)), pace=pace(True))
+        super().__init__(made.model, obstacles=world(([], HALL)), pace=pace(True))
         with made.trace.open("r+b") as file:
             self._trace = mmap.mmap(file.fileno(), _TRACE.size)
         camera = made.model.camera

@@ -15,8 +15,10 @@ from tests.sim.twin.drives import disc, drive, sally, scene
 
 
 def with_cone(kind: str = "rays", **more) -> Twin:
-    around = scene(disc(1.5, 0.0, 0.1), walls=[[5.0, -4.0, 5.0, 4.0]])
-    return Twin(sally(camera={"width": 160, "height": 120}), around=around, camera=kind, **more)
+    obstacles = scene(disc(1.5, 0.0, 0.1), walls=[[5.0, -4.0, 5.0, 4.0]])
+    return Twin(
+        sally(camera={"width": 160, "height": 120}), obstacles=obstacles, camera=kind, **more
+    )
 
 
 def orange(pixels: np.ndarray) -> np.ndarray:
@@ -63,7 +65,7 @@ def test_opengl_and_rays_see_the_same():
 def test_a_wall_right_before_the_camera_hides_all_else_however_large_the_world_is(far):
     walls = [[0.38, -2.0, 0.38, 2.0], [far, -far, far, far]]
     at = {"width": 160, "height": 120, "mount_x_m": 0.25, "mount_z_m": 0.3}
-    robot = Twin(sally(camera=at), around=scene(walls=walls), camera="gl")
+    robot = Twin(sally(camera=at), obstacles=scene(walls=walls), camera="gl")
     robot.wait(0.1)
     frame = robot.read().frame
     robot.close()
@@ -74,7 +76,7 @@ def test_a_wall_right_before_the_camera_hides_all_else_however_large_the_world_i
 
 def test_what_is_to_the_left_is_on_the_left():
     robot = Twin(
-        sally(camera={"width": 160, "height": 120}), around=scene(disc(1.5, 0.4, 0.1)),
+        sally(camera={"width": 160, "height": 120}), obstacles=scene(disc(1.5, 0.4, 0.1)),
         camera="rays",
     )  # fmt: skip
     robot.wait(0.1)
@@ -139,7 +141,7 @@ def test_a_large_picture_by_rays_repeats_its_pixels():
 
 
 def test_a_picture_from_above_shows_the_robot_where_it_is():
-    robot = Twin(sally(), around=scene(walls=[[-4, -2, 8, -2], [-4, 2, 8, 2]]), camera="none")
+    robot = Twin(sally(), obstacles=scene(walls=[[-4, -2, 8, -2], [-4, 2, 8, 2]]), camera="none")
     before = robot.picture(200, 100, "above", "rays")
     drive(robot, Twist(1.0, 0.0), 3.0)
     after = robot.picture(200, 100, "above", "rays")

@@ -18,7 +18,7 @@ AGREE = 0.003  # geometry and physics may differ by so much on where a contact b
 
 
 def test_a_wall_holds_the_robot_back():
-    robot = Twin(sally(), around=scene(walls=[[1.0, -3.0, 1.0, 3.0]]))
+    robot = Twin(sally(), obstacles=scene(walls=[[1.0, -3.0, 1.0, 3.0]]))
     truth = drive(robot, Twist(0.5, 0.0), 3.0)[-1]
     assert truth.touching
     assert truth.clearance == pytest.approx(0.0, abs=AGREE)
@@ -29,7 +29,7 @@ def test_a_wall_holds_the_robot_back():
 
 
 def test_a_robot_that_stops_in_front_of_a_wall_touches_nothing():
-    robot = Twin(sally(), around=scene(walls=[[1.0, -3.0, 1.0, 3.0]]))
+    robot = Twin(sally(), obstacles=scene(walls=[[1.0, -3.0, 1.0, 3.0]]))
     drive(robot, Twist(0.5, 0.0), 0.7)
     truth = brake(robot)
     assert truth.clearance > 0.05
@@ -70,11 +70,11 @@ def test_physics_and_geometry_agree_on_what_touches(model):
 
 
 def test_who_walks_into_a_standing_robot_finds_the_way_round_it():
-    robot = Twin(sally(), around=scene(disc(2.0, 0.0, 0.25, -0.8, 0.0)))
+    robot = Twin(sally(), obstacles=scene(disc(2.0, 0.0, 0.25, -0.8, 0.0)))
     seen = []
     for _ in range(1200):
         truth = brake(robot, 0.02)
-        seen.append((truth.clearance, *robot.things()[0, :4]))
+        seen.append((truth.clearance, *robot.discs()[0, :4]))
     clearances, _, _, vx, vy = np.array(seen).T
     assert truth.touched >= 1
     assert truth.touched_moving == 0
@@ -85,7 +85,7 @@ def test_who_walks_into_a_standing_robot_finds_the_way_round_it():
     assert np.hypot(vx, vy).max() <= 1.25 * 0.8 + 1e-9
     changes = np.hypot(np.diff(vx), np.diff(vy))
     assert np.sort(changes)[-3] <= 0.3 * 0.8  # one bump, perhaps two, and otherwise as people walk
-    x, y = robot.things()[0, :2]
+    x, y = robot.discs()[0, :2]
     assert (x, y) == pytest.approx((2.0 - 0.8 * robot.now(), 0.0), abs=0.05)  # back on its way
 
 
@@ -96,7 +96,7 @@ def test_who_walks_at_a_wall_stays_on_this_side_of_it():
     robot = Twin(sally(), FAR, scene(disc(2.0, 0.0, 0.25, -0.8, 0.0), walls=[[0, -9, 0, 9]]))
     for _ in range(300):
         brake(robot, 0.02)
-        assert robot.things()[0, 0] >= 0.25 - 1e-9
+        assert robot.discs()[0, 0] >= 0.25 - 1e-9
 
 
 def test_who_walks_at_a_thing_goes_round_it_and_on():
@@ -104,10 +104,10 @@ def test_who_walks_at_a_thing_goes_round_it_and_on():
     clearances = []
     for _ in range(1200):
         brake(robot, 0.02)
-        walker, thing = robot.things()
+        walker, thing = robot.discs()
         clearances.append(math.dist(walker[:2], thing[:2]) - 0.55)
     assert 0.0 <= min(clearances) < 0.02
-    x, y = robot.things()[0, :2]
+    x, y = robot.discs()[0, :2]
     assert (x, y) == pytest.approx((2.0 - 0.8 * robot.now(), 0.02), abs=0.05)
 
 
@@ -118,7 +118,7 @@ def test_two_who_meet_do_not_walk_through_each_other():
     )  # fmt: skip
     for _ in range(1200):
         brake(robot, 0.02)
-        one, other = robot.things()
+        one, other = robot.discs()
         assert math.dist(one[:2], other[:2]) >= 0.5 - 1e-9
     assert one[0] < -5.0
     assert other[0] > 5.0
@@ -136,7 +136,7 @@ def test_attackers_come_through_nothing():
     met = 0
     for _ in range(1500):
         brake(robot, 0.02)
-        things = robot.things()
+        things = robot.discs()
         for i in (5, 6):
             for j in set(range(7)) - {i}:
                 away = math.dist(things[i, :2], things[j, :2])
@@ -163,21 +163,21 @@ def test_an_attacker_changes_its_velocity_no_faster_than_it_is_assumed_to(seed: 
     velocities = []
     for _ in range(1500):
         brake(robot, 0.02)
-        velocities.append(robot.things()[5, 2:4])
+        velocities.append(robot.discs()[5, 2:4])
     changes = np.hypot(*np.diff(velocities, axis=0).T)
     assert changes.max() <= 1.0 * 0.02 + 1e-9
     assert np.hypot(*np.transpose(velocities)).max() > 0.6  # it does walk
 
 
 def test_who_is_driven_into_is_a_contact_of_a_moving_robot():
-    robot = Twin(sally(), around=scene(disc(2.0, 0.0, 0.25, -0.5, 0.0)))
+    robot = Twin(sally(), obstacles=scene(disc(2.0, 0.0, 0.25, -0.5, 0.0)))
     truth = drive(robot, Twist(0.5, 0.0), 2.0)[-1]
     assert truth.touched_moving >= 1
     assert truth.least_moving <= 0.0
 
 
 def test_movers_out_of_reach_go_their_way():
-    robot = Twin(sally(), around=scene(disc(-3.0, 2.0, 0.25, 1.0, 0.5)))
+    robot = Twin(sally(), obstacles=scene(disc(-3.0, 2.0, 0.25, 1.0, 0.5)))
     clearance = math.hypot(-2.0 + 0.36, 2.5 - 0.29) - 0.25
     assert brake(robot, 1.0).clearance == pytest.approx(clearance, abs=0.01)
 
@@ -186,7 +186,7 @@ def test_a_world_that_physics_can_not_bear_is_refused():
     specks = np.zeros((400, 400), dtype=bool)
     specks[::2, ::2] = True
     with pytest.raises(CohelmError, match=r"40000 boxes and cylinders.*coarser map"):
-        Twin(sally(), around=scene(), grid=grid(specks, 0.05, Pose(0.0, 0.0, 0.0)))
+        Twin(sally(), obstacles=scene(), grid=grid(specks, 0.05, Pose(0.0, 0.0, 0.0)))
 
 
 def test_a_robot_that_was_pushed_over_says_so():

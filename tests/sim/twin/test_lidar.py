@@ -76,7 +76,7 @@ def test_a_turning_lidar_measures_each_beam_from_where_it_was():
 
 
 def test_a_scan_is_read_when_its_sweep_and_latency_are_over():
-    robot = Twin(exact(sweep_s=0.05, latency_s=0.1), around=scene(walls=WALLS))
+    robot = Twin(exact(sweep_s=0.05, latency_s=0.1), obstacles=scene(walls=WALLS))
     first = None
     while first is None:
         robot.wait(robot.now() + 0.005)
@@ -92,8 +92,8 @@ def test_a_scan_is_read_when_its_sweep_and_latency_are_over():
 
 def test_noise_dropouts_and_rate_can_be_set_for_the_twin():
     settings = TwinModel(lidar_noise_m=0.05, lidar_dropout=0.2, lidar_rate_hz=20.0)
-    noisy_robot = Twin(exact(), around=scene(walls=WALLS), settings=settings)
-    true_robot = Twin(exact(), around=scene(walls=WALLS))
+    noisy_robot = Twin(exact(), obstacles=scene(walls=WALLS), settings=settings)
+    true_robot = Twin(exact(), obstacles=scene(walls=WALLS))
     for robot in (noisy_robot, true_robot):
         brake(robot, 1.0)
     noisy, true = noisy_robot.read().scan, true_robot.read().scan

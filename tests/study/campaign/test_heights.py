@@ -29,11 +29,11 @@ def beside_a_dock(bearing: float, hand: str = "back"):
     assert case.uneven is not None
     setup = replace(
         case.setup, start=Pose(0.0, 0.0, 0.0), reference=through([[0.0, 0.0], [1.0, 0.0]], 1.0),
-        around=world(([], np.array([[-9.0, 9.0, 9.0, 9.0]]))), barred=np.array([[-9.0, 9, 9, 9]]),
-        duration=15.0,
+        obstacles=world(([], np.array([[-9.0, 9.0, 9.0, 9.0]]))),
+        barred=np.array([[-9.0, 9, 9, 9]]), duration=15.0,
     )  # fmt: skip
     uneven = replace(
-        case.uneven, heights=Heights(drops=rows), hand=hand, edges=edges(rows),
+        case.uneven, heights=Heights(drops=rows), operator=hand, edges=edges(rows),
         loads=case.uneven.loads[:1],
     )  # fmt: skip
     return replace(case, setup=setup, uneven=uneven)
@@ -95,14 +95,14 @@ def test_a_world_keeps_its_word(number):
     assert len(given.loads) == 1 + number % 2
     assert np.array_equal(setup.outline, model.outline)
     body = given.heights.boxes[given.heights.boxes[:, 6] < high]
-    assert len(setup.around.walls) == 4 + 4 * len(body)
+    assert len(setup.obstacles.walls) == 4 + 4 * len(body)
     assert (case.goal is not None) == case.kind.startswith(("controller", "shared"))
 
 
 def test_worlds_depend_on_seed_and_number_only():
     a, b, c = heights.case(1, 7), heights.case(1, 7), heights.case(2, 7)
-    assert a.setup.around.walls.tolist() == b.setup.around.walls.tolist()
-    assert a.setup.around.walls.tolist() != c.setup.around.walls.tolist()
+    assert a.setup.obstacles.walls.tolist() == b.setup.obstacles.walls.tolist()
+    assert a.setup.obstacles.walls.tolist() != c.setup.obstacles.walls.tolist()
 
 
 def test_a_hand_pushes_at_the_nearest_edge_ahead_or_tail_first():

@@ -87,7 +87,7 @@ def test_the_attackers_walkers_are_after_the_robot_on_the_twin_too():
     kinematic = suites.suite("adversary", 1, None).case(2)
     assert case.rollout is not None
     assert case.rollout.scene.discs.tolist() == kinematic.rollout.scene.discs.tolist()
-    posts = case.setup.around.discs[len(case.rollout.scene.discs) :]
+    posts = case.setup.obstacles.discs[len(case.rollout.scene.discs) :]
     assert posts[:, :2].tolist() == case.rollout.scene.points.tolist()
 
 

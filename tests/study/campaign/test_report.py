@@ -30,7 +30,7 @@ CAME = NOT_DRIVEN._replace(
 def drive(walls=None):
     setup = lab()
     if walls is not None:
-        setup = replace(setup, around=setup.around._replace(walls=walls))
+        setup = replace(setup, obstacles=setup.obstacles._replace(walls=walls))
     rows = np.zeros(200, dtype=ROW)
     rows["t"] = 0.02 * np.arange(200)
     rows["x"], rows["clearance"] = 0.01 * np.arange(200), 0.5
@@ -48,7 +48,7 @@ def test_the_whole_room_is_shown_with_units_at_its_axes_and_a_legend():
     drawing = figure()
     above, below = drawing.axes
     (left, right), (low, high) = above.get_xlim(), above.get_ylim()
-    for x1, y1, x2, y2 in lab().around.walls:
+    for x1, y1, x2, y2 in lab().obstacles.walls:
         assert left < min(x1, x2)
         assert max(x1, x2) < right
         assert low < min(y1, y2)

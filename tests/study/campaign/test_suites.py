@@ -28,7 +28,7 @@ def test_a_room_can_be_crossed_and_its_walkers_keep_their_bounds(number):
     assert goal is not None
     n, discs = len(setup.names), np.empty((3000, len(setup.names), 6))
     for k in range(3000):
-        place(discs[k], setup.around, 0.04 * k)
+        place(discs[k], setup.obstacles, 0.04 * k)
     walks = np.array([name.startswith("walker") for name in setup.names])
     assert 2 <= walks.sum() <= 5
     assert 6 <= n - walks.sum() <= 14
@@ -38,7 +38,7 @@ def test_a_room_can_be_crossed_and_its_walkers_keep_their_bounds(number):
     assert push.max() <= rooms.MAX_ACCELERATION + 1e-6
     clearances = [disc_clearance(setup.start, setup.outline, d[0], d[1], d[4]) for d in discs[0]]
     assert min(clearances) > 0.3
-    length, width = setup.around.walls[:, 2].max(), setup.around.walls[:, 3].max()
+    length, width = setup.obstacles.walls[:, 2].max(), setup.obstacles.walls[:, 3].max()
     still = discs[0, ~walks][:, [0, 1, 4]]
     ends = np.array([setup.start[:2], (goal.x, goal.y)])
     assert rooms.has_way(still, length, width, ends[0], ends[1], 0.5 * rooms.WAY)
@@ -53,8 +53,8 @@ def test_a_way_is_no_way_where_it_is_blocked():
 
 def test_cases_depend_on_seed_and_number_only():
     a, b, c = rooms.case(1, 7), rooms.case(1, 7), rooms.case(2, 7)
-    assert a.setup.around.discs.tolist() == b.setup.around.discs.tolist()
-    assert a.setup.around.discs.tolist() != c.setup.around.discs.tolist()
+    assert a.setup.obstacles.discs.tolist() == b.setup.obstacles.discs.tolist()
+    assert a.setup.obstacles.discs.tolist() != c.setup.obstacles.discs.tolist()
 
 
 def test_the_first_drive_in_the_lab_is_the_scenario_as_shipped():
@@ -101,7 +101,7 @@ def test_a_field_of_movers_keeps_its_bounds(number):
     assert (case.kind, n) == list(movers.DENSITIES.items())[number % 3]
     discs = np.empty((4550, n, 6))
     for k in range(len(discs)):
-        place(discs[k], setup.around, 0.02 * k)
+        place(discs[k], setup.obstacles, 0.02 * k)
     speed = np.hypot(discs[..., 2], discs[..., 3])
     push = np.hypot(*np.diff(discs[..., 2:4], axis=0).transpose(2, 0, 1)) / 0.02
     assert 1.0 < speed.max() <= movers.FASTEST + 1e-9
@@ -137,8 +137,8 @@ def test_every_suite_makes_the_same_case_again_after_being_sent_elsewhere(name):
     for number in (0, 1, 8):
         a, b = made.case(number), sent.case(number)
         assert (a.setup.start, a.kind, a.goal) == (b.setup.start, b.kind, b.goal)
-        assert a.setup.around.discs.tobytes() == b.setup.around.discs.tobytes()
-        assert a.setup.hands.x.tobytes() == b.setup.hands.x.tobytes()
+        assert a.setup.obstacles.discs.tobytes() == b.setup.obstacles.discs.tobytes()
+        assert a.setup.recorded_stick.x.tobytes() == b.setup.recorded_stick.x.tobytes()
 
 
 def test_data_that_a_suite_does_not_use_is_said(tmp_path):

@@ -17,7 +17,7 @@ from cohelm.sim.twin.gl import GlCamera
 from cohelm.sim.twin.rays import RayCamera
 
 Kind = Literal["auto", "gl", "rays", "none"]
-"""Who draws: OpenGL if it can and else rays; one of them; or nobody."""
+"""The renderer: OpenGL if it can and else rays; one of them; or none."""
 
 INSIDE = (mjcf.FLOOR, mjcf.WALL, mjcf.THING)
 OUTSIDE = (*INSIDE, mjcf.ROBOT)
@@ -28,8 +28,8 @@ class TwinCamera(Protocol):
     """What can draw a simulation."""
 
     @property
-    def says(self) -> str:
-        """Who draws, for people."""
+    def renderer(self) -> str:
+        """The renderer's name, for the user."""
         ...
 
     def draw(self, data: Any) -> NDArray[np.uint8]:
@@ -54,9 +54,9 @@ def camera(
     model: Any, width: int, height: int, kind: Kind = "auto", name: str = "camera",
     groups: tuple[int, ...] = INSIDE,
 ) -> TwinCamera:  # fmt: skip
-    """A camera that can draw here.
+    """A camera that can render here.
 
-    Raises CohelmError where OpenGL is asked for by name and can not draw.
+    Raises CohelmError where OpenGL is requested by name and can not render.
     """
     if kind == "rays":
         return RayCamera(model, width, height, name, groups)
@@ -72,9 +72,9 @@ def camera(
 
 
 class Eye:
-    """Draws shots as a camera of its own, from a copy: the simulation goes on meanwhile.
+    """Renders shots as a camera of its own, from a copy: the simulation goes on meanwhile.
 
-    With `aside` in a thread of its own, and only the newest shot; else when asked.
+    With `aside` in a thread of its own, and only the newest shot; else on request.
     """
 
     def __init__(self, model: Any, width: int, height: int, kind: Kind, aside: bool) -> None:
@@ -92,9 +92,9 @@ class Eye:
             self._thread.start()
 
     @property
-    def says(self) -> str:
-        """Who draws; it is known from the first picture on."""
-        return "nobody yet" if self._camera is None else self._camera.says
+    def renderer(self) -> str:
+        """The renderer's name; known from the first picture on."""
+        return "nobody yet" if self._camera is None else self._camera.renderer
 
     def offer(self, shot: Shot) -> None:
         """Something new to draw; what was offered before and is not begun is forgotten."""
@@ -129,7 +129,7 @@ class Eye:
                 break
             try:
                 self._frame = self._drawn(shot)
-            except Exception as error:  # told to whoever reads next
+            except Exception as error:  # raised at the next read
                 self._trouble = error
                 break
         if self._camera is not None:

@@ -1,7 +1,6 @@
-"""A run with the twin as the plant and the pilot told where it is, fully recorded.
+"""A run with the twin as the plant and the true pose given to the pilot, fully recorded.
 
-Episodes of campaigns, which have to find their place, go through the whole loop:
-`study.campaign.loop_run`.
+Episodes of campaigns, which have to localize, go through the whole loop: `study.campaign.loop_run`.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ _GRIP = 0.6  # share of what friction can hold that the guard counts on
 
 
 def held(limits: Limits, physics: TwinModel) -> Limits:
-    """The limits, as far as the floor holds the wheels: brakes that slip do not brake as told."""
+    """The limits that the floor's friction allows: wheels that slip brake less."""
     most = _GRIP * physics.friction * GRAVITY
     return limits._replace(
         acceleration=min(limits.acceleration, most),
@@ -55,7 +54,7 @@ def held(limits: Limits, physics: TwinModel) -> Limits:
 def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
     """The run in traces of `length` steps, the last one shorter, in order; it ends on arrival
     where there is a pilot, as the kinematic run does."""
-    return stepped(_Told(setup), length)
+    return stepped(_KnownPose(setup), length)
 
 
 def stepped(run: TwinRun, length: int) -> Iterator[Trace]:
@@ -64,11 +63,11 @@ def stepped(run: TwinRun, length: int) -> Iterator[Trace]:
     while k < setup.steps and not run.arrived:
         n = min(length, setup.steps - k)
         rows = blank(n)
-        m = len(setup.around.discs)
+        m = len(setup.obstacles.discs)
         h, discs = np.empty((n, m)), np.empty((n, m, 6))
         done = 0
         while done < n and not run.arrived:
-            discs[done] = run.things()
+            discs[done] = run.discs()
             h[done] = _h(run.truth.pose, discs[done])
             run.step(k + done, rows[done])
             rows[done]["h"] = h[done].min(initial=math.inf)
@@ -78,28 +77,28 @@ def stepped(run: TwinRun, length: int) -> Iterator[Trace]:
 
 
 class TwinRun(ABC):
-    """One run on the twin between two steps: robot, pilot, person. Who asks what of the robot in a
-    step is for those that drive it to say."""
+    """One run on the twin between two steps: robot, pilot, operator. Subclasses say what commands
+    the robot in a step."""
 
     def __init__(self, setup: Setup, pursuers: Pursuers | None = None) -> None:
         """pursuers: those of the moving discs that are after the robot."""
-        given = setup.twin
-        if given is None:
+        twinned = setup.twin
+        if twinned is None:
             raise CohelmError("this setup has no twin: set simulation.plant to twin")
-        model = given.robot.model_copy(update={"delay_s": given.robot.delay_s + setup.delay})
+        model = twinned.robot.model_copy(update={"delay_s": twinned.robot.delay_s + setup.delay})
         self.setup = setup
-        around = setup.around
+        obstacles = setup.obstacles
         if setup.barred is not None:  # the map's borders come with the map
-            around = around._replace(walls=setup.barred)
+            obstacles = obstacles._replace(walls=setup.barred)
         self.robot = self.made(
-            model, setup.start, around, grid=setup.grid, seed=setup.seed,
-            settings=given.physics, camera="none", timeout=max(0.5, 3.0 * setup.dt),
+            model, setup.start, obstacles, grid=setup.grid, seed=setup.seed,
+            settings=twinned.physics, camera="none", timeout=max(0.5, 3.0 * setup.dt),
             pursuers=pursuers,
         )  # fmt: skip
         self.guarded = setup.pilot is not None
         self.piloted = setup.pilot or _unguarded(setup)
         self.seeing = self.piloted.lidar is not None
-        settings = self.piloted.settings._replace(limits=held(model.bounds(), given.physics))
+        settings = self.piloted.settings._replace(limits=held(model.bounds(), twinned.physics))
         path_params, replan_params = self.piloted.path_params, self.piloted.replan_params
         if self.guarded:
             sees = noise(self.robot.model) if self.seeing else 0.0
@@ -107,7 +106,7 @@ class TwinRun(ABC):
                 settings, path_params, replan_params, SLOP + sees, sees
             )
         self.settings = settings
-        self.delay = lag(model, given.physics, setup.dt) if self.guarded else 0.0
+        self.delay = lag(model, twinned.physics, setup.dt) if self.guarded else 0.0
         self.pilot = Pilot(
             setup.reference, settings, delay=self.delay, path_params=path_params,
             replan_params=replan_params,
@@ -128,17 +127,17 @@ class TwinRun(ABC):
     def step(self, k: int, row: Any) -> None:
         """Control step k, from seeing to the next one, written into the row."""
 
-    def things(self) -> Floats:
+    def discs(self) -> Floats:
         """All discs as they are."""
-        return self.robot.things()
+        return self.robot.discs()
 
-    def hand(self, k: int, things: Floats) -> Stick:
+    def operator_stick(self, k: int, discs: Floats) -> Stick:
         """What the person does in step k."""
         setup = self.setup
         if not setup.operator.active:
-            return replayed(setup.hands, k * setup.dt)
+            return replayed(setup.recorded_stick, k * setup.dt)
         self.person, stick = operate(
-            self.person, setup.operator, self.truth.pose, things, setup.around.noticed, k,
+            self.person, setup.operator, self.truth.pose, discs, setup.obstacles.noticed, k,
             setup.dt, setup.seed,
         )  # fmt: skip
         return stick
@@ -175,12 +174,12 @@ class TwinRun(ABC):
         row["course"], row["to_go"], row["arrived"] = self.courses, away, reached
 
 
-class _Told(TwinRun):
-    """The robot is told where it is, and the pilot drives it."""
+class _KnownPose(TwinRun):
+    """The pilot drives with the true pose."""
 
     def __init__(self, setup: Setup) -> None:
         super().__init__(setup)
-        self.walls = setup.around.walls
+        self.walls = setup.obstacles.walls
         self.perception = Perception(self.robot.model) if self.seeing else None
         self.max_acceleration = self.piloted.max_acceleration
         self.period = max(round(self.piloted.period / setup.dt), 1)
@@ -194,26 +193,26 @@ class _Told(TwinRun):
     def step(self, k: int, row: Any) -> None:
         """Control step k, from seeing to the next one, written into the row."""
         then = self.truth
-        things = self.things()
-        pose, seen, twist = self._seen(k * self.setup.dt, then, things)
+        discs = self.discs()
+        pose, seen, twist = self._seen(k * self.setup.dt, then, discs)
         fastest, end = math.inf, len(seen.points)
         if self.zones is not None:
             seen = self.zones.beside(seen, pose)
             fastest = self.zones.limit(pose)[0]
-        stick = self.hand(k, things)
+        stick = self.operator_stick(k, discs)
         self._plan(k, pose, twist, seen, end)
         decided = self.pilot.step(k * self.setup.dt, pose, twist, stick, seen, fastest)
-        asked = Twist(decided.safe_v, decided.safe_omega)
-        row["saturated"] = self.robot.send(asked) != asked
+        safe = Twist(decided.safe_v, decided.safe_omega)
+        row["saturated"] = self.robot.send(safe) != safe
         self.robot.wait((k + 1) * self.setup.dt)
         self.moved(stick)
         self.write(row, k, then, decided)
 
-    def _seen(self, t: float, now: TwinTruth, things: Floats) -> tuple[Pose, Surroundings, Twist]:
+    def _seen(self, t: float, now: TwinTruth, discs: Floats) -> tuple[Pose, Surroundings, Twist]:
         """Where the robot is, what is around it, in the same frame, and its speed."""
         if self.perception is None:
-            around = surroundings(things, self.max_acceleration, self.walls)
-            return now.pose, around, now.twist
+            obstacles = surroundings(discs, self.max_acceleration, self.walls)
+            return now.pose, obstacles, now.twist
         known = self.perception.take(t, self.robot.read())
         # Where it is on the map is known; all else is as it senses.
         return (
@@ -223,12 +222,12 @@ class _Told(TwinRun):
         )
 
     def _plan(self, k: int, pose: Pose, twist: Twist, seen: Surroundings, end: int) -> None:
-        """A plan is begun now and then, and taken up when it would be ready. end: past the last of
-        its points that perception tells."""
+        """Begins a plan once a period, and takes it up when it would be ready. end: past the last
+        of the points from perception."""
         if not self.guarded:
             return
         if k % self.period == 0:
-            self.walls = near_walls(self.setup.around.walls, pose)
+            self.walls = near_walls(self.setup.obstacles.walls, pose)
             blind = 0 if self.perception is None else self.perception.unobserved
             self.waiting = self.pilot.plan(pose, twist, *apart(seen, end - blind, end))
         if self.waiting is not None and k % self.period == self.thinking:
@@ -244,7 +243,7 @@ def _unguarded(setup: Setup) -> Piloted:
         setup.outline, setup.limits, setup.gains, Rules(dt=setup.dt),
         guarded=False, spline_speed=setup.spline_speed,
     )  # fmt: skip
-    return Piloted(settings, np.zeros(len(setup.around.discs)))
+    return Piloted(settings, np.zeros(len(setup.obstacles.discs)))
 
 
 _DECIDED = (

@@ -41,5 +41,5 @@ mj_step: Any = _step()
 
 
 def address(struct: Any) -> int:
-    """Where an MjModel or MjData lies in memory."""
+    """The address of an MjModel or MjData in memory."""
     return int(struct._address)

@@ -13,9 +13,9 @@ from cohelm.sim.twin.engine import mujoco
 
 
 class GlCamera:
-    """Draws what one camera of the model sees. Belongs to the thread that makes it.
+    """Renders what one camera of the model sees. Belongs to the thread that makes it.
 
-    Raises whatever EGL, OpenGL or MuJoCo raise where they can not draw: who makes it has another
+    Raises whatever EGL, OpenGL or MuJoCo raise where they can not render: the caller has another
     camera to fall back on.
     """
 
@@ -46,8 +46,8 @@ class GlCamera:
         self._rect = mujoco.MjrRect(0, 0, width, height)
 
     @property
-    def says(self) -> str:
-        """Who draws."""
+    def renderer(self) -> str:
+        """The renderer's name."""
         gl: Any = importlib.import_module("OpenGL.GL")
         renderer = gl.glGetString(gl.GL_RENDERER) or b"unknown"
         return f"OpenGL through EGL on {renderer.decode(errors='replace')}"

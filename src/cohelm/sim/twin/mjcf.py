@@ -159,7 +159,7 @@ def _resting(disc: Floats) -> str:
 
 
 def _mover(k: int, disc: Floats) -> str:
-    """A person, more or less: soft, moved by its own will and never by a push."""
+    """A pedestrian: soft, on its own path, and never pushed aside."""
     radius, high = max(float(disc[RADIUS]), _LEAST), 0.5 * PERSON_HEIGHT
     colour = ("0.15 0.3 0.75 1", "0.65 0.15 0.2 1", "0.15 0.5 0.3 1", "0.5 0.25 0.6 1")[k % 4]
     return (
@@ -267,7 +267,7 @@ def _drives(robot: RobotModel, settings: TwinModel) -> str:
 
 
 def servo_gain(robot: RobotModel, settings: TwinModel) -> float:
-    """Torque per speed error: a wheel with its half of the robot gets the lag asked [N m s]."""
+    """Torque per speed error: a wheel with its half of the robot gets this lag [N m s]."""
     return _wheel_inertia(robot) / settings.wheel_lag_s
 
 

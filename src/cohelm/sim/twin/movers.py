@@ -1,6 +1,6 @@
-"""People in the twin's world: on their way, or held up and finding theirs round what is in it.
+"""Movers in the twin's world: on their paths, or held up and going round what is in the way.
 
-They are as solid as all else: nobody walks through the robot, a wall, or anybody else.
+They are as solid as all else: none walks through the robot, a wall, or another mover.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _HURRY = 1.25  # a mover that was held up goes so many times as fast until it is
 _PULL = 1.0  # how strongly it wants back [1/s]
 _BESIDE = 0.02  # gap with which it goes round a thing [m]
 _NEAR = 0.15  # nearer than this, it does not walk towards a thing [m]
-_INSIDE = 0.02  # who starts deeper within a thing than this comes out of it unhindered [m]
+_INSIDE = 0.02  # one that starts deeper within a thing than this comes out of it unhindered [m]
 _BACK = 0.005  # nearer to where it should be than this [m], it is back on its way
 
 
@@ -47,9 +47,9 @@ class MovingDiscs(NamedTuple):
 
 
 class Pursuit(NamedTuple):
-    """Movers that have no way of their own: attackers, as in `sim.adversarial`. They go for the
-    robot, and brake before all else: what they are assumed to be capable of, they keep to. Only two
-    who run into each other, or into the robot, stop dead."""
+    """Movers without a path of their own: attackers, as in `sim.adversarial`. They go for the
+    robot, and brake before all else, within the motion assumed of them. Only two that run into each
+    other, or into the robot, stop dead."""
 
     max_acceleration: Floats
     """(m,), the acceleration that each uses; 0 for one that goes its way [m/s^2]."""
@@ -61,7 +61,7 @@ class Pursuit(NamedTuple):
 
 
 class Pursuers(NamedTuple):
-    """Who of a world's discs is after the robot."""
+    """Which of a world's discs pursue the robot."""
 
     max_acceleration: Floats
     """(n,) of all discs, 0 for those that are not [m/s^2]."""

@@ -22,7 +22,7 @@ from cohelm.sim.world import NOWHERE, outline_clearance
 
 _ADDING = 2.0  # how fast the servos' integral part adds up a steady error [1/s]
 _STANDS = 0.01  # slower than this, a robot whose drives rest is standing [m/s]
-_DUST = 1e-4  # what is asked for is rounding, if less than this [m/s]
+_DUST = 1e-4  # commands below this are rounding [m/s]
 
 STATE = np.dtype(
     [
@@ -30,7 +30,7 @@ STATE = np.dtype(
         ("x", "f8"), ("y", "f8"), ("psi", "f8"),  # true pose, heading not wrapped
         ("v", "f8"), ("omega", "f8"),  # true twist, body frame
         ("side", "f8"),  # true speed to the left: slip [m/s]
-        ("asked_v", "f8"), ("asked_omega", "f8"),  # what arrived at the drives
+        ("command_v", "f8"), ("command_omega", "f8"),  # what arrived at the drives
         ("driven_v", "f8"), ("driven_omega", "f8"),  # what the drives aim at now
         ("hold_left", "f8"), ("hold_right", "f8"),  # what the servos have added up [rad/s]
         ("left", "f8"), ("right", "f8"), ("yaw", "f8"),  # since the last odometry [m, m, rad]
@@ -98,17 +98,17 @@ def advance(
     """Physics up to step `last`.
 
     orders: (k, 3), commands (step of arrival, v, omega) in order. From `deadline` on the robot
-    brakes: nobody has told it anything for too long. state: (1,) of STATE, written to, as are
-    discs, movers and trail.
+    brakes: the last command is too old. state: (1,) of STATE, written to, as are discs, movers and
+    trail.
     """
     s = state[0]
     head = 0
     while s.step < last:
         while head < len(orders) and orders[head, 0] <= s.step:
-            s.asked_v, s.asked_omega = orders[head, 1], orders[head, 2]
+            s.command_v, s.command_omega = orders[head, 1], orders[head, 2]
             head += 1
         if s.step >= deadline:
-            s.asked_v, s.asked_omega = 0.0, 0.0
+            s.command_v, s.command_omega = 0.0, 0.0
         _drive(step, views, s, limits, wheels)
         mj_step(views.model, views.data)
         s.step += 1
@@ -127,7 +127,7 @@ def advance(
 def _drive(step: float, views: Views, s: Any, limits: Limits, wheels: WheelDrives) -> None:
     """The drives' ramp within the limits, and the servos' set points [rad/s]."""
     driven = achievable(
-        Twist(s.asked_v, s.asked_omega), Twist(s.driven_v, s.driven_omega), limits, step
+        Twist(s.command_v, s.command_omega), Twist(s.driven_v, s.driven_omega), limits, step
     )
     steady = driven.v == s.driven_v and driven.omega == s.driven_omega
     s.driven_v, s.driven_omega = driven.v, driven.omega
@@ -178,7 +178,7 @@ def _score(
     if abs(s.driven_v) + reach * abs(s.driven_omega) > _DUST:
         s.standing = False
     elif math.hypot(s.v, s.side) + reach * abs(s.omega) < _STANDS:
-        s.standing = True  # and stays so, even if somebody nudges it
+        s.standing = True  # and stays so, even if something nudges it
     moving = not s.standing
     s.since += moved
     if s.clearance - s.since < (s.least_moving if moving else s.least):

@@ -45,8 +45,8 @@ class RayCamera:
         self._normals = np.empty((n, 3))
 
     @property
-    def says(self) -> str:
-        """Who draws."""
+    def renderer(self) -> str:
+        """The renderer's name."""
         rows, columns = self._shape
         return f"ray casting at {columns} x {rows}"
 

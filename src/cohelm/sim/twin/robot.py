@@ -39,7 +39,7 @@ _ORIGIN, _DEFAULT = Pose(0.0, 0.0, 0.0), TwinModel()
 
 
 class TwinTruth(NamedTuple):
-    """What no sensor says: for scores and tests, never for the loop."""
+    """Ground truth, for scores and tests, never for the loop."""
 
     stamp: float
     pose: Pose
@@ -87,18 +87,18 @@ class TwinScanner:
 
 
 class Twin(Paced):
-    """A robot of steel and rubber, as far as MuJoCo goes.
+    """A differential-drive robot simulated in MuJoCo.
 
-    What it hits holds it back. What moves in `around` goes with the robot's clock; who
-    bumps into it finds the way round it, and is never pushed aside. Runs are equal to the last
-    bit for equal seeds and calls, with the pace `AsFast`.
+    What it hits holds it back. Movers of `obstacles` go with the robot's clock; one that bumps into
+    it goes round it, and is never pushed aside. Runs are equal to the last bit for equal seeds and
+    calls, with the pace `AsFast`.
     """
 
     def __init__(
         self,
         model: RobotModel,
         start: Pose = _ORIGIN,
-        around: World | None = None,
+        obstacles: World | None = None,
         *,
         grid: Grid = NO_GRID,
         seed: int = 0,
@@ -111,19 +111,19 @@ class Twin(Paced):
     ) -> None:
         """timeout: without a new command for so long the robot stops by itself [s].
 
-        camera: who draws, if the robot has one. In real time it draws in a thread of its own.
-        pursuers: those of the moving discs that are after the robot.
+        camera: the renderer, if the robot has one. In real time it renders in a thread of its own.
+        pursuers: those of the moving discs that pursue the robot.
         """
         model = settings.fitted(model)
         super().__init__(model, pace)
         self._step, self._grid = step, grid
         self._limits, self._outline, self._reach = model.bounds(), model.outline, model.reach
-        around = world(([], np.empty((0, 4)))) if around is None else around
-        self._walls = np.vstack((around.walls, borders(grid)))
-        self._seen_walls = around.walls
-        self._discs = np.empty((len(around.discs), 6))
-        place(self._discs, around, 0.0)
-        moving = [i for i in range(len(self._discs)) if moves(i, around)]
+        obstacles = world(([], np.empty((0, 4)))) if obstacles is None else obstacles
+        self._walls = np.vstack((obstacles.walls, borders(grid)))
+        self._seen_walls = obstacles.walls
+        self._discs = np.empty((len(obstacles.discs), 6))
+        place(self._discs, obstacles, 0.0)
+        moving = [i for i in range(len(self._discs)) if moves(i, obstacles)]
         max_acceleration = (
             np.zeros(len(moving)) if pursuers is None else pursuers.max_acceleration[moving]
         )
@@ -132,9 +132,9 @@ class Twin(Paced):
             0, np.zeros((len(moving), 2)),
         )  # fmt: skip
         self._movers = MovingDiscs(
-            np.array(moving, dtype=np.int64), around, np.zeros((len(moving), 5)), hunt
+            np.array(moving, dtype=np.int64), obstacles, np.zeros((len(moving), 5)), hunt
         )
-        text = mjcf(model, settings, step, self._discs, moving, around.walls, grid)
+        text = mjcf(model, settings, step, self._discs, moving, obstacles.walls, grid)
         try:
             self.mujoco: Any = mujoco.MjModel.from_xml_string(text)
         except ValueError as error:
@@ -154,7 +154,7 @@ class Twin(Paced):
         s["least"] = s["least_moving"] = NOWHERE
         self._timeout = self._steps(timeout)
         self._delay = self._steps(model.delay_s)
-        self._told = 0
+        self._commanded_at = 0
         self._orders: deque[tuple[int, float, float]] = deque()
         self._odometer = Odometer(model.odometry, seed)
         self._odometry = self._odometer.start(0.0)
@@ -176,7 +176,7 @@ class Twin(Paced):
         self._happen()
 
     def read(self) -> Readings:
-        """What the sensors say as of now."""
+        """The newest readings."""
         self._catch_up()
         scans = [scanner.come(int(self._state[0]["step"])) for scanner in self._scanners]
         return Readings(
@@ -187,26 +187,26 @@ class Twin(Paced):
         )  # fmt: skip
 
     def send(self, twist: Twist) -> Twist:
-        """Ask for a twist; it reaches the drives after the robot's delay."""
+        """Send a command; it reaches the drives after the robot's delay."""
         self._catch_up()
-        self._told = int(self._state[0]["step"])
+        self._commanded_at = int(self._state[0]["step"])
         if not (is_finite(twist.v) and is_finite(twist.omega)):
             twist = Twist(0.0, 0.0)
         possible = achievable(twist, Twist(0.0, 0.0), unbraked(self._limits), self._step)
-        self._orders.append((self._told + self._delay, possible.v, possible.omega))
+        self._orders.append((self._commanded_at + self._delay, possible.v, possible.omega))
         return possible
 
     def stop(self) -> None:
         """Brake; what was on its way to the drives no longer matters."""
         self._catch_up()
-        # A stop that is under way already stays: said again and again it would never arrive.
+        # A stop that is under way already stays: sent again and again it would never arrive.
         stops = [order for order in self._orders if order[1:] == (0.0, 0.0)]
         self._orders.clear()
         due = int(self._state[0]["step"]) + self._delay
         self._orders.append(stops[0] if stops else (due, 0.0, 0.0))
 
     def close(self) -> None:
-        """Nothing may be asked of it any more."""
+        """Ends it; no calls afterwards."""
         if self._eye is not None and not self._closed:
             self._eye.close()
         super().close()
@@ -227,15 +227,15 @@ class Twin(Paced):
             float(s["force"]), float(s["energy"]),
         )  # fmt: skip
 
-    def things(self) -> Floats:
+    def discs(self) -> Floats:
         """All discs as they are now, (n, 6)."""
         self._catch_up()
         return self._discs.copy()
 
     @property
     def draws(self) -> str:
-        """Who draws the camera's pictures."""
-        return "nobody" if self._eye is None else self._eye.says
+        """The name of the camera's renderer."""
+        return "nobody" if self._eye is None else self._eye.renderer
 
     def picture(
         self, width: int, height: int, view: str = "above", kind: Kind = "auto"
@@ -251,8 +251,8 @@ class Twin(Paced):
             artist.close()
 
     def push(self, x: float, y: float, psi: float) -> None:
-        """Somebody lifts the robot and puts it down so far off [m, m, rad], in the world frame;
-        wheels and gyro notice nothing."""
+        """Displaces the robot by so much [m, m, rad], in the world frame, as if carried; wheels and
+        gyro notice nothing."""
         self._catch_up()
         s, q = self._state[0], self.data.qpos
         s["x"], s["y"], s["psi"] = s["x"] + x, s["y"] + y, s["psi"] + psi
@@ -295,9 +295,9 @@ class Twin(Paced):
                 last = min(last, self._next_frame)
             orders = np.array(self._orders, dtype=np.float64).reshape(-1, 3)
             advance(
-                last, self._told + self._timeout, self._step, self._views, self._state, orders,
-                self._limits, self._wheels, self._outline, self._reach, self._discs, self._walls,
-                self._movers, self._trail,
+                last, self._commanded_at + self._timeout, self._step, self._views, self._state,
+                orders, self._limits, self._wheels, self._outline, self._reach, self._discs,
+                self._walls, self._movers, self._trail,
             )  # fmt: skip
             step = last
             while self._orders and self._orders[0][0] < step:

@@ -1,4 +1,4 @@
-"""What a user may say of the twin: the ground, the drives, and other sensors' errors."""
+"""What a user may set of the twin: the ground, the drives, and other sensors' errors."""
 
 from __future__ import annotations
 
@@ -84,13 +84,13 @@ class Twinned:
     robot: RobotModel
     physics: TwinModel
     known: LocalizationMap | None = None
-    """With a LiDAR, the map on which the robot has to find its place; None: it is told."""
+    """With a LiDAR, the map on which the robot localizes; None: it is given its true pose."""
 
 
 def lag(model: RobotModel, physics: TwinModel, dt: float) -> float:
-    """From a command to its effect, as the guard has to foresee it [s].
+    """From a command to its effect, as the guard has to predict it [s].
 
-    Delay and lag of the drives add up; and speed follows a straight line through a control
-    step, at whose beginning the guard takes it to be reached: half a step more.
+    Delay and lag of the drives add up; and speed follows a straight line through a control step, at
+    whose beginning the guard takes it to be reached: half a step more.
     """
     return model.delay_s + physics.wheel_lag_s + 0.5 * dt

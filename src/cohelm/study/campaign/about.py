@@ -1,4 +1,4 @@
-"""What each suite drives, in the words of its report."""
+"""Describes each suite, for the report."""
 
 from __future__ import annotations
 

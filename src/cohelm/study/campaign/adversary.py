@@ -1,18 +1,18 @@
-"""`adversary`: the stick is held by somebody who wants a contact, and nobody else steers.
+"""`adversary`: an operator who tries to bring about a contact, alone with the filter.
 
 The generator: Sally or Jackal in turns, at rest at the origin of a field of 6 m, with 4 to 9
 resting discs, 2 to 4 walls of 1 to 4 m and 10 stray points, none nearer than 5 cm; in every second
-episode also 1 to 3 walkers, 2 to 5 m away at first, who use their whole assumed acceleration of
-1 m/s^2 at up to 1.3 m/s, half of the time straight at the robot. For ten seconds the stick is
-deflected by
-- *ram*: at the nearest thing, with fits of *bang* in between;
+episode also 1 to 3 walkers, 2 to 5 m away at first, that use the whole acceleration assumed of
+them, 1 m/s^2, at up to 1.3 m/s, half of the time straight at the robot. For ten seconds the stick
+is deflected by
+- *ram*: at the nearest obstacle, with fits of *bang* in between;
 - *bang*: full deflections at random;
 - *spin*: full turns and lunges, starting beside a wall;
-- *human*: a recorded person, signs flipped on one axis or on both (where recordings are given);
+- *human*: a recorded operator, signs flipped on one axis or on both (where recordings are given);
 - *search*: CMA-ES over sequences of 20 deflections for the smallest clearance, of which the worst
   found is the episode. Every 500th episode is one, and 2000 sequences are driven for it.
 
-There is no goal, so nobody arrives.
+There is no goal.
 """
 
 from __future__ import annotations
@@ -58,19 +58,24 @@ _KINDS = ("ram", "bang", "spin", "human")
 
 
 def case(
-    seed: int, number: int, hands: tuple[StickRecording, ...] = (), search_every: int = SEARCH_EVERY
+    seed: int,
+    number: int,
+    recordings: tuple[StickRecording, ...] = (),
+    search_every: int = SEARCH_EVERY,
 ) -> Episode:
-    """Attack `number` of the campaign with this seed. hands: recorded people, for *human*."""
+    """Attack `number` of the campaign with this seed. recordings: of sticks, for *human*."""
     rng = sequence(seed, "adversary", number)
     model = robot(("sally", "jackal")[number % 2])
-    kind = _KINDS[number // 2 % (4 if hands else 3)]
+    kind = _KINDS[number // 2 % (4 if recordings else 3)]
     if number % search_every == search_every - 1:
         kind = "search"
-    scene = _scene(rng, model.outline, model.reach, walkers=number % 4 >= 2, beside=kind == "spin")
+    scene = _scene(
+        rng, model.outline, model.reach, walkers=number % 4 >= 2, wall_alongside=kind == "spin"
+    )
     code = {"ram": RAM, "bang": BANG, "spin": SPIN}.get(kind, SCRIPT)
     script, hold = np.zeros((1, 2)), _LIMIT
     if kind == "human":
-        script, hold = _flipped(rng, hands[int(rng.integers(len(hands)))]), DT
+        script, hold = _flipped(rng, recordings[int(rng.integers(len(recordings)))]), DT
     drawn = [Body(_six(d)) for d in scene.discs]
     setup = Setup(
         start=_HERE,
@@ -78,7 +83,7 @@ def case(
         outline=model.outline,
         limits=model.bounds(),
         gains=PAPER,
-        around=world((drawn, scene.walls)),
+        obstacles=world((drawn, scene.walls)),
         dt=DT,
         duration=_LIMIT,
         seed=number,
@@ -158,9 +163,9 @@ def _six(row: Floats) -> tuple[float, float, float, float, float, float]:
 
 
 def _scene(
-    rng: np.random.Generator, outline: Floats, reach: float, walkers: bool, beside: bool
+    rng: np.random.Generator, outline: Floats, reach: float, walkers: bool, wall_alongside: bool
 ) -> AdversarialScene:
-    """Things at random, but _CLEAR of the robot; `beside`, one wall lies along it."""
+    """Obstacles at random, but _CLEAR of the robot; `wall_alongside`: one wall runs along it."""
     discs: list[tuple[float, float, float, float, float, float]] = []
     walls: list[list[float]] = []
     points: list[list[float]] = []
@@ -174,7 +179,7 @@ def _scene(
         x, y, r = *place(), float(rng.uniform(0.03, 0.4))
         if disc_clearance(_HERE, outline, x, y, r) > _CLEAR:
             discs.append(disc(x, y, r, r + reach))
-    if beside:
+    if wall_alongside:
         y = float(outline[:, 1].max() + rng.uniform(0.02, 0.1)) * float(rng.choice([-1.0, 1.0]))
         walls.append([-2.0, y, 2.0, y])
     wanted = int(rng.integers(2, 5))
@@ -201,10 +206,13 @@ def _scene(
     )
 
 
-def _flipped(rng: np.random.Generator, hand: StickRecording) -> Floats:
-    """Ten seconds of a recorded hand from anywhere in it, one axis or both the wrong way round."""
-    first, last = float(hand.times[0]), float(hand.times[-1])
+def _flipped(rng: np.random.Generator, recording: StickRecording) -> Floats:
+    """Ten seconds of a recorded stick from anywhere in it, one axis or both with the sign
+    flipped."""
+    first, last = float(recording.times[0]), float(recording.times[-1])
     at = rng.uniform(first, max(last - _LIMIT, first)) + np.arange(0.0, _LIMIT, DT)
     signs = ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))[int(rng.integers(3))]
-    newest = np.clip(np.searchsorted(hand.times, at, side="right") - 1, 0, len(hand.times) - 1)
-    return np.column_stack((signs[0] * hand.x[newest], signs[1] * hand.psi[newest]))
+    newest = np.clip(
+        np.searchsorted(recording.times, at, side="right") - 1, 0, len(recording.times) - 1
+    )
+    return np.column_stack((signs[0] * recording.x[newest], signs[1] * recording.psi[newest]))

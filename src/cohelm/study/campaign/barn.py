@@ -78,7 +78,7 @@ def case(worlds: tuple[Barn, ...], seed: int, number: int) -> Episode:
         outline=jackal.outline,
         limits=jackal.bounds(),
         gains=PAPER._replace(u_d=SPEED),
-        around=world((bodies, barn.walls)),
+        obstacles=world((bodies, barn.walls)),
         names=tuple(f"cylinder_{i}" for i in range(len(bodies))),
         dt=DT,
         duration=barn.time_limit,

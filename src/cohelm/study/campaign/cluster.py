@@ -1,8 +1,8 @@
-"""Episodes driven on an existing Dask cluster (`--cluster ADDRESS`), for what outgrows a machine.
+"""Drives episodes on an existing Dask cluster (`--cluster ADDRESS`).
 
-Every worker needs the same cohelm as here, installed with its extra `cluster`; the data are sent
-to them. A chunk whose worker dies is driven by another one; only who drives a chunk to its end
-hands in its rows, and they are counted by law and number, so nothing is lost or counted twice.
+Every worker needs the same cohelm, installed with its extra `cluster`; the data are sent to them. A
+chunk whose worker dies is driven by another one; only a chunk driven to its end returns its rows,
+and they are counted by law and number, so nothing is lost or counted twice.
 """
 
 from __future__ import annotations

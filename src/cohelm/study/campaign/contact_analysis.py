@@ -38,7 +38,7 @@ def first_touch(
 ) -> Touch:
     """Facts of the contact at time `when` [s]. rows: (n,) of a drive, discs: (n, m, 6)."""
     k = int(np.argmin(np.abs(rows["t"] - when)))
-    pose, walls = _pose(rows[k]), setup.around.walls
+    pose, walls = _pose(rows[k]), setup.obstacles.walls
     at = discs[k]
     clearances = [disc_clearance(pose, setup.outline, d[X], d[Y], d[RADIUS]) for d in at]
     clearances += [segment_clearance(pose, setup.outline, *wall) for wall in walls.tolist()]
@@ -66,7 +66,7 @@ def _in_view(
     place: tuple[float, float],
 ) -> bool:  # fmt: skip
     """Whether enough beams of a scan from there end on disc `which`, or at the place on a wall."""
-    ranges, walls = np.empty(len(lidar.beams)), setup.around.walls
+    ranges, walls = np.empty(len(lidar.beams)), setup.obstacles.walls
     pose = _pose(row)
     sight(pose, lidar, discs, walls, setup.grid, ranges)
     near = ranges < lidar.range_max

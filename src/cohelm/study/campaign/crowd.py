@@ -1,16 +1,15 @@
-"""`crowd`: recorded pedestrians, who mind nobody, walk where the robot has to cross.
+"""`crowd`: recorded pedestrians, who avoid nobody, walk where the robot has to cross.
 
-The recordings give a place every 0.4 s, with the sway of their steps and the error of whoever
-marked them. Between and around the samples people walk as smoothing splines have it (penalty
-0.05 on the squared acceleration), which stay within some 0.2 m of the samples; before the first
-and after the last sample they walk straight on for 10 s, so that nobody appears beside the robot.
-Whoever is then faster than FASTEST or accelerates by more than AGILITY is left out and listed,
-and so is who was seen only once, and who would even so come into being during a crossing within
-REACH of the middle of the scene, where the robot may be.
+The recordings give a place every 0.4 s, with the sway of steps and the annotators' error. Between
+and around the samples people walk on smoothing splines (penalty 0.05 on the squared acceleration),
+which stay within some 0.2 m of the samples; before the first and after the last sample they walk
+straight on for 10 s, so that none appears beside the robot. Left out and listed are those then
+faster than FASTEST or with more than MAX_ACCELERATION, those seen only once, and those that would
+even so appear during a crossing within REACH of the middle of the scene, where the robot may be.
 
 Sally crosses the middle of the scene, 8 m straight on at 0.8 m/s in any direction, at moments
-spread over the recording; at first nobody is within 1.5 m. Arrived is who comes within 0.3 m of
-the goal within 60 s. Episode k is scene k modulo their number.
+spread over the recording; at first nobody is within 1.5 m. Arrived: within 0.3 m of the goal,
+within 60 s. Episode k is scene k modulo their number.
 """
 
 from __future__ import annotations
@@ -33,13 +32,13 @@ from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, seque
 from cohelm.study.campaign.rooms import extremes
 
 FASTEST = 2.5
-"""Assumed of people [m/s]."""
+"""Assumed of pedestrians [m/s]."""
 MAX_ACCELERATION = 1.0
-"""Assumed of people [m/s^2]."""
+"""Assumed of pedestrians [m/s^2]."""
 RADIUS = 0.25
-"""Of a person [m]."""
+"""Of a pedestrian [m]."""
 REACH = 6.5
-"""Nobody comes into being nearer to the middle of the scene [m]."""
+"""No pedestrian appears nearer to the middle of the scene [m]."""
 STARTS = 20
 """Different moments in each scene; more episodes are other directions at the same ones."""
 
@@ -67,7 +66,7 @@ class Crowd(NamedTuple):
     moments: tuple[float, ...]
     """At which episodes begin [s]."""
     left_out: tuple[str, ...]
-    """Who is not there, and why."""
+    """Pedestrians left out, and why."""
 
 
 def read(folder: Path) -> tuple[Crowd, ...]:
@@ -116,7 +115,8 @@ def crowd(name: str, tracks: list[Track]) -> Crowd:
 
 
 def walked(track: Track) -> Reference:
-    """How a person walks: smoothed, straight on at both ends, and ELSEWHERE before and after."""
+    """The motion of a pedestrian: smoothed, straight on at both ends, ELSEWHERE before and
+    after."""
     t, points = track.times, track.points
     if len(t) < _FEW:
         design = np.column_stack((t - t[0], np.ones(len(t))))
@@ -174,7 +174,7 @@ def case(crowds: tuple[Crowd, ...], seed: int, number: int) -> Episode:
         outline=sally.outline,
         limits=sally.bounds(),
         gains=PAPER._replace(u_d=_SPEED),
-        around=world((bodies, np.empty((0, 4)))),
+        obstacles=world((bodies, np.empty((0, 4)))),
         names=tuple(f"person_{w.name}" for w in there),
         dt=DT,
         duration=_LIMIT,
@@ -186,7 +186,7 @@ def case(crowds: tuple[Crowd, ...], seed: int, number: int) -> Episode:
 def _crossing(
     rng: np.random.Generator, scene: Crowd, there: list[Walk], moment: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Start and goal on opposite sides of the middle, nobody near the start."""
+    """Start and goal on opposite sides of the middle, no pedestrian near the start."""
     x, y = scene.middle
     places = [evaluate(w.path.knots, w.path.coeffs, moment - w.first) for w in there]
     clear = 1.5
@@ -195,4 +195,4 @@ def _crossing(
         dx, dy = _HALF * math.cos(turn), _HALF * math.sin(turn)
         if all(math.dist((p.x, p.y), (x - dx, y - dy)) > clear for p in places):
             return (x - dx, y - dy), (x + dx, y + dy)
-        clear *= 0.99  # a ring full of people would have no place at all
+        clear *= 0.99  # a ring full of pedestrians would leave no place at all

@@ -1,4 +1,4 @@
-"""One episode, ready to be driven under any law: where, what for, and whose hand it is."""
+"""One episode, ready to be driven under any law: world, goal and operator."""
 
 from __future__ import annotations
 
@@ -29,9 +29,8 @@ two controllers of a peer, ir-sim: reciprocal velocity obstacles, and plain ones
 
 Plant = Literal["kinematic", "twin", "twin-rear", "twin-all-round"]
 PLANTS: tuple[Plant, ...] = ("kinematic", "twin", "twin-rear", "twin-all-round")
-"""What is driven: exact arcs that know all there is; or the physics twin, which knows what its own
-sensors tell it, with the robot's LiDAR as it is, with a second one behind, or with one that
-looks all round."""
+"""The plant: exact arcs and true obstacles; or the physics twin with its own sensors alone: the
+robot's LiDAR as it is, a second one at the back, or one all round."""
 
 DT = 0.02
 """Control step of every campaign [s]."""
@@ -77,31 +76,31 @@ class Load(NamedTuple):
 
 @dataclass(frozen=True)
 class Uneven:
-    """A world with heights, and the hand in it."""
+    """A world with heights, and the operator in it."""
 
     heights: Heights
     wheels: Floats
     """(k, 2), where the robot stands on the floor, in the body [m]: it falls where one of these
     has none."""
     loads: tuple[Load, ...]
-    hand: str = ""
-    """Who holds the stick, see `campaign.heights`; empty: nobody."""
+    operator: str = ""
+    """The operator, see `campaign.heights`; empty: none."""
     edges: Floats = field(default_factory=lambda: np.empty((0, 4)))
-    """What the hand pushes at: sides of boxes and drops, (s, 4) [m]."""
+    """What the operator pushes at: sides of boxes and drops, (s, 4) [m]."""
 
 
 @dataclass(frozen=True)
 class Episode:
     """One episode of a suite.
 
-    setup: world, robot, limits, reference, hands; its law is that of `pieces`. goal: None if
-    nobody wants to get anywhere. rollout: None if a controller drives.
+    setup: world, robot, limits, reference, stick; its law is set by `under`. goal: None without
+    one. rollout: None if a controller drives.
     """
 
     suite: str
     number: int
     kind: str
-    """What kind of episode this is, in a few words; the report counts by it."""
+    """The kind of episode, in a few words; the report counts by it."""
     setup: Setup
     goal: EpisodeGoal | None
     rollout: AdversarialRollout | None = None
@@ -109,7 +108,7 @@ class Episode:
     robot: str = "sally"
     """Name of the robot that drives."""
     uneven: Uneven | None = None
-    """Of the suite heights: what there is besides, and who pushes where."""
+    """Of the suite heights: its world and operator."""
 
 
 def under(setup: Setup, law: Law) -> Setup:
@@ -154,7 +153,7 @@ def _attacked_on_twin(case: Episode, acted: Interventions) -> Iterator[Trace]:
 
     assert case.rollout is not None
     scene, attack = case.rollout.scene, case.rollout.attack
-    max_acceleration = np.zeros(len(case.setup.around.discs))
+    max_acceleration = np.zeros(len(case.setup.obstacles.discs))
     max_acceleration[: len(scene.max_acceleration)] = scene.max_acceleration
     pursuers = Pursuers(max_acceleration, scene.walk, attack.seed)
     return loop_run.attacked(case.setup, attack, pursuers, acted, _PIECE)

@@ -29,7 +29,7 @@ def factory(law: str) -> ControllerFactory:
 
 
 def own_trace(case: Episode, law: str) -> Trace:
-    """The drive of a case under a law of somebody else, which is told all there is."""
+    """The drive of a case under an external law, which is given the true obstacles."""
     setup = replace(case.setup, pilot=None)
     if case.goal is not None:
         setup = replace(setup, near=case.goal.near)

@@ -1,9 +1,8 @@
-"""`hands`: recorded people, whose stick was meant for another room, drive in the paper's lab.
+"""`hands`: recorded operators, whose stick was meant for another room, drive in the paper's lab.
 
 Every recording is played into the scenario lab-guard: first each from its beginning, then from
-anywhere in it. The controller leads whenever the hand does not. Arrived is who comes within 0.1 m
-of the end of the reference within three times its time; a hand that holds the stick for long may
-well prevent that.
+anywhere in it. The controller leads whenever the stick is released. Arrived: within 0.1 m of the
+end of the reference within three times its time; a stick held for long may well prevent that.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _MOST_RUNS = 100
 
 
 class Hands(NamedTuple):
-    """What was found of recorded people."""
+    """The recordings found."""
 
     names: tuple[str, ...]
     """File and run."""
@@ -86,19 +85,21 @@ def _runs(file: Path) -> tuple[list[str], list[StickRecording], list[str]]:
 
 
 def course() -> Setup:
-    """The lab, without anybody at the stick yet."""
+    """The lab, with a centred stick."""
     return limited(build.setup(scenario()), 3.0)
 
 
-def case(hands: Hands, course: Setup, seed: int, number: int) -> Episode:
+def case(recorded_stick: Hands, course: Setup, seed: int, number: int) -> Episode:
     """Drive `number` of the campaign with this seed."""
-    which = number % len(hands.recordings)
-    hand = hands.recordings[which]
-    begin = float(hand.times[0])
-    if number >= len(hands.recordings):
+    which = number % len(recorded_stick.recordings)
+    recording = recorded_stick.recordings[which]
+    begin = float(recording.times[0])
+    if number >= len(recorded_stick.recordings):
         rng = sequence(seed, "hands", number)
-        begin += float(rng.uniform(0.0, 0.5) * (hand.times[-1] - hand.times[0]))
-    later = hand.times >= begin
-    times = np.ascontiguousarray(hand.times[later] - begin)
-    setup = replace(course, hands=replay(times, hand.x[later], hand.psi[later]), seed=number)
-    return Episode("hands", number, hands.names[which], setup, goal(setup))
+        begin += float(rng.uniform(0.0, 0.5) * (recording.times[-1] - recording.times[0]))
+    later = recording.times >= begin
+    times = np.ascontiguousarray(recording.times[later] - begin)
+    setup = replace(
+        course, recorded_stick=replay(times, recording.x[later], recording.psi[later]), seed=number
+    )
+    return Episode("hands", number, recorded_stick.names[which], setup, goal(setup))

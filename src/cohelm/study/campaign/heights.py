@@ -12,16 +12,16 @@ The generator, which any number of episodes come from:
   one, above the robot, and legs of 3 to 5 cm; *shelf*: hangs from nothing that is seen, 0.5 to 2 m
   by 0.2 to 0.5 m, 4 to 12 cm thick, from 0.24 to 0.5 m up; *low*: 0.1 to 1 m long and wide, 0.08 to
   0.17 m high, below the LiDAR's plane;
-- none nearer than CLEAR to where the robot starts or arrives, and a circle WAY across, or with a
-  load that is wider more, can be rolled between them and the walls from start to goal;
+- none nearer than CLEAR to start or goal, and a circle WAY across, or with a wider load more, can
+  be rolled between them and the walls from start to goal;
 - the load: brakes and delay somewhere between those that the robot's file states, which are the
   worst, and twice the brakes and a third of the delay; drawn anew once within every second episode;
   in every third one it is wider or longer than the robot, and the footprint is stated so;
-- who steers, in turns: nobody but the controller; controller and a hand that pushes at the nearest
-  edge for three seconds of five; a hand alone for 15 s, that goes at the nearest edge ahead, or
-  tail first, with fits of full deflections, or spins and lunges;
-- fallen is who has any of six points on the floor (the wheels, and four castors) above ground that
-  is lower. Arrived: within 0.4 m of the goal, within 60 s.
+- the operator, in turns: none; one that pushes at the nearest edge for three seconds of five while
+  the controller drives; one alone for 15 s, that goes at the nearest edge ahead, or tail first,
+  with fits of full deflections, or spins and lunges;
+- fallen: any of six points on the floor (the wheels, and four castors) is above ground that is
+  lower. Arrived: within 0.4 m of the goal, within 60 s.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from cohelm.study.campaign.episode import (
     lively,
     sequence,
 )
-from cohelm.study.campaign.heights_camera import looking
+from cohelm.study.campaign.heights_camera import with_depth_camera
 
 ROBOT = "sally-depth"
 WAY, CLEAR = 1.6, 1.3
@@ -60,7 +60,7 @@ WHEELS: Floats = np.array(
 )
 """Where it stands on the floor, in the body [m]."""
 HANDS = ("", "shared", "", "back", "ram", "", "spin", "shared", "back", "bang")
-"""Who holds the stick, in turns; `shared` is one who pushes while the controller drives."""
+"""The operator, in turns; `shared` is one that pushes while the controller drives."""
 
 _DROPS, _BOXES = ("stair", "pit", "kerb", "dock"), ("table", "shelf", "low")
 _SPEED, _LIMIT, _ATTACK, _NEAR, _OFF = 0.6, 60.0, 15.0, 0.4, 1.3
@@ -70,7 +70,7 @@ _LIDAR = 0.20  # height of its plane [m]
 def case(seed: int, number: int) -> Episode:
     """World `number` of the campaign with this seed."""
     rng = sequence(seed, "heights", number)
-    base, hand = _robot(), HANDS[number % len(HANDS)]
+    base, operator = _robot(), HANDS[number % len(HANDS)]
     model, carries = _loaded(base, rng, number)
     wide = WAY + 2.0 * (model.reach - base.reach)
     kinds = (*_DROPS, *_BOXES)
@@ -79,13 +79,13 @@ def case(seed: int, number: int) -> Episode:
         start = np.array([_OFF, rng.uniform(_OFF, width - _OFF)])
         goal = np.array([length - _OFF, rng.uniform(_OFF, width - _OFF)])
         one = kinds[int(rng.integers(len(kinds)))] if number % 4 == 3 else ""
-        heights, names = _things(rng, one, length, width)
+        heights, names = _obstacles_and_drops(rng, one, length, width)
         if _way(heights, length, width, start, goal, 0.5 * wide):
             break
     walls = rectangle.walls(length, width)
     body = between(heights.boxes, 0.0, model.height_m)
     plane = between(heights.boxes, _LIDAR, _LIDAR)
-    manual = hand not in ("", "shared")
+    manual = operator not in ("", "shared")
     setup = Setup(
         start=Pose(
             float(start[0]), float(start[1]),
@@ -96,7 +96,7 @@ def case(seed: int, number: int) -> Episode:
         outline=model.outline,
         limits=model.bounds(),
         gains=PAPER._replace(u_d=_SPEED),
-        around=world(([], np.vstack((walls, edges(body))))),
+        obstacles=world(([], np.vstack((walls, edges(body))))),
         barred=np.vstack((walls, edges(plane))),
         dt=DT,
         duration=_ATTACK if manual else _LIMIT,
@@ -107,11 +107,12 @@ def case(seed: int, number: int) -> Episode:
     setup = with_pilot(setup, lidar=model.lidar, gains=gains, further=model.further_lidars)
     setup = replace(setup, twin=Twinned(model, TwinModel(odometry_distance_error=0.015)))
     uneven = Uneven(
-        heights, WHEELS, _loads(rng, model, number), "ram" if hand == "shared" else hand,
+        heights, WHEELS, _loads(rng, model, number), "ram" if operator == "shared" else operator,
         np.vstack((edges(body), edges(heights.drops))),
     )  # fmt: skip
     return Episode(
-        "heights", number, f"{hand or 'controller'}, {names if one else 'mixed'}, {carries}", setup,
+        "heights", number, f"{operator or 'controller'}, {names if one else 'mixed'}, {carries}",
+        setup,
         None if manual else EpisodeGoal(float(goal[0]), float(goal[1]), _NEAR),
         plant="twin", robot=ROBOT, uneven=uneven,
     )  # fmt: skip
@@ -119,7 +120,7 @@ def case(seed: int, number: int) -> Episode:
 
 @cache
 def _robot() -> RobotModel:
-    return looking(robot(ROBOT))
+    return with_depth_camera(robot(ROBOT))
 
 
 def _loaded(base: RobotModel, rng: np.random.Generator, number: int) -> tuple[RobotModel, str]:
@@ -147,7 +148,7 @@ def _loads(rng: np.random.Generator, model: RobotModel, number: int) -> tuple[Lo
     return tuple(loads)
 
 
-def _things(
+def _obstacles_and_drops(
     rng: np.random.Generator, only: str, length: float, width: float
 ) -> tuple[Heights, str]:  # fmt: skip
     """What stands, hangs and falls away, and of which kind."""

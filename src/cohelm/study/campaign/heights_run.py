@@ -1,8 +1,7 @@
 """An episode of `heights`: the twin with a depth camera, behind the loop, its gate and monitors.
 
-A picture is made of what the camera sees from where the robot is, packed into the bytes of a
-`sensor_msgs/msg/Image`, and read from them as a robot's own images are. It ends with the first fall
-or contact: what comes after it says nothing.
+A picture of the camera's view is packed into the bytes of a `sensor_msgs/msg/Image`, and read from
+them as a robot's own images are. The episode ends with the first fall or contact.
 """
 
 from __future__ import annotations
@@ -38,11 +37,11 @@ from cohelm.study.campaign.loop_run import Looped
 
 _NO_DISCS: Floats = np.empty((0, 6))
 _FIT, _REST = 3.0, 2.0
-"""Somebody who shares pushes for so long, and lets go for so long [s]."""
+"""A sharing operator pushes for so long, and lets go for so long [s]."""
 
 
 class UnevenTwin(Twin):
-    """A twin whose depth cameras see heights, and that carries what it carries."""
+    """A twin whose depth cameras see heights, with changing loads."""
 
     def __init__(
         self, heights: Heights, loads: tuple[Load, ...], model: RobotModel, start: Pose,
@@ -52,9 +51,9 @@ class UnevenTwin(Twin):
         self._heights, self._loads = heights, deque(loads)
         self._random = np.random.default_rng([seed, 0xDE9])
         self._lens = lens(model, ASKEW * float(self._random.standard_normal()))
-        told = lens(model, 0.0)
+        nominal = lens(model, 0.0)
         self._ranges = {
-            one.name: DepthRanges(one, seen_by(told), mounted(told), f"/{one.name}")
+            one.name: DepthRanges(one, seen_by(nominal), mounted(nominal), f"/{one.name}")
             for one in model.lidars
             if one.depth_image
         }
@@ -105,45 +104,45 @@ def pieces(case: Episode, acted: Interventions, length: int) -> Iterator[Trace]:
 
 
 class _Uneven(Looped):
-    """The loop drives the robot, or a hand that pushes it at edges, or both."""
+    """The loop drives the robot, or an operator that pushes it at edges, or both."""
 
     def __init__(self, case: Episode, acted: Interventions) -> None:
         assert case.uneven is not None
-        self.uneven = given = case.uneven
-        self.made = partial(UnevenTwin, given.heights, given.loads)
+        self.uneven = uneven = case.uneven
+        self.made = partial(UnevenTwin, uneven.heights, uneven.loads)
         super().__init__(case.setup, acted)
-        manual = given.hand != "" and case.goal is None
-        self.mode = Mode.MANUAL if manual else Mode.SHARED if given.hand else Mode.AUTOMATIC
-        kind = {"bang": BANG, "spin": SPIN}.get(given.hand, BANG)
+        manual = uneven.operator != "" and case.goal is None
+        self.mode = Mode.MANUAL if manual else Mode.SHARED if uneven.operator else Mode.AUTOMATIC
+        kind = {"bang": BANG, "spin": SPIN}.get(uneven.operator, BANG)
         self.attack = Attack(kind, case.setup.seed, np.zeros((1, 2)), 1.0)
         self.held = CENTRED
 
-    def hand(self, k: int, things: Floats) -> Stick:
+    def operator_stick(self, k: int, discs: Floats) -> Stick:
         """What the person does in step k; centred whenever the stick has to be armed."""
-        given, t = self.uneven, k * self.setup.dt
-        if not given.hand:
+        uneven, t = self.uneven, k * self.setup.dt
+        if not uneven.operator:
             return CENTRED
         resting = self.mode == Mode.SHARED and t % (_FIT + _REST) < _REST
         pose, bang = self.truth.pose, t % 3.0 >= 2.0 and self.mode == Mode.MANUAL
         if resting:
             self.held = CENTRED
-        elif given.hand in ("ram", "back") and not bang:
-            self.held = towards(pose, given.edges, given.hand == "back")
+        elif uneven.operator in ("ram", "back") and not bang:
+            self.held = towards(pose, uneven.edges, uneven.operator == "back")
         else:
             self.held = deflection(
-                self.attack, self.held, k, self.setup.dt, pose, _NO_DISCS, given.edges
+                self.attack, self.held, k, self.setup.dt, pose, _NO_DISCS, uneven.edges
             )
         return self.held if self.loop.supervisor.stick_state.arming == Arming.ARMED else CENTRED
 
     def step(self, k: int, row: Any) -> None:
         """As any; it ends with the first row in which it has fallen, or touches something."""
-        pose, given = self.truth.pose, self.uneven
+        pose, uneven = self.truth.pose, self.uneven
         super().step(k, row)
-        over = fallen(given.heights, np.array([pose]), given.wheels) >= 0
+        over = fallen(uneven.heights, np.array([pose]), uneven.wheels) >= 0
         self.arrived = self.arrived or over or self._touches(pose)
 
     def _touches(self, pose: Pose) -> bool:
-        walls = self.setup.around.walls
+        walls = self.setup.obstacles.walls
         return any(segment_clearance(pose, self.setup.outline, *w) <= 0.0 for w in walls.tolist())
 
 

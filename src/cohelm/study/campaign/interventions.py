@@ -16,7 +16,7 @@ class Interventions:
     monitors: int = 0
     """... in which a monitor had slowed or stopped it before."""
     stops: int = 0
-    """Stops and faults that the robot latched by itself; somebody had to reset them."""
+    """Stops and faults that the robot latched by itself; each had to be reset."""
     why: str = ""
     """The first of them."""
 

@@ -1,10 +1,9 @@
-"""An episode on the twin, driven by the loop that drives robots, its gate and monitors too.
+"""An episode on the twin, driven by the shipped loop with its gate and monitors.
 
-What a robot is driven with is all here, in simulated time: `Loop` with its watch over the senses,
-the stick that has to be armed, plans that take their time, the gate, the collision monitor and the
-plausibility monitor. What a person would do about a stop is done: reset it a second later, and
-choose the mode again. How often that was, and how often gate and monitors changed a command, is
-counted. An attacker drives by the same loop in manual; attacker and walkers know everything.
+All of it in simulated time: `Loop` with its sensor watchdog, stick arming, plans that take their
+time, the gate, the collision monitor and the plausibility monitor. As a supervisor would, it resets
+a stop a second later, and chooses the mode again. Interventions of gate and monitors are counted.
+An attacker drives by the same loop in manual; attacker and walkers know the true state.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign.interventions import Interventions
 
 _RESET_AFTER = 1.0
-"""Somebody who looks on sees to a stop so soon [s]."""
+"""A stop is reset so soon [s]."""
 
 
 class Watched(LocalGatedRobot):
@@ -64,7 +63,7 @@ def pieces(setup: Setup, acted: Interventions, length: int) -> Iterator[Trace]:
 def attacked(
     setup: Setup, attack: Attack, pursuers: Pursuers, acted: Interventions, length: int
 ) -> Iterator[Trace]:
-    """The same with the stick in an attacker's hand; whom it drives among are after the robot."""
+    """The same with an attacker's stick; the walkers pursue the robot."""
     return stepped(_Attacked(setup, acted, attack, pursuers), length)
 
 
@@ -79,8 +78,10 @@ class Looped(TwinRun):
             raise CohelmError("the loop needs a twin with a LiDAR and a pilot")
         self.acted = acted
         self.gated = Watched(self.robot, setup.dt, acted)
-        hands = setup.operator.active or bool(np.any(setup.hands.x) or np.any(setup.hands.psi))
-        self.mode = Mode.SHARED if hands else Mode.AUTOMATIC
+        steered = setup.operator.active or bool(
+            np.any(setup.recorded_stick.x) or np.any(setup.recorded_stick.psi)
+        )
+        self.mode = Mode.SHARED if steered else Mode.AUTOMATIC
         self.now = self.stick
         """The deflection of this step."""
         known = setup.twin.known
@@ -98,8 +99,8 @@ class Looped(TwinRun):
 
     def step(self, k: int, row: Any) -> None:
         """Control period k, written into the row."""
-        then, self.now = self.truth, self.hand(k, self.things())
-        self._seen_to(k * self.setup.dt)
+        then, self.now = self.truth, self.operator_stick(k, self.discs())
+        self._supervise(k * self.setup.dt)
         self.loop.period()
         self.gated.wait((k + 1) * self.setup.dt)
         self.moved(self.now)
@@ -112,8 +113,8 @@ class Looped(TwinRun):
             row["saturated"] = self.gated.gate.out != (decided.safe_v, decided.safe_omega)
         self.write(row, k, then, decided)
 
-    def _seen_to(self, now: float) -> None:
-        """Whoever looks on has the robot drive, at first and again after each stop."""
+    def _supervise(self, now: float) -> None:
+        """Has the robot drive, at first and again after each stop."""
         gate = self.gated.gate
         if latched(gate.mode):
             if math.isnan(self.latched_at):
@@ -128,7 +129,7 @@ class Looped(TwinRun):
 
 
 class _Attacked(Looped):
-    """The attacker drives alone, in manual. He centres the stick whenever it has to be armed."""
+    """The attacker drives alone, in manual, and centres the stick whenever it has to be armed."""
 
     def __init__(
         self, setup: Setup, acted: Interventions, attack: Attack, pursuers: Pursuers
@@ -136,10 +137,10 @@ class _Attacked(Looped):
         super().__init__(setup, acted, pursuers)
         self.mode, self.attack, self.held = Mode.MANUAL, attack, self.stick
 
-    def hand(self, k: int, things: Floats) -> Stick:
+    def operator_stick(self, k: int, discs: Floats) -> Stick:
         """What the attacker does in step k."""
         setup = self.setup
         self.held = deflection(
-            self.attack, self.held, k, setup.dt, self.truth.pose, things, setup.around.walls
+            self.attack, self.held, k, setup.dt, self.truth.pose, discs, setup.obstacles.walls
         )
         return self.held if self.loop.supervisor.stick_state.arming == Arming.ARMED else CENTRED

@@ -5,10 +5,10 @@ The generator, which any number of episodes come from:
   one, both anywhere across but for 1.5 m at either side, the reference a straight line at 0.8 m/s;
 - nothing that rests, and 4, 8 or 14 discs that move: easy, medium and hard, in turns;
 - discs of radius 0.25 to 0.5 m that move straight from key frame to key frame, at least 2 m apart,
-  on each way at another speed of 0.4 to FASTEST, and with AGILITY from rest to rest. Their outlines
-  stay APRON off the west and the east wall and 0.1 m off the other two. They move all the time,
-  through each other too, and mind nobody;
-- arrived is who comes within 0.3 m of the goal within 90 s.
+  on each leg at another speed of 0.4 to FASTEST, and with MAX_ACCELERATION from rest to rest. Their
+  outlines stay APRON off the west and the east wall and 0.1 m off the other two. They move all the
+  time, through each other too, and avoid nobody;
+- arrived: within 0.3 m of the goal, within 90 s.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def case(seed: int, number: int) -> Episode:
         outline=sally.outline,
         limits=sally.bounds(),
         gains=PAPER._replace(u_d=_SPEED),
-        around=world((discs, walls)),
+        obstacles=world((discs, walls)),
         names=tuple(f"mover_{i}" for i in range(len(discs))),
         dt=DT,
         duration=_LIMIT,
@@ -72,7 +72,7 @@ def case(seed: int, number: int) -> Episode:
 
 
 def _disc(rng: np.random.Generator, reach: float) -> Body:
-    """A disc whose way from key frame to key frame lasts longer than the episode."""
+    """A disc whose path from key frame to key frame lasts longer than the episode."""
     radius = rng.uniform(0.25, 0.5)
     low = np.array([APRON, 0.1]) + radius
     high = np.array([LENGTH, WIDTH]) - low

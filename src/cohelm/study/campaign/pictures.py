@@ -99,7 +99,7 @@ def strip(case: Episode, trace: Trace) -> bytes | None:
 def _frame(axes: Axes, case: Episode, trace: Trace, first: int, k: int) -> None:
     """One moment, row k; `first` is the row of the strip's first."""
     rows, setup = trace.rows, case.setup
-    walls = setup.around.walls.reshape(-1, 2, 2)
+    walls = setup.obstacles.walls.reshape(-1, 2, 2)
     axes.add_collection(LineCollection(list(walls), colors=WALL, linewidths=1.4))
     axes.plot(rows["x_d"], rows["y_d"], color=REFERENCE, lw=0.8, ls=(0, (4, 3)), zorder=1)
     for i in range(trace.discs.shape[1]):
@@ -131,7 +131,7 @@ def _room(case: Episode, trace: Trace) -> tuple[float, float, float, float]:
     ways = np.column_stack((trace.rows["x"], trace.rows["y"]))
     discs = trace.discs[0, :, :2] if len(trace.discs) else np.empty((0, 2))
     discs = discs[np.abs(discs).max(axis=1, initial=0.0) < ELSEWHERE]
-    whole = np.vstack((ways, case.setup.around.walls.reshape(-1, 2), discs))
+    whole = np.vstack((ways, case.setup.obstacles.walls.reshape(-1, 2), discs))
     shown = whole if np.ptp(whole, axis=0).max() <= _ROOM else ways
     (left, low), (right, high) = shown.min(axis=0) - _MARGIN, shown.max(axis=0) + _MARGIN
     return float(left), float(right), float(low), float(high)
@@ -147,7 +147,7 @@ def _legend(case: Episode, trace: Trace) -> list[Artist]:
         (case.goal is not None,
          Line2D([], [], color=REFERENCE, lw=1.0, ls=(0, (4, 3)), label="reference")),
         (case.goal is not None, Patch(fc="none", ec=PALE, ls=":", lw=1.2, label="goal")),
-        (len(case.setup.around.walls) > 0, Line2D([], [], color=WALL, lw=1.6, label="wall")),
+        (len(case.setup.obstacles.walls) > 0, Line2D([], [], color=WALL, lw=1.6, label="wall")),
         (not all(moving), Patch(fc=CONE, alpha=0.8, label="obstacle at rest")),
         (any(moving), Patch(fc=MOVER, alpha=0.8, label="moving obstacle, last 4 s")),
     ]  # fmt: skip
@@ -156,7 +156,7 @@ def _legend(case: Episode, trace: Trace) -> list[Artist]:
 
 def _above(axes: Axes, case: Episode, trace: Trace, row: EpisodeResult) -> None:
     rows, setup = trace.rows, case.setup
-    walls = setup.around.walls.reshape(-1, 2, 2)
+    walls = setup.obstacles.walls.reshape(-1, 2, 2)
     axes.add_collection(LineCollection(list(walls), colors=WALL, linewidths=1.6))
     if case.uneven is not None:
         drops = edges(case.uneven.heights.drops).reshape(-1, 2, 2)

@@ -1,11 +1,11 @@
 """Episodes of a suite on the physics twin, closed on its sensors alone.
 
-The robot finds its place on a map of all that stands, as if measured by tape (the walkers are on
-no map), in the adversary's field by its odometry alone. What is around it, it knows from its LiDAR
-and `perceive`; truth is for the judge. Its sensors: LiDAR as in the robot's file but with 2 cm of
-noise, a sweep that takes three quarters of the time between two, and 50 ms more until it is
-read; wheels that measure some 1.5 % wrongly, and a gyro that drifts 0.02 deg/s. Wherever the
-robot does not know its place, or has seen nothing yet, the reference waits.
+The robot localizes on a map of all standing obstacles, as if measured by tape (the walkers are on
+no map), in the adversary's field by its odometry alone. It knows obstacles from its LiDAR by
+`perceive`; truth is for the judge. Its sensors: LiDAR as in the robot's file but with 2 cm of
+noise, a sweep that takes three quarters of the scan period, and 50 ms more until it is read; wheels
+that measure some 1.5 % wrongly, and a gyro that drifts 0.02 deg/s. While the robot is lost, or has
+seen nothing yet, the reference waits.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ def sensing(model: RobotModel) -> TwinModel:
     )
 
 
-def carried(name: str, plant: Plant) -> RobotModel:
+def equipped(name: str, plant: Plant) -> RobotModel:
     """The robot, with the LiDARs that this plant gives it."""
     model = robot(name)
     if plant == "twin-rear":
-        return looking_back(model)
-    return looking_round(model) if plant == "twin-all-round" else model
+        return with_rear_lidar(model)
+    return with_all_round_lidar(model) if plant == "twin-all-round" else model
 
 
-def looking_back(model: RobotModel) -> RobotModel:
+def with_rear_lidar(model: RobotModel) -> RobotModel:
     """A robot with a second LiDAR like its first one, as far behind as that one is in front."""
     first = model.lidar
     if first is None:
@@ -63,8 +63,8 @@ def looking_back(model: RobotModel) -> RobotModel:
     return model.model_copy(update={"lidar": both[0], "further_lidars": (both[1],)})
 
 
-def looking_round(model: RobotModel) -> RobotModel:
-    """A robot whose LiDAR looks all round from its middle, its beams as far apart as they were."""
+def with_all_round_lidar(model: RobotModel) -> RobotModel:
+    """A robot whose LiDAR looks all round from its middle, with the same angle between beams."""
     if model.lidar is None:
         return model
     clearances = (model.lidar.beams - 1) / model.lidar.field_of_view_deg
@@ -74,16 +74,16 @@ def looking_round(model: RobotModel) -> RobotModel:
 
 def on_twin(case: Episode, plant: Plant) -> Episode:
     """The same episode on the twin."""
-    model = carried(case.robot, plant)
+    model = equipped(case.robot, plant)
     assert model.lidar is not None
     physics, setup, further = sensing(model), case.setup, model.further_lidars
     if case.rollout is not None:
         field = _field(case)
         names = tuple(f"thing_{i}" for i in range(len(field.discs)))
         full = PAPER._replace(u_d=setup.limits.speed)
-        setup = replace(setup, around=field, names=names)
+        setup = replace(setup, obstacles=field, names=names)
         setup = with_pilot(setup, lidar=model.lidar, gains=full, further=further)
-        # There is no way to follow and so no end of it: a stick at its stop asks for all there is.
+        # There is no reference and so no end of it: a full deflection requests full speed.
         setup = replace(setup, near=0.0, twin=Twinned(model, physics))
         return replace(case, plant=plant, setup=setup)
     if setup.pilot is None:
@@ -92,16 +92,16 @@ def on_twin(case: Episode, plant: Plant) -> Episode:
     seeing = replace(
         setup.pilot, lidar=model.lidar.lidar(), rate=model.lidar.rate_hz, further=further
     )
-    known = map_from_geometry(setup.around.walls, setup.start, _resting(setup))
+    known = map_from_geometry(setup.obstacles.walls, setup.start, _resting(setup))
     setup = replace(setup, pilot=seeing, twin=Twinned(model, physics, known))
     return replace(case, plant=plant, setup=setup)
 
 
 def _resting(setup: Setup) -> np.ndarray:
     """x, y and radius of what never moves."""
-    discs = setup.around.discs
-    still = (np.diff(setup.around.path_first) == 0) & (discs[:, VX] == 0) & (discs[:, VY] == 0)
-    return discs[still][:, [X, Y, RADIUS]]
+    discs = setup.obstacles.discs
+    resting = (np.diff(setup.obstacles.path_first) == 0) & (discs[:, VX] == 0) & (discs[:, VY] == 0)
+    return discs[resting][:, [X, Y, RADIUS]]
 
 
 def _field(case: Episode) -> World:

@@ -105,8 +105,8 @@ def cut(trace: Trace, case: Episode) -> Trace:
 
 
 def record(found: Again, folder: Path) -> None:
-    """Leave record, row and picture of an episode in a folder, which is made if need be; and where
-    it made way for somebody, a strip of that.
+    """Write record, row and picture of an episode to a folder, which is made if need be; and where
+    it made way, a strip of that.
 
     Raises CohelmError where one of them is there already or can not be written.
     """

@@ -38,13 +38,13 @@ class Outcome(NamedTuple):
     def as_dict(self) -> dict[str, Any]:
         """One object: the first law's numbers, and all laws under `compare` if there are more."""
         first = self.summaries[0].as_dict()
-        said: dict[str, Any] = {
+        made: dict[str, Any] = {
             "suite": self.suite.name, "plant": self.suite.plant, "seed": self.suite.seed, **first,
         }  # fmt: skip
         if len(self.laws) > 1:
-            said["compare"] = [s.as_dict() for s in self.summaries]
-        said["left_out"] = list(self.suite.notes)
-        return said
+            made["compare"] = [s.as_dict() for s in self.summaries]
+        made["left_out"] = list(self.suite.notes)
+        return made
 
 
 def outcome(made: Suite, laws: Sequence[str], rows: Sequence[EpisodeResult]) -> Outcome:
@@ -212,29 +212,29 @@ def _figure(made: Suite, row: EpisodeResult) -> str:
 
     again = drive(made.case(row.episode), row)
     png = base64.b64encode(picture(again.case, again.trace, row)).decode()
-    said = caption(row)
+    text = caption(row)
     return (
-        f'<figure><img alt="{escape(said)}" src="data:image/png;base64,{png}">'
-        f"<figcaption>{escape(said)}</figcaption></figure>"
+        f'<figure><img alt="{escape(text)}" src="data:image/png;base64,{png}">'
+        f"<figcaption>{escape(text)}</figcaption></figure>"
     )
 
 
 def caption(row: EpisodeResult) -> str:
-    """What came of an episode, for who looks at its picture."""
+    """The outcome of an episode, for the picture's caption."""
     contacts = [
         f"{count} {name} contact{'s' if count > 1 else ''}"
         for name, count in (("moving", row.contacts_moving), ("standing", row.contacts_standing))
         if count
     ]
-    said = [", ".join(contacts) or "no contact"]
+    text = [", ".join(contacts) or "no contact"]
     if not math.isnan(row.tracking_rms):
-        said.append("arrived" if row.arrived else "not arrived")
-    said.append(f"{row.duration_s:.1f} s")
+        text.append("arrived" if row.arrived else "not arrived")
+    text.append(f"{row.duration_s:.1f} s")
     least = f"least clearance {'while moving ' if row.min_clearance_moving_m < FAR else ''}"
     least += f"{clearance_then(row):.4f} m"
     at = f" at {row.min_clearance_at_s:.1f} s" + (f" ({row.nearest})" if row.nearest else "")
     kind = f" ({row.kind})" if row.kind else ""
-    return f"{row.law}/{row.episode}{kind}: {', '.join(said)}; {least}{at}"
+    return f"{row.law}/{row.episode}{kind}: {', '.join(text)}; {least}{at}"
 
 
 def _html(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -254,8 +254,8 @@ def _faults(found: Outcome) -> tuple[str, ...]:
     )
 
 
-def _list(title: str, said: Sequence[str]) -> str:
-    if not said:
+def _list(title: str, text: Sequence[str]) -> str:
+    if not text:
         return ""
-    items = "".join(f"<li>{escape(one)}</li>" for one in said)
-    return f"<details><summary>{escape(title)} ({len(said)})</summary><ul>{items}</ul></details>"
+    items = "".join(f"<li>{escape(one)}</li>" for one in text)
+    return f"<details><summary>{escape(title)} ({len(text)})</summary><ul>{items}</ul></details>"

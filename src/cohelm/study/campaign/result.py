@@ -32,7 +32,7 @@ class EpisodeResult(NamedTuple):
     """Of `heights`: 1 where a wheel had no floor under it; the episode ends with that, or with the
     first contact."""
     no_goal: bool
-    """Whether nobody wanted to get anywhere."""
+    """Whether the episode has no goal."""
     untouched_share: float
     """Of all control steps, those in which nothing was touched."""
     min_clearance_m: float
@@ -42,7 +42,8 @@ class EpisodeResult(NamedTuple):
     min_clearance_at_s: float
     """When it was smallest while the robot moved; at all, where nothing was near then."""
     closest_mover_m: float
-    """Smallest gap to who ever moves; at most `sim.judge.FAR`, NaN where nobody does."""
+    """Smallest clearance to anything that ever moves; at most `sim.judge.FAR`, NaN without
+    movers."""
     near_movers_s: float
     """How long that gap was below `sim.proximity.INTIMATE`, 0.45 m."""
     nearest: str
@@ -59,14 +60,15 @@ class EpisodeResult(NamedTuple):
     human_share: float
     """Mean authority of the operator, in [0, 1]."""
     disagreement_mps: float
-    """Mean distance of what the wheels did from what the hand asked for, while it asked:
+    """Mean distance of the wheels' motion from the operator's command, while there is one:
     sqrt(dv^2 + (0.5 m domega)^2)."""
     jerk_rms_mps3: float
     """Of the speed the wheels were given, by second differences."""
     recovery_s: float
     """Mean time from a release of the stick until E_P is below 0.03 again."""
     unrecovered: int
-    """Releases after which it never was, though nobody led again and the robot did not arrive."""
+    """Releases after which it never was, though the operator did not lead again and the robot did
+    not arrive."""
     filtered_share: float
     """Of all steps, those in which the law's filter changed the command."""
     gate_share: float

@@ -2,15 +2,14 @@
 
 The generator, which any number of episodes come from:
 - a room of 10 to 13 m by 6 to 8 m, four walls; Sally, from 1.2 m off the west wall to 1.2 m off
-  the east one, both anywhere across, the reference a straight line at 0.5 m/s, blind to what
-  stands on it;
+  the east one, both anywhere across, the reference a straight line at 0.5 m/s that ignores
+  obstacles;
 - 6 to 14 resting discs of radius 0.1 to 0.5 m anywhere, but 0.9 m clear of start and goal, and so
-  that a circle of WAY across can be rolled from start to goal between discs and walls: what has
-  no way through can not be asked for;
+  that a circle of WAY across can be rolled from start to goal between discs and walls;
 - 2 to 5 walkers of radius 0.2 to 0.3 m on splines through random points of the room, at a mean
-  speed of 0.2 to 0.8 m/s, never faster than FASTEST nor with more than AGILITY, 2 m off the start
-  at first. They walk all the time, through resting discs too, and mind nobody;
-- arrived is who comes within 0.3 m of the goal within 120 s.
+  speed of 0.2 to 0.8 m/s, never above FASTEST nor MAX_ACCELERATION, 2 m off the start at first.
+  They walk all the time, through resting discs too, and avoid nobody;
+- arrived: within 0.3 m of the goal, within 120 s.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ def case(seed: int, number: int) -> Episode:
         if has_way(resting, length, width, start, goal, 0.5 * WAY):
             break
     reach = sally.reach
-    still = [
+    resting_discs = [
         Body((x, y, 0.0, 0.0, r, r + reach)) for x, y, r in resting.tolist()
     ]  # fmt: skip
     walkers = [_walker(rng, length, width, start, reach) for _ in range(rng.integers(2, 6))]
@@ -65,8 +64,8 @@ def case(seed: int, number: int) -> Episode:
         outline=sally.outline,
         limits=sally.bounds(),
         gains=PAPER._replace(u_d=SPEED),
-        around=world(([*still, *walkers], rectangle.walls(length, width))),
-        names=(*(f"disc_{i}" for i in range(len(still))),
+        obstacles=world(([*resting_discs, *walkers], rectangle.walls(length, width))),
+        names=(*(f"disc_{i}" for i in range(len(resting_discs))),
                *(f"walker_{i}" for i in range(len(walkers)))),
         dt=DT,
         duration=LIMIT,
@@ -107,7 +106,7 @@ def has_way(
 def _walker(
     rng: np.random.Generator, length: float, width: float, start: Floats, reach: float
 ) -> Body:
-    """A walker whose spline fits its bounds, and lasts longer than the episode."""
+    """A walker whose spline is within its bounds, and lasts longer than the episode."""
     radius, speed = rng.uniform(0.2, 0.3), rng.uniform(0.2, 0.8)
     low, high = np.full(2, radius), np.array([length, width]) - radius
     while True:

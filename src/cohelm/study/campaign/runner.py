@@ -1,4 +1,4 @@
-"""A whole campaign: what is still to be driven, by whom, and what is kept of it."""
+"""Runs a whole campaign: drives what is missing, on processes or a cluster, and keeps the rows."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _MOST = 1_000_000
 
 @dataclass(frozen=True)
 class CampaignConfig:
-    """What a campaign is asked for."""
+    """The plan of a campaign."""
 
     suite: str
     laws: tuple[Law, ...]
@@ -68,7 +68,7 @@ class CampaignConfig:
         return made
 
     def _own(self, law: str, made: Suite) -> None:
-        """A law by somebody else has to be there, and to be told the truth."""
+        """Checks that an external law exists, and can be given the true obstacles."""
         if ":" not in law and law not in plugins(GROUP):
             there = [*made.laws, *plugins(GROUP)]
             hint = nearest(law, there)
@@ -113,11 +113,11 @@ def planned(kept: dict[str, Any]) -> CampaignConfig:
 def run(
     plan: CampaignConfig, folder: Path, jobs: int, cluster: str | None, progress: Progress
 ) -> tuple[Suite, list[EpisodeResult]]:
-    """Drive what is not yet driven, and return all rows, by law and number.
+    """Drive the missing episodes, and return all rows, by law and number.
 
-    Interrupted, killed or on a full disk, the rows written before stay, and the same call goes
-    on with the rest. jobs: processes on this machine. cluster: address of a Dask scheduler to
-    drive on instead.
+    Interrupted, killed or on a full disk, the rows written before stay, and the same call goes on
+    with the rest. jobs: processes on this machine. cluster: address of a Dask scheduler to drive on
+    instead.
     """
     made = check(plan, jobs)
     episodes = plan.n or made.episodes
@@ -140,7 +140,7 @@ def check(plan: CampaignConfig, jobs: int) -> Suite:
 def remaining(
     laws: tuple[Law, ...], episodes: int, size: int, there: set[Key]
 ) -> list[Work]:  # fmt: skip
-    """What is to be driven yet, in chunks; each episode under all laws before the next."""
+    """The missing episodes, in chunks; each episode under all laws before the next."""
     work: list[Work] = []
     for first in range(0, episodes, size):
         for law in laws:

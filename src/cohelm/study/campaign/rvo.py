@@ -1,13 +1,13 @@
 """ir-sim's velocity obstacles as a peer: the same rooms, wheels and judge; its own controller.
 
-`rvo` is its reciprocal velocity obstacles (van den Berg et al. 2008), which count on the others
-to give way by half; `vo` its plain ones, which do not, and so suit people who mind nobody better.
-It knows every disc with its velocity. It is not told of the walls: in a closed room its way of
-treating segments leaves no velocity admissible, and it drives worse than without; contacts with
-walls are judged all the same. It is asked every 0.1 s, its usual step, wants the reference's speed,
-as ours does, and is told what its wheels can do (`acce` is its largest change of speed in a step).
-It takes the robot for a circle, 0.1 m larger than the outline's farthest corner, as it always does.
-The robot then moves as ours does: wheel limits, exact arcs, 50 steps a second.
+`rvo` is its reciprocal velocity obstacles (van den Berg et al. 2008), which count on the others to
+give way by half; `vo` its plain ones, which do not, and so suit movers that avoid nobody better. It
+is given every disc with its velocity, but not the walls: in a closed room its treatment of segments
+leaves no velocity admissible, and it drives worse than without; contacts with walls are judged all
+the same. It computes a command every 0.1 s, its usual step, wants the reference's speed, as ours
+does, and gets the wheels' limits (`acce` is its largest change of speed in a step). It takes the
+robot for a circle, 0.1 m larger than the outline's farthest corner, as it always does. The robot
+then moves as ours does: wheel limits, exact arcs, 50 steps a second.
 
 ir-sim runs in a process of its own, for the same reasons as the peers of `cohelm bench`: each
 worker keeps one. This module is also what that process runs.
@@ -92,26 +92,26 @@ def _drive(irsim: Any, case: Episode, mode: str) -> Trace:
 
 
 class _Law:
-    """ir-sim's controller as a law of somebody else's, each of its commands held for a while."""
+    """ir-sim's controller as an external law, each of its commands held for a while."""
 
     def __init__(self, irsim: Any, case: Episode, mode: str) -> None:
         discs = np.empty((len(case.setup.names), 6))
-        place(discs, case.setup.around, 0.0)
+        place(discs, case.setup.obstacles, 0.0)
         self._env = _world(irsim, case, discs, mode)
         self._command, self._steps = Twist(0.0, 0.0), 0
 
     def __call__(self, now: Observation) -> Twist:
         if self._steps % _HOLD == 0:
-            self._command = self._asked(now)
+            self._command = self._command_at(now)
         self._steps += 1
         return self._command
 
-    def _asked(self, now: Observation) -> Twist:
+    def _command_at(self, now: Observation) -> Twist:
         """What it wants with everything where it is now."""
-        for thing, disc in zip(self._env.obstacle_list, now.obstacles.discs, strict=True):
-            if not thing.static:
-                thing.set_state([disc[X], disc[Y], 0.0])
-                thing.set_velocity([disc[VX], disc[VY]])
+        for obstacle, disc in zip(self._env.obstacle_list, now.obstacles.discs, strict=True):
+            if not obstacle.static:
+                obstacle.set_state([disc[X], disc[Y], 0.0])
+                obstacle.set_velocity([disc[VX], disc[VY]])
         robot, (x, y, psi) = self._env.robot, now.pose
         robot.set_state([x, y, psi])
         robot.set_velocity([*now.twist])
@@ -163,10 +163,10 @@ def _serve() -> None:
         except EOFError:
             return
         try:
-            given: object = _drive(irsim, case, law)
-        except Exception as error:  # told in the episode's row
-            given = f"ir-sim failed: {type(error).__name__}: {error}"
-        pickle.dump(given, answers)
+            answer: object = _drive(irsim, case, law)
+        except Exception as error:  # reported in the episode's row
+            answer = f"ir-sim failed: {type(error).__name__}: {error}"
+        pickle.dump(answer, answers)
         answers.flush()
 
 

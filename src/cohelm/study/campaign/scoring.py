@@ -44,8 +44,8 @@ def scored(
     it was driven; nothing where there were none.
     """
     setup = case.setup
-    walls = setup.around.walls
-    seen, close, who = Judged(), Proximity(), movers(setup.around)
+    walls = setup.obstacles.walls
+    seen, close, moving = Judged(), Proximity(), movers(setup.obstacles)
     kept: list[NDArray[np.void]] = []
     there: list[Floats] = []
     last: tuple[NDArray[np.void], Floats] | None = None
@@ -61,7 +61,7 @@ def scored(
         kept.append(rows)
         if setup.twin is not None:
             there.append(discs)
-        close = approached(close, rows, discs, setup.outline, who)
+        close = approached(close, rows, discs, setup.outline, moving)
         if last is not None:
             rows = _joined([last[0], rows])
             discs = np.concatenate((last[1], discs))
@@ -77,7 +77,7 @@ def scored(
     if setup.twin is not None and not math.isnan(seen.first):
         touched = first_touch(setup, setup.twin, rows, np.concatenate(there), seen.first)
     return _row(
-        case, law, rows, seen, close if who.any() else None, nearest, arrived, touched, acted
+        case, law, rows, seen, close if moving.any() else None, nearest, arrived, touched, acted
     )
 
 
@@ -97,9 +97,9 @@ def _nearest(
     """What the outline was nearest to at the time of the smallest clearance."""
     k = int(np.argmin(np.abs(rows["t"] - seen.at)))
     pose = Pose(float(rows["x"][k]), float(rows["y"][k]), float(rows["psi"][k]))
-    walls = setup.around.walls
-    things = range(discs.shape[1] + len(walls))
-    clearances = [clearance_to(pose, setup.outline, discs[k], walls, i) for i in things]
+    walls = setup.obstacles.walls
+    obstacles = range(discs.shape[1] + len(walls))
+    clearances = [clearance_to(pose, setup.outline, discs[k], walls, i) for i in obstacles]
     best = int(np.argmin(clearances)) if clearances else 0
     return "" if seen.clearance >= FAR else names[best] if best < len(names) else "wall"
 
@@ -191,7 +191,9 @@ def recovery(rows: NDArray[np.void], arrived: bool) -> tuple[float, int]:
     leads = np.minimum(rows["authority_x"], rows["authority_psi"]) < LEADS_BELOW
     led, found, never = spans(leads), list[float](), 0
     begins = [begin for begin, _ in led[1:]] + [len(rows)]
-    for (_, released), until in zip(led, begins, strict=False):  # one more where nobody leads
+    for (_, released), until in zip(
+        led, begins, strict=False
+    ):  # one more where the operator never leads
         back = np.flatnonzero(rows["e_p"][released:until] < BACK_ON_PATH)
         if len(back):
             found.append(float(back[0]) * DT)

@@ -73,7 +73,7 @@ SPREADS: dict[str, Callable[[EpisodeResult], float]] = {
     "monitor_share": lambda r: r.monitor_share,
     "stops": lambda r: r.stops if math.isfinite(r.gate_share) else math.nan,
 }
-"""What is told of all episodes together."""
+"""What is summarized over all episodes."""
 
 
 class Summary(NamedTuple):
@@ -83,14 +83,14 @@ class Summary(NamedTuple):
     episodes: int
     faults: int
     arrived: Share | None
-    """None where nobody wants to arrive."""
+    """None without goals."""
     success: Share | None
     """Of all, those that arrived and had no moving contact, and no fall."""
     moving: Share
     """Episodes with a contact in which the robot moved."""
     unseen: Share | None
-    """Those of them whose first one was with what no LiDAR had in view when it came to it; None
-    where nothing is seen by LiDAR, or there is none."""
+    """Those of them whose first one was with something that no LiDAR had in view at that moment;
+    None without a LiDAR, or where there is none."""
     standing: Share
     """Episodes in which it was walked into."""
     departing: Share
@@ -151,12 +151,14 @@ def _bounds(s: Share) -> dict[str, float]:
 
 def _untouched(rows: Sequence[EpisodeResult]) -> float:
     """The share of steps without a contact, over episodes of any length."""
-    told = [row for row in rows if math.isfinite(row.untouched_share + row.duration_s)]
-    whole = sum(row.duration_s for row in told)
-    return sum(row.untouched_share * row.duration_s for row in told) / whole if whole else math.nan
+    measured = [row for row in rows if math.isfinite(row.untouched_share + row.duration_s)]
+    whole = sum(row.duration_s for row in measured)
+    return (
+        sum(row.untouched_share * row.duration_s for row in measured) / whole if whole else math.nan
+    )
 
 
-def _well(row: EpisodeResult) -> bool:
+def _succeeded(row: EpisodeResult) -> bool:
     return row.arrived and row.contacts_moving == 0 and row.falls == 0
 
 
@@ -183,7 +185,7 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
         n,
         n - len(sound),
         share(sum(row.arrived for row in sound), of) if goals else None,
-        share(sum(_well(row) for row in sound), of) if goals else None,
+        share(sum(_succeeded(row) for row in sound), of) if goals else None,
         share(sum(row.contacts_moving > 0 for row in sound), n),
         share(sum(seconds == 0.0 for seconds in seen), n) if seen else None,
         share(sum(row.contacts_standing > 0 for row in sound), n),

@@ -1,12 +1,12 @@
-"""A campaign's folder: what was asked for, and its rows in parts that are whole or not there.
+"""A campaign's folder: its plan, and its rows in parts that are whole or not there.
 
     campaign.json           the plan; another plan is refused
     rows/part-000001.parquet, ...   rows as they came, at most a second apart
-    report.html, summary.json       made at the end, and whenever the campaign is asked for again
+    report.html, summary.json       made at the end, and whenever the command is given again
 
-A part is written beside its place, flushed to the disk and then moved there, so that neither
-kill -9 nor a full disk leaves half of one. An episode that was driven but not yet written is
-driven again, with the same result.
+A part is written to a temporary file, flushed to the disk and then moved to its place, so that
+neither kill -9 nor a full disk leaves half of one. An episode that was driven but not yet written
+is driven again, with the same result.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ class Store:
 
 
 def read_plan(folder: Path) -> dict[str, Any] | None:
-    """What the campaign in a folder was asked for; None if there is none.
+    """The plan of the campaign in a folder; None if there is none.
 
     Raises CohelmError where the file is there but can not be used.
     """
@@ -155,20 +155,20 @@ def read_rows(folder: Path) -> dict[Key, EpisodeResult]:
     return rows
 
 
-def _difference(there: dict[str, Any], asked: dict[str, Any]) -> str:
+def _difference(there: dict[str, Any], requested: dict[str, Any]) -> str:
     """How two plans differ, as one sentence."""
-    names = [key for key in {**there, **asked} if there.get(key) != asked.get(key)]
+    names = [key for key in {**there, **requested} if there.get(key) != requested.get(key)]
     if names == ["code"]:
         return (
             "was driven with another version of this code, whose rows do not belong with new "
             "ones; choose another folder with --out"
         )
-    told = ", ".join(
-        f"{name} {_brief(there.get(name))} (asked for: {_brief(asked.get(name))})"
+    differences = ", ".join(
+        f"{name} {_brief(there.get(name))} (asked for: {_brief(requested.get(name))})"
         for name in names
         if name != "code"
     )
-    return f"holds another campaign, with {told}; choose another folder with --out"
+    return f"holds another campaign, with {differences}; choose another folder with --out"
 
 
 def _brief(value: object) -> str:

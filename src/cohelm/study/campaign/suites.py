@@ -18,7 +18,7 @@ _TAKES_DATA = (*_NEEDS_DATA, "adversary")
 _DRIVEN_ON: dict[str, tuple[Plant, ...]] = {
     **dict.fromkeys(("lab", "random", "movers", "adversary"), PLANTS), "heights": ("twin",),
 }  # fmt: skip
-"""The first one unless another is asked for; what is not here is driven on exact arcs alone."""
+"""The first one is the default; suites not listed are driven on exact arcs alone."""
 _CHUNKS = {"adversary": 10, "random": 5, "movers": 5}
 
 
@@ -28,7 +28,7 @@ class Suite:
 
     name: str
     seed: int
-    given: Any
+    prepared: Any
     """What the suite's module has read or prepared."""
     episodes: int
     """How many there are by default."""
@@ -56,7 +56,7 @@ class Suite:
         return _CHUNKS.get(self.name, 1) if self.plant == "kinematic" else 1
 
     def case(self, number: int) -> Episode:
-        """Episode `number`: the same whenever and wherever it is asked for."""
+        """Episode `number`: the same whenever and wherever it is made."""
         if self.name == "heights":
             return heights.case(self.seed, number)
         made = self._case(number)
@@ -64,18 +64,18 @@ class Suite:
 
     def _case(self, number: int) -> Episode:
         if self.name == "lab":
-            return lab.case(self.given, self.seed, number)
+            return lab.case(self.prepared, self.seed, number)
         if self.name == "random":
             return rooms.case(self.seed, number)
         if self.name == "movers":
             return movers.case(self.seed, number)
         if self.name == "barn":
-            return barn.case(self.given, self.seed, number)
+            return barn.case(self.prepared, self.seed, number)
         if self.name == "crowd":
-            return crowd.case(self.given, self.seed, number)
+            return crowd.case(self.prepared, self.seed, number)
         if self.name == "hands":
-            return hands.case(self.given[0], self.given[1], self.seed, number)
-        return adversary.case(self.seed, number, self.given)
+            return hands.case(self.prepared[0], self.prepared[1], self.seed, number)
+        return adversary.case(self.seed, number, self.prepared)
 
 
 def suite(name: str, seed: int, data: Path | None, plant: Plant | None = None) -> Suite:
@@ -128,11 +128,11 @@ def _suite(name: str, seed: int, data: Path | None) -> Suite:
     assert data is not None
     if name == "barn":
         worlds = barn.read(data)
-        notes = tuple(f"world {w.number}: {said}" for w in worlds for said in w.left_out)
+        notes = tuple(f"world {w.number}: {note}" for w in worlds for note in w.left_out)
         return Suite(name, seed, worlds, 3 * len(worlds), notes)
     if name == "crowd":
         scenes = crowd.read(data)
-        notes = tuple(said for scene in scenes for said in scene.left_out)
+        notes = tuple(note for scene in scenes for note in scene.left_out)
         return Suite(name, seed, scenes, crowd.STARTS * len(scenes), notes)
     found = hands.read(data)
     return Suite(name, seed, (found, hands.course()), 2 * len(found.recordings), found.left_out)

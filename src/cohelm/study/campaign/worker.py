@@ -38,8 +38,8 @@ def code() -> str:
 def chunk(suite: Suite, law: Law, numbers: tuple[int, ...]) -> list[EpisodeResult]:
     """The rows of some episodes under a law.
 
-    What goes wrong in an episode for other reasons than the user's is told in its row, so that
-    one episode does not stop ten thousand.
+    An error that is not the user's is reported in the episode's row, so that one episode does not
+    stop ten thousand.
     """
     return [_one(suite, law, number) for number in numbers]
 
@@ -65,8 +65,8 @@ def _one(suite: Suite, law: Law, number: int) -> EpisodeResult:
         raise
     except Exception as error:  # the campaign goes on; the report and the exit say so
         place = traceback.extract_tb(error.__traceback__)[-1]
-        said = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
-        return NOT_DRIVEN._replace(suite=suite.name, law=law, episode=number, fault=said)
+        fault = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
+        return NOT_DRIVEN._replace(suite=suite.name, law=law, episode=number, fault=fault)
 
 
 def is_search(case: Episode) -> bool:
