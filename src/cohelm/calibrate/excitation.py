@@ -25,14 +25,14 @@ _LATE = 0.3  # a robot may take so long to obey [s]
 _DEFAULT_SPEED, _DEFAULT_TURN = 0.5, 1.0  # where a model gives no limit [m/s, rad/s]
 _RING = 8  # small turns in a circle
 _LEGS = 8
-_SLOWEST = 0.1  # a floor for less than this tells nothing [m/s]
+_SLOWEST = 0.1  # a floor for less measures nothing [m/s]
 
 
 class Segment(NamedTuple):
     """One motion from rest to rest."""
 
     twist: Twist
-    """What is asked for; one of the two is 0."""
+    """The commanded twist; one of the two is 0."""
     hold: float
     """For so long [s]; twist times hold is where it goes."""
     hard: bool

@@ -1,14 +1,14 @@
-"""How well a least-squares fit knows its numbers, where errors come in lumps.
+"""Confidence intervals of a least-squares fit whose errors are correlated within clusters.
 
-The usual formula takes each error to be a new draw. A motion's are not: a ramp that begins late is
+The usual formula takes each error as independent. A motion's are not: a ramp that begins late is
 late at every reading of it. So errors are added up motion by motion before they are squared (the
 "sandwich" for clustered data: Liang and Zeger 1986, https://doi.org/10.1093/biomet/73.1.13), and
-with few motions Student's t counts instead of the normal distribution. Lumps that happen to cancel
-would make that too small: the larger of both formulas is taken. What is wrong in all motions alike
-is in neither.
+with few motions Student's t counts instead of the normal distribution. Clusters that happen to
+cancel would make that too small: the larger of both formulas is taken. An error common to all
+motions is in neither.
 
-Where it is known which motions err alike, as between the same two places, they count as one: to
-drive the same way again tells nothing new.
+Motions known to err alike, as between the same two places, count as one cluster: driving the same
+way again measures nothing new.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Wheel scale, heading scale and the LiDAR's mount, from scans that a standing robot measured.
+"""Wheel scale, heading scale and the LiDAR's mount, from scans of the standing robot.
 
-Hand-eye calibration: between two rests the LiDAR moves by S, which scan matching sees, and the body
-by B, which the odometry says up to the scale of its ways and of its turns; and B M = M S for the
-mount M. Turns on the spot show where the LiDAR sits, straights which way it looks and how far a
-metre is. Only scans at rest are used: when they were stamped does not matter then.
+Hand-eye calibration: between two rests the LiDAR moves by S, measured by scan matching, and the
+body by B, by the odometry up to the scales of distance and heading; and B M = M S for the mount M.
+Turns on the spot determine the LiDAR's position, straights its direction and the distance scale.
+Only scans at rest are used: their stamps do not matter then.
 """
 
 from __future__ import annotations

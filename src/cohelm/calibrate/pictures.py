@@ -17,7 +17,7 @@ from cohelm.calibrate.ride import Ride
 def pictures(
     folder: Path, ride: Ride, response: Response, mount: MeasuredMount | None
 ) -> list[Path]:
-    """Write response.png, and scans.png where the scans told something."""
+    """Write response.png, and scans.png where the scans could be used."""
     commands = np.array(ride.commands)
     figure = Figure(figsize=(11.0, 6.5), layout="constrained")
     for row, (channel, unit, straight) in enumerate(

@@ -1,13 +1,13 @@
-"""Delay, lag, acceleration and braking, from how the odometry answers the commands.
+"""Delay, lag, acceleration and braking, from the odometry's response to the commands.
 
 The model: a command arrives after a delay, the drives follow it no faster than they accelerate or
-brake, and the wheels follow those with a first-order lag. While a speed is held, drives add up what
-is missing of it (the integral part of their controllers), and overshoot after a ramp; at rest they
-forget it. All is fitted at once, by least squares on the way between two odometry readings: a way
-is right whatever a robot calls its speed, and when.
+brake, and the wheels follow those with a first-order lag. While a speed is held, the integral part
+of the drives' controllers winds up, and they overshoot after a ramp; at rest it is reset. All is
+fitted at once, by least squares on the distance between two odometry readings, which is right
+whatever a robot reports as its speed, and when.
 
-Straights and turns share the delay, for the commands take the same way. Not the lag: a drive whose
-wheels push a mass in a straight turns a moment of inertia in a turn, which may weigh more or less.
+Straights and turns share the delay, for the commands take the same path. Not the lag: wheels that
+push a mass in a straight turn a moment of inertia in a turn.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ longer than this: the 100 Hz of `ros2_control` [s]. Such a ramp is up to half a 
 after the straight one of the model, in all motions alike: no residual shows it."""
 _TAIL = 0.4  # after standing, so long is still looked at [s]
 _MOST_DELAY, _MOST_LAG = 0.8, 0.5  # [s]
-_LEAST_LAG = 0.001  # less is none, and tells nothing [s]
+_LEAST_LAG = 0.001  # less counts as none [s]
 _REACHED = 0.97  # of a command's speed
 _HELD = 0.99  # of its fastest, a speed is held
 _END = 0.25  # before a motion ends its speed is held for so long [s]
@@ -56,14 +56,14 @@ class AxisResponse(NamedTuple):
     total: Measured
     """Delay and lag together, which are known better than each [s]."""
     rise: Measured
-    """Acceleration, as far as it was asked for: the commands' own ramp bounds it."""
+    """Acceleration, as far as it was commanded: the commands' own ramp bounds it."""
     brake: Measured
     gain: Measured
     """Of the odometry's speed to the command's."""
     speed: float
     """Reached and held, by the odometry."""
     asked: float
-    """The fastest that was asked for."""
+    """The fastest that was commanded."""
     noise: float
     """Standard deviation of the way between two readings from the model, at a held speed."""
     times: Floats
@@ -83,7 +83,7 @@ class Response(NamedTuple):
 
     @property
     def total(self) -> Measured:
-        """Delay and lag of what answers later: what a guard has to foresee [s]."""
+        """Delay and lag of the slower response: what a guard has to predict [s]."""
         return max(self.straight.total, self.turn.total)
 
 
@@ -105,7 +105,7 @@ class _Data(NamedTuple):
 
 
 def response(model: RobotModel, ride: Ride) -> Response:
-    """Fit all motions of a ride. Raises CohelmError where there is too little to tell."""
+    """Fit all motions of a ride. Raises CohelmError where the data are not enough."""
     data = [_data(ride, straight) for straight in (True, False)]
     if any(len(d.way) < 30 for d in data):
         why = f"{ride.ended}; " if ride.ended else ""
@@ -168,7 +168,7 @@ def response(model: RobotModel, ride: Ride) -> Response:
         lag, rise, brake, gain = (Measured(float(p[i]), float(half[i]))
                                   for i in range(1 + 4 * c, 5 + 4 * c))  # fmt: skip
         total = Measured(float(p[0]) + lag.value, float(half[10 + c]))
-        if rise.value >= given[c]:  # more was not asked for, and is not known
+        if rise.value >= given[c]:  # more was not commanded, and is not known
             rise = Measured(given[c], 0.0)
         span, fitted = data[c].last - data[c].first, ways(p, c)
         held = np.abs(fitted / span) > _HELD * np.max(np.abs(fitted / span))
@@ -211,7 +211,7 @@ class _Held:
 
     def __init__(self, ride: Ride, straight: bool, data: _Data, delay: float) -> None:
         self._ends: list[tuple[float, Any]] = []
-        """What was asked for, and which ways are at its end."""
+        """The commands, and which readings are at their end."""
         for begun, ended, segment in ride.segments:
             asked = abs(segment.twist.v if straight else segment.twist.omega)
             whole = (data.at >= begun) & (data.at < ended) & (abs(data.rate) > _HELD * asked)
@@ -223,9 +223,9 @@ class _Held:
     def reached(
         self, speeds: Floats, which: Callable[[list[float]], float] = max
     ) -> tuple[float, float]:
-        """The speed of the fastest motions (or slowest), and what was asked for.
+        """The speed of the fastest motions (or slowest), and the command.
 
-        speeds: of each way of the data.
+        speeds: of each reading interval of the data.
         """
         if not self._ends:
             return 0.0, math.nan
@@ -237,7 +237,7 @@ class _Held:
         """The fastest command that is followed, where the robot does not do more; else inf.
 
         fitted: as if it did more. It may do a little less at every speed, as a gyro sees a robot
-        with a wide track, and as drives that regulate do more at first: its slowest motions tell.
+        with a wide track, and as regulated drives do more at first: its slowest motions decide.
         """
         if not self._ends:
             return math.inf

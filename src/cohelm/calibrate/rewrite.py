@@ -11,8 +11,8 @@ import yaml
 def rewritten(text: str, values: Mapping[str, float]) -> str:
     """The text with these values, by keys as `limits.speed_mps`.
 
-    A key on a line of its own is changed there, or put at the end of its block. Where a file is
-    written otherwise, in braces or with anchors, it is written anew and loses its comments.
+    A key on a line of its own is changed there, or put at the end of its block. A file in another
+    style, in braces or with anchors, is rewritten and loses its comments.
     """
     made = text if text.endswith("\n") else text + "\n"
     for key, value in values.items():

@@ -1,4 +1,4 @@
-"""Drives the excitation through the gate, and keeps what was sent and what the senses said."""
+"""Drives the excitation through the gate, and records commands and readings."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ def ride(
 ) -> Ride:  # fmt: skip
     """Drive all motions, or as many as can be. The robot stands at the end, whatever happens.
 
-    over: why to end now, or nothing. progress: what is done, and how much of all.
-    Raises CohelmError where nothing could be measured; else `Ride.ended` says why it is not whole.
+    over: why to end now, or nothing. progress: what is done, and how much of all. Raises
+    CohelmError where nothing could be measured; else `Ride.ended` says why it is not whole.
     """
     rider, garbage = _Rider(gated, over), Sweeper()
     try:
@@ -105,7 +105,7 @@ class _Rider:
         self._line = 0.0  # heading of the first straight [rad]
 
     def begin(self, plan: Excitation) -> None:
-        """The senses speak, nothing is in the way, and the gate lets the robot drive."""
+        """Wait until sensors deliver, nothing is in the way, and the gate lets the robot drive."""
         gated, began = self.gated, self.gated.now()
         while True:
             readings = gated.read()
@@ -167,7 +167,7 @@ class _Rider:
             self.made.commands.append((gated.now(), 0.0, 0.0))
         still = 0
         ended = gated.now()
-        # a robot that brakes harder than its file says stands before the gate has braked to 0
+        # a robot that brakes harder than its file states stands before the gate has braked to 0
         while still < 5 or (segment.hard and gated.gate.out != _STILL):
             odometry = self._period(_STILL, stopped=segment.hard)
             still = still + 1 if standing(odometry.twist) else 0
@@ -193,7 +193,7 @@ class _Rider:
         self.made.segments.append((began, gated.now(), segment))
 
     def stand(self) -> None:
-        """Brake, and wait until the odometry says that it stands, or for long enough."""
+        """Brake, and wait until the odometry reports standstill, or for long enough."""
         gated = self.gated
         gated.stop(self.made.ended or "measured")
         until = gated.now() + 3.0

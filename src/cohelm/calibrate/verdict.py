@@ -1,4 +1,4 @@
-"""What a robot's model assumes, beside what was measured: is it safe to rely on?"""
+"""Compares the assumptions of a robot's model with what was measured: are they safe?"""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Comparison(NamedTuple):
     """What to assume from now on: on the safe side of the interval."""
     verdict: Verdict
     why: str
-    """In plain words."""
+    """In a sentence."""
 
 
 def findings(
@@ -43,9 +43,9 @@ def findings(
 ) -> list[Comparison]:
     """Of a run. No limit is written larger than it was assumed.
 
-    mount: None where the scans told nothing: then the odometry's own metres and radians count, and
-    wheels, track and LiDAR are left as they are. added: what the loop adds to the file's `delay_s`
-    by itself, for the drives of a simulated twin [s].
+    mount: None where the scans could not be used: then the odometry's own metres and radians count,
+    and wheels, track and LiDAR are left as they are. added: what the loop adds to the file's
+    `delay_s` by itself, for the drives of a simulated twin [s].
     """
     straight, turn = response.straight, response.turn
     way, heading = (mount.way, mount.heading) if mount is not None else (_EXACT, _EXACT)
@@ -92,9 +92,9 @@ def findings(
 
 
 def _track(model: RobotModel, response: Response, mount: MeasuredMount) -> Measured:
-    """By how far the wheels roll for a metre and for a radian that are commanded [m].
+    """Distance that the wheels roll for a metre and for a radian that are commanded [m].
 
-    Commanded and not by the odometry, whose heading may be a gyro's and know nothing of the track.
+    Commanded and not by the odometry, whose heading may be a gyro's and independent of the track.
     """
     parts = (mount.way, response.straight.gain, mount.heading, response.turn.gain)
     way, straight, heading, turn = (part.value for part in parts)

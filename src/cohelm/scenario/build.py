@@ -65,10 +65,9 @@ def setup(scenario: Scenario) -> Setup:
 
 
 def warnings(scenario: Scenario) -> list[str]:
-    """What will run but is probably not meant, one sentence each.
+    """What will run but is probably a mistake, one sentence each.
 
-    A reference that asks for more than the robot's limits; a stick file that ends before the
-    run does.
+    A reference beyond the robot's limits; a stick file that ends before the run does.
     """
     alone = standing_alone(scenario, Path())
     reference = alone.reference.spline()
@@ -228,7 +227,7 @@ def _check_clearance(clearance: float, start: Pose, alone: Scenario, what: str) 
 
 
 def _beyond_limits(reference: Reference, robot: RobotModel) -> list[str]:
-    """Where the reference asks more than the robot can do, at its worst."""
+    """Where the reference exceeds the robot's limits most."""
     limits = robot.bounds()
     steps = min(max(round(reference.duration / 0.01), 2000), 1_000_000)
     table = tabulate(reference, reference.duration / steps, steps, True)

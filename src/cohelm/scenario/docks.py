@@ -39,7 +39,7 @@ class DockModel(Schema):
     """Clearance that it keeps on that way, instead of the guard's soft_margin_m; not less than the
     robot's hard margin, errors of its sensors included."""
     speed_mps: Annotated[float, Field(ge=0.02, le=0.5)] = 0.15
-    """No more speed than this is asked for on it."""
+    """Largest speed requested on it."""
     within_s: Annotated[float, Field(ge=1.0, le=600.0)] = 40.0
     """Docking, or undocking, that takes longer is given up."""
 
@@ -76,7 +76,7 @@ def _wrong(
     dock: Dock, outline: Floats, hard_margin: float, known: LocalizationMap | None,
     zones: Zones | None,
 ) -> str:  # fmt: skip
-    """Why no robot could dock there; empty: as far as the map says it can."""
+    """Why no robot could dock there; empty: nothing on the map prevents it."""
     if dock.margin < hard_margin - 1e-6:
         return (
             f"margin_m is {dock.margin:g}, less than the {math.ceil(1e3 * hard_margin) / 1e3:g} m "

@@ -154,7 +154,7 @@ def _under(root: JsonSchema, loc: Path) -> JsonSchema:
             here = _opened(root, items[part] if part < len(items) else here.get("items", {}))
         elif part in here.get("properties", {}):
             here = _opened(root, here["properties"][part])
-        elif forms:  # told apart by form, not by a key: the part is that form's name
+        elif forms:  # distinguished by form, not by a key: the part is that form's name
             described = [form for form in forms if "$ref" in form]
             here = _opened(root, described[0]) if described else {}
         else:

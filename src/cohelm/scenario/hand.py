@@ -1,4 +1,4 @@
-"""Who holds the stick, as a scenario says it."""
+"""The stick of a scenario: none, a script, a file, or a simulated operator."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _PERSON = OperatorModel()
 
 
 class StickNone(Schema):
-    """Nobody touches the stick."""
+    """The stick stays centred."""
 
     kind: Literal["none"] = "none"
-    """Nobody touches the stick."""
+    """The stick stays centred."""
 
 
 class StickScript(Schema):
@@ -55,7 +55,7 @@ class StickFile(Schema):
     run: str | None = None
     """Which run of a file that holds several; quote a number."""
     source: str | None = None
-    """Which hand of a log that holds several; by default the one that held the stick."""
+    """Which source of a log that holds several; by default the one that held the stick."""
     start_s: Time = 0.0
     """Time of the run at which the file's time 0 is played."""
     full_scale: tuple[FullScale, FullScale] | None = None
@@ -68,12 +68,12 @@ class StickFile(Schema):
 
 
 class StickOperator(Schema):
-    """A simulated person who watches the road, dodges what is in the way, and lets go."""
+    """A simulated operator that watches the way ahead, dodges what is in it, and lets go."""
 
     kind: Literal["operator"]
-    """A simulated person who dodges what is in the way, and lets go."""
+    """A simulated operator that dodges what is in the way, and lets go."""
     minds: list[str] | None = None
-    """Names of the obstacles the person sees as in the way; by default all."""
+    """Names of the obstacles that the operator dodges; by default all."""
     look_ahead_m: Annotated[float, Field(gt=0.0, le=100.0)] = _PERSON.look_ahead
     """How far ahead of the robot's centre an obstacle's surface is noticed."""
     half_width_m: Annotated[float, Field(ge=0.0, le=100.0)] = _PERSON.half_width
@@ -87,7 +87,7 @@ class StickOperator(Schema):
     steer_per_rad: Annotated[float, Field(ge=0.0, le=100.0)] = _PERSON.steer
     """Left-right deflection per radian of bearing of the place that is steered for."""
     berth_m: Annotated[float, Field(ge=0.0, le=100.0)] = _PERSON.berth
-    """From an obstacle's centre to the place beside it that the person steers for."""
+    """From an obstacle's centre to the place beside it that the operator steers for."""
     reaction_s: Annotated[float, Field(ge=0.0, le=60.0)] = _PERSON.reaction
     """From noticing to acting."""
     linger_s: Annotated[float, Field(ge=0.0, le=60.0)] = _PERSON.linger
@@ -95,9 +95,9 @@ class StickOperator(Schema):
     hold_s: Annotated[float, Field(ge=0.0, le=600.0)] = _PERSON.hold
     """Shortest time that the stick is held once taken."""
     hand_rate_per_s: Annotated[float, Field(gt=0.0, le=1000.0)] = _PERSON.hand_rate
-    """Fastest movement of the hand, in full deflections per second."""
+    """Fastest movement of the stick, in full deflections per second."""
     tremor: Annotated[float, Field(ge=0.0, le=1.0)] = _PERSON.tremor
-    """Standard deviation of the hand's trembling while it leads, in deflection."""
+    """Standard deviation of the stick's trembling while it is held, in deflection."""
 
     def person(self) -> OperatorModel:
         """The same as numbers."""
@@ -109,4 +109,4 @@ class StickOperator(Schema):
 
 
 Stick = Annotated[StickNone | StickScript | StickFile | StickOperator, Field(discriminator="kind")]
-"""One of the four, told apart by `kind`."""
+"""One of the four, selected by `kind`."""

@@ -1,4 +1,4 @@
-"""The control law, as a scenario says it: the paper's gains, and how careful the guard is."""
+"""The control law of a scenario: the paper's gains, and the parameters of guard and planning."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Sharing(Schema):
 
 
 class Guard(Schema):
-    """How careful the guard is; see docs/guard.md."""
+    """Parameters of the guard; see docs/guard.md."""
 
     model_config = renamed(
         margin_m="soft_margin_m", clear_m="hard_margin_m", caution="deceleration_fraction",
@@ -80,8 +80,8 @@ class Guard(Schema):
     deceleration_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = _RULES.deceleration_fraction
     """Share of the full deceleration that shaping counts on."""
     steer_weight_m: Length = _RULES.steer_weight
-    """How dear steering is beside speed: large keeps the steering and slows down, small the
-    reverse."""
+    """Cost of changing the yaw rate relative to the speed: large keeps the steering and slows down,
+    small the reverse."""
     obstacle_acceleration_mps2: AtLeast0 = 1.0
     """Largest acceleration that moving obstacles are taken to be capable of."""
 
@@ -134,7 +134,7 @@ class PaceModel(Schema):
     guide_m: Length = _PACE.guide
     """Distance ahead that the robot steers at to come back onto the path."""
     search_m: Length = _PACE.search
-    """How far ahead the nearest point is looked for while the person leads."""
+    """How far ahead the nearest point is searched while the operator leads."""
     rise_per_s: Rate = _PACE.rise
     """Fastest growth of the reference's rate, which is 0 to 1."""
     fall_per_s: Rate = _PACE.fall
@@ -163,7 +163,7 @@ class PaceModel(Schema):
 
 
 class PlanModel(Schema):
-    """Ways round what is in the way; with the guard only."""
+    """Planning around obstacles; with the guard only."""
 
     model_config = renamed(
         look_m="lookahead_m", accept_m="accept_clearance_m", gap_m="min_clearance_m",
@@ -176,18 +176,18 @@ class PlanModel(Schema):
     """Clearance of the outline with which the reference is followed as it is; by default 3 cm more
     than the guard's soft_margin_m."""
     min_clearance_m: Length | None = None
-    """Least clearance of a way round, at least the guard's soft_margin_m; by default 1 cm more."""
+    """Least clearance of a detour, at least the guard's soft_margin_m; by default 1 cm more."""
     ample_clearance_m: Length = _PATH_PARAMS.room
-    """Clearance beside the robot from which more is not better."""
+    """Clearance beyond which more is not better."""
     pass_right_m: AtLeast0 = 0.0
-    """How much wider things that move are taken to be on the robot's left, so that it rather passes
+    """How much wider moving obstacles are taken to be on the robot's left, so that it rather passes
     them on the right, as the paper's k_cbf does; 0 for the shorter side."""
     period_s: Annotated[float, Field(gt=0.0, le=10.0)] = 0.2
     """From one plan to the next."""
     recovery_speed_mps: Rate = 0.4
-    """Speed of moves out of tight spots."""
+    """Speed of recovery behaviours."""
     recovery_yaw_rate_radps: Rate = 1.0
-    """Yaw rate of them."""
+    """Yaw rate of recovery behaviours."""
 
     def replan_params(self, margin: float) -> ReplanParams:
         """When plans are made, as numbers. margin: the guard's [m]."""
@@ -198,16 +198,16 @@ class PlanModel(Schema):
         )  # fmt: skip
 
     def path_params(self, margin: float) -> PathParams:
-        """What makes a way good, as numbers."""
+        """What makes a path good, as numbers."""
         clearance = margin + 0.01 if self.min_clearance_m is None else self.min_clearance_m
         return _PATH_PARAMS._replace(clearance=clearance, room=self.ample_clearance_m)
 
 
 class EvasionModel(Schema):
-    """Making way for who moves; with the guard only, and never while a person leads."""
+    """Making way for moving obstacles; with the guard only, and never while the operator leads."""
 
     horizon_s: Annotated[float, Field(ge=0.0, le=10.0)] = _EVASION.horizon
-    """How far ahead is looked; 0: nobody is evaded, the robot only stands."""
+    """Prediction horizon; 0: no evasion, the robot only waits."""
     speed_mps: Rate | None = None
     """Largest speed of an evasion; by default 1.6 times that of the reference."""
     yaw_rate_radps: Rate = _EVASION.yaw_rate
@@ -230,23 +230,22 @@ class Law(Schema):
     """What filters the command; gains of Table II, and the choices that the paper leaves open."""
 
     filter: Literal["guard", "barrier", "none"] = "guard"
-    """What stands between command and wheels: the guard, with a reference that waits and ways
-    round; the paper's barrier; or nothing. With the last two the reference runs on with time
-    (E12)."""
+    """The safety filter: the guard, with a reference that waits and detours; the paper's barrier;
+    or none. With the last two the reference runs on with time (E12)."""
     tracking: Tracking = Tracking()
-    """Following the reference."""
+    """Parameters of the tracking law."""
     barrier: Barrier = Barrier()
-    """Keeping away from obstacles as in the paper."""
+    """Parameters of the paper's barrier."""
     sharing: Sharing = Sharing()
-    """Who leads."""
+    """How the commands of operator and controller are blended."""
     guard: Guard = Guard()
-    """Keeping away from everything."""
+    """Parameters of the guard."""
     pace: PaceModel = PaceModel()
-    """How fast, and when to wait."""
+    """Speed along the reference, and when it waits."""
     plan: PlanModel = PlanModel()
-    """Ways round."""
+    """Planning around obstacles."""
     evasion: EvasionModel = EvasionModel()
-    """Making way for who moves."""
+    """Making way for moving obstacles."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -265,7 +264,7 @@ class Law(Schema):
         return self.plan.replan_params(self.guard.soft_margin_m)
 
     def path_params(self) -> PathParams:
-        """What makes a way good."""
+        """What makes a path good."""
         return self.plan.path_params(self.guard.soft_margin_m)
 
     def gains(self, u_d: float) -> Gains:

@@ -32,10 +32,10 @@ _LARGEST = 50_000_000  # bytes of YAML; more is a mistake
 def scenario(path: str | Path, overrides: Sequence[str] = (), stick: str | None = None) -> Scenario:
     """The scenario in a file, or one that comes with the package by its bare name.
 
-    overrides: `key.path=value` with the value in YAML. stick: a stick file to play instead of
-    the scenario's hand, relative to the working folder. The robot is read in and the stick
-    file's path made absolute, so that the result stands alone. Raises CohelmError with every
-    problem of the file, one per line.
+    overrides: `key.path=value` with the value in YAML. stick: a stick file to play instead of the
+    scenario's stick, relative to the working folder. The robot is read in and the stick file's path
+    made absolute, so that the result stands alone. Raises CohelmError with every problem of the
+    file, one per line.
     """
     file = find(path)
     made = read(file, Scenario, overrides)
@@ -98,9 +98,9 @@ def dump(model: Schema) -> str:
 
 
 def standing_alone(made: Scenario, folder: Path) -> Scenario:
-    """The same with all that it names in other files by absolute paths, or in it.
+    """The same with absolute paths of other files, or their contents.
 
-    The robot's description; what a world's route says and the scenario does not.
+    The robot's description; a world's route where the scenario has none.
     """
     update: dict[str, object] = {}
     if isinstance(made.robot, str):
@@ -140,7 +140,7 @@ def _found(world: AnyWorld, folder: Path, asked_by: str) -> AnyWorld:
 def _on_course(made: Scenario, world: AnyWorld) -> dict[str, object]:
     """What the scenario leaves to the world's route."""
     course = route_of(world)
-    if course is None:  # the model asks for way-points then
+    if course is None:  # the model requires way-points then
         raise TypeError("the world has no route")
     near = made.reference.arrive_m or course.near
     update: dict[str, object] = {
@@ -177,7 +177,7 @@ def robot(name: str, folder: Path = Path(), asked_by: str = "") -> RobotModel:
 
 @cache
 def _shipped(name: str) -> RobotModel:
-    """As its file says, read once: campaigns ask for it in every episode."""
+    """The robot of a file, cached: campaigns read it in every episode."""
     return read(shipped_path(name), RobotModel)
 
 
@@ -251,7 +251,7 @@ def _beside(folder: Path) -> list[str]:
 
 
 def _text(file: Path) -> str:
-    """A file's text, or CohelmError in plain words."""
+    """A file's text. Raises CohelmError in plain words."""
     if not file.exists():
         raise CohelmError(f"{file}: no such file{did_you_mean(file.name, _names(file.parent))}")
     if file.is_dir():

@@ -1,8 +1,8 @@
-"""What a scenario file may say: every key with its unit, its range, and the paper's value.
+"""The scenario file's model: every key with its unit, its range, and the paper's value.
 
 A number's unit is the end of its key (`_m`, `_s`, `_mps`, `_rad`, ...); gains keep the paper's
-names, and their units stand in their descriptions. The field descriptions below are what
-editors show (`cohelm schema`).
+names, and their units are in their descriptions. Editors show the field descriptions below (`cohelm
+schema`).
 """
 
 from __future__ import annotations
@@ -195,7 +195,7 @@ class Scenario(Schema):
     """What the robot knows of its surroundings, with the guard: all obstacles and walls as they
     are, or what its LiDAR sees."""
     world: WorldFile | None = None
-    """A world by others, beside the obstacles and walls below."""
+    """A world file, in addition to the obstacles and walls below."""
     obstacles: list[Obstacle] = Field(default=[], max_length=10_000)
     """Discs, any number."""
     walls_m: list[Segment] = Field(default=[], max_length=100_000)
@@ -205,7 +205,7 @@ class Scenario(Schema):
     docks: list[DockModel] = Field(default=[], max_length=MOST_DOCKS)
     """Places to dock at, with the guard; see docs/docking.md."""
     stick: Stick = StickNone()
-    """Whose hand is on the stick."""
+    """The operator's stick."""
     simulation: Simulation = Simulation()
     """Step, length, limits, delay, seed."""
 

@@ -18,5 +18,5 @@ def json_schema() -> dict[str, Any]:
 
 
 def text() -> str:
-    """The same as it is shipped beside the scenarios."""
+    """The same as text, as shipped beside the scenarios."""
     return json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"

@@ -22,7 +22,7 @@ OVERRIDE = "--set "
 
 
 class _Loader(yaml.SafeLoader):
-    """Composes nodes; only the types of the YAML 1.2 core schema are told apart."""
+    """Composes nodes; only the types of the YAML 1.2 core schema are distinguished."""
 
     yaml_implicit_resolvers = {}  # noqa: RUF012 - PyYAML's own name, filled below
 
@@ -97,7 +97,7 @@ def _not_yaml(error: yaml.MarkedYAMLError, text: str, source: str) -> str:
 
 
 def plain(node: Node, problems: list[str], path: Path = ()) -> Any:
-    """The tree as dicts, lists and scalars; what can not stand there is told in `problems`."""
+    """The tree as dicts, lists and scalars; what is not allowed is reported in `problems`."""
     if isinstance(node, MappingNode):
         _check_tag(node, "map", problems, path)
         mapping: dict[str, Any] = {}
@@ -208,10 +208,10 @@ def _item(node: Node, part: str, origin: str, path: list[str]) -> int:
 
 
 def at(root: Node, path: Path) -> tuple[Node, Path]:
-    """The node that a key path leads to, as far as the tree goes, and the path really walked.
+    """The node of a key path, as far as the tree goes, and the path really walked.
 
-    A part that is no key of a mapping is skipped when more follow (it tells which of several
-    forms was checked); the last one then stands for a key that is missing from the mapping.
+    A part that is no key of a mapping is skipped when more follow (it names which of several forms
+    was checked); the last one then stands for a key that is missing from the mapping.
     """
     node, walked, spot = root, (), root
     for i, part in enumerate(path):

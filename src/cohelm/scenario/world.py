@@ -58,13 +58,13 @@ class MapWorld(Schema):
     file: File
     """The file, relative to this one."""
     unknown: Literal["free", "solid"] = "free"
-    """What cells are that nobody has seen."""
+    """How unknown cells count."""
     sha256: Sha256 = None
     """Digest of the YAML file; when given, a file that has changed since is refused."""
 
 
 class TracksWorld(Schema):
-    """Recorded pedestrians, who mind nobody."""
+    """Recorded pedestrians, who avoid nobody."""
 
     kind: Literal["tracks"]
     """A CSV file of pedestrians with columns t [s], id, x and y [m]."""
@@ -73,14 +73,14 @@ class TracksWorld(Schema):
     begin_s: Annotated[float, Field(ge=-1e9, le=1e9)] | None = None
     """Time of the file at which the run begins; by default that of its first row."""
     radius_m: Annotated[float, Field(gt=0.0, le=10.0)] = 0.3
-    """Radius of a person."""
+    """Radius of a pedestrian."""
     sha256: Sha256 = None
     """Digest of the file; when given, a file that has changed since is refused."""
 
 
 AnyWorld = GazeboWorld | BarnWorld | MapWorld | TracksWorld
 WorldFile = Annotated[AnyWorld, Field(discriminator="kind")]
-"""One of the four, told apart by `kind`."""
+"""One of the four, selected by `kind`."""
 
 
 class Read(NamedTuple):
@@ -130,8 +130,8 @@ def route_of(world: AnyWorld) -> WorldRoute | None:
 def read(world: AnyWorld, reach: float, duration: float) -> Read:
     """A world from its file.
 
-    reach: kept from the robot's centre to a surface, for the paper's r_i (19) [m]. duration: of
-    the run, for those who walk [s]. Raises CohelmError where the file can not be used.
+    reach: kept from the robot's centre to a surface, for the paper's r_i (19) [m]. duration: of the
+    run, for pedestrians [s]. Raises CohelmError where the file can not be used.
     """
     if isinstance(world, MapWorld):
         made = read_map(world.file).grid(world.unknown == "solid")

@@ -31,7 +31,7 @@ from cohelm.scenario.worlds.maps import (
 Corners = Annotated[list[tuple[Coordinate, Coordinate]], Field(min_length=3, max_length=10_000)]
 File = Annotated[str, Field(min_length=1)]
 _MOST_IN_A_ROW = 65535
-"""Cells, as stations are told them."""
+"""Cells, as sent to stations."""
 
 
 class SpeedZone(Schema):
@@ -40,7 +40,7 @@ class SpeedZone(Schema):
     corners_m: Corners
     """Corners [x, y] of a polygon, three or more, in order."""
     speed_mps: Annotated[float, Field(gt=0.0, le=100.0)]
-    """No more speed than this is asked for there."""
+    """Largest speed requested there."""
 
 
 class ZonesModel(Schema):
@@ -124,7 +124,7 @@ def _slowest(polygons: Sequence[Polygon]) -> tuple[NDArray[np.float32], float, P
 
 
 def _drawn(polygons: Sequence[Polygon], name: str) -> tuple[NDArray[np.float32], Pose]:
-    """All cells that polygons lie on, the last one's value where several do; and the origin."""
+    """All cells that polygons cover, the last one's value where several do; and the origin."""
     all_ = np.vstack([np.array(corners, dtype=np.float64) for corners, _ in polygons])
     low = np.floor(all_.min(axis=0) / CELL).astype(int) - 1
     width, height = (np.ceil(all_.max(axis=0) / CELL).astype(int) + 2 - low).tolist()
@@ -206,7 +206,7 @@ def _lifted(made: Zones, one: FilterMask) -> Zones:
 
 
 def check(zones: Zones, known: LocalizationMap | None) -> None:
-    """CohelmError where zones can not be told by a map."""
+    """Raises CohelmError where a map can not represent the zones."""
     if known is None:
         raise CohelmError(
             "zones stand on the map, and there is none to localise on: give one with --map, or a "

@@ -19,9 +19,7 @@ from cohelm.sim.operator_model import normal
 
 _AGAINST = 1e-9  # nearer to a wall than this [m], the sensor is on it and its side is undefined
 _CORNER = 1e-12  # walls overlap by this share of their length, so no beam slips through a corner
-_STREAM = (
-    1 << 40
-)  # the operator model of the same seed uses the numbers before
+_STREAM = 1 << 40  # the operator model of the same seed uses the numbers before
 
 
 @jit

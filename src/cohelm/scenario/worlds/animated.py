@@ -34,7 +34,7 @@ class Animation(NamedTuple):
     frames: Floats
     """(k, 3), times and places in the world frame [s, m, m], in the order of time."""
     length: float
-    """It is over, or begins anew, after so long [s]."""
+    """Its period: it ends, or begins again, after so long [s]."""
     repeats: bool
 
     def moved(self, x: float, y: float) -> Animation:
@@ -80,7 +80,7 @@ def source(world: Path, plugin: str) -> Path | None:
 def _folders(path: Path) -> list[Path]:
     try:
         return sorted(one for one in path.iterdir() if one.is_dir())
-    except OSError:  # it may be nobody's business what is there
+    except OSError:  # the folder may not be readable
         return []
 
 

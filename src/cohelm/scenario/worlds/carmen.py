@@ -1,9 +1,9 @@
-"""Logs of CARMEN, in which the classical LiDAR data sets are kept: odometry and scans of a drive.
+"""CARMEN logs, the format of the classical LiDAR data sets: odometry and scans of a drive.
 
 One message a line, its numbers separated by spaces. Read are `FLASER` (n, n ranges, pose of the
 laser, pose of the robot, time), `RAWLASER1` and `ROBOTLASER1` (with the laser's own description),
-`ODOM` (pose, speed, yaw rate, acceleration, time) and `PARAM`; all else is passed over. The last
-number of a line is its time, and the word before it the host's name.
+`ODOM` (pose, speed, yaw rate, acceleration, time) and `PARAM`; all else is skipped. The last number
+of a line is its time, and the word before it the host's name.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from cohelm.scenario.worlds.file import contents
 
 _APART = 0.95  # share of the scans that must have a time of their own: few loggers write one twice
 _LATER = 0.6  # ... and that must be later than the one before: of times at random half are
-_FAR = 80.0  # SICK scanners say 81.83 m or so where nothing came back [m]
+_FAR = 80.0  # SICK scanners report 81.83 m or so where nothing came back [m]
 
 
 class Drive(NamedTuple):
@@ -41,7 +41,7 @@ class _Said(NamedTuple):
     logged: float
     """When it was written down, its last number [s]."""
     sent: float
-    """When it was sent, two words before [s]."""
+    """When it was sent, two fields before [s]."""
     pose: Floats | None = None
     """Of the robot."""
     scan: tuple[Floats, float, float] | None = None
@@ -85,7 +85,7 @@ def read_log(path: Path | str) -> Drive:
     mount = Pose(0.0, 0.0, 0.0)
     for one, stamp in zip(said, stamps, strict=True):
         if one.pose is not None and math.isfinite(stamp):
-            # what it says of its speeds is not to be trusted: some drivers write 0, others deg/s
+            # its speeds are not reliable: some drivers write 0, others deg/s
             x, y, psi = one.pose[:3].tolist()
             among = said_alone if one.scan is None else with_scans
             among.setdefault(stamp, Odometry(stamp, Pose(x, y, psi), Twist(0.0, 0.0)))
@@ -207,7 +207,7 @@ def _convention(n: int) -> tuple[float, float]:
 
 
 def read_relations(path: Path | str) -> list[tuple[float, float, Pose]]:
-    """Pairs of times and the pose of the second seen from the first, as people found them.
+    """Manually matched pairs of times, and the pose of the second seen from the first.
 
     Rows of time 1, time 2, x, y, z, roll, pitch, yaw (Kümmerle et al. 2009, "On measuring the
     accuracy of SLAM algorithms"). Raises CohelmError where there is no such file or row.

@@ -19,7 +19,7 @@ from cohelm.scenario.worlds.animated import Animation, read_animation, source
 from cohelm.scenario.worlds.file import contents
 
 _DEEPEST = 16  # nested models
-_GROUND = ("sun", "ground_plane")  # what every world includes and nobody drives into
+_GROUND = ("sun", "ground_plane")  # included by every world, and not in the way
 _CORNERS = np.array(np.meshgrid((-0.5, 0.5), (-0.5, 0.5), (-0.5, 0.5))).reshape(3, 8)
 
 
@@ -56,7 +56,7 @@ def read_gazebo(
     """
     try:
         data = contents(path, "a Gazebo .world or .sdf file")
-        # DynaBARN's walls are written so, and Gazebo's own reader minds it as little
+        # DynaBARN's walls are written so, and Gazebo's own reader accepts it too
         root = fromstring(data.replace(b"<pose frame=>", b"<pose>"), forbid_dtd=True)
     except (ParseError, LookupError, ValueError) as error:
         if isinstance(error, DefusedXmlException):
@@ -144,7 +144,7 @@ class _Reader:
         self.animation = before
 
     def moved_by(self, plugin: str, pose: Floats, path: str) -> Animation | None:
-        """How a plugin moves a model; None, and noted, where nobody knows."""
+        """How a plugin moves a model; None, and noted, where its source is missing."""
         found = source(Path(self.file), plugin)
         if found is None:
             self.left_out.append(

@@ -93,7 +93,7 @@ class SpeedMask:
 
     def limits(self) -> NDArray[np.float32]:
         """base + multiplier * value, (rows, columns), in percent or m/s; 0 where there is none: of
-        the value 0, and of cells that nobody knows."""
+        the value 0, and of unknown cells."""
         values = self.cells.cells
         made = self.base + self.multiplier * values.astype(np.float32)
         return np.where(values > 0, made, 0.0).astype(np.float32)

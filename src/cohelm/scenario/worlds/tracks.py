@@ -18,7 +18,7 @@ from cohelm.scenario.worlds.file import contents
 from cohelm.sim.world import Body
 
 ELSEWHERE = 1e6
-"""Where a person is before the first and after the last sample, x and y [m]: out of reach of
+"""Where a pedestrian is before the first and after the last sample, x and y [m]: out of reach of
 robot and sensor, at rest, and still a number."""
 
 _COLUMNS = ("t", "id", "x", "y")
@@ -52,10 +52,10 @@ class Track:
 
 
 def read_tracks(path: Path | str) -> list[Track]:
-    """People from a CSV file with the columns t [s], id, x and y [m], in any order, rows too.
+    """Pedestrians from a CSV file with the columns t [s], id, x and y [m], in any order, rows too.
 
-    In order of their first sample. Raises CohelmError where a column is missing, a value is not
-    a finite number, or a person is at two places at once.
+    In order of their first sample. Raises CohelmError where a column is missing, a value is not a
+    finite number, or a pedestrian is at two places at once.
     """
     try:
         text = contents(path, "a CSV file of tracks").decode("utf-8-sig")
@@ -102,10 +102,10 @@ def _number(text: str | None, what: str) -> float:
 def bodies(
     tracks: Iterable[Track], radius: float, reach: float, begin: float, duration: float
 ) -> tuple[tuple[str, ...], list[Body]]:
-    """Names and bodies of all who are there between `begin` and `begin + duration` [s].
+    """Names and bodies of all that are there between `begin` and `begin + duration` [s].
 
-    radius: of a person; reach: kept from the robot's centre to their surface, for the paper's
-    r_i (19) [m]. Time 0 of the bodies is `begin`. Who was seen only once is left out.
+    radius: of a pedestrian; reach: kept from the robot's centre to their surface, for the paper's
+    r_i (19) [m]. Time 0 of the bodies is `begin`. Those seen only once are left out.
     """
     present = [
         track for track in tracks
