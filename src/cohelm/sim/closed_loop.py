@@ -154,7 +154,8 @@ def stretches(
             walls = near_walls(scene.obstacles.walls, now.robot.pose)
             seen_obstacles = known(k * dt, now.seen_obstacles, walls, scene)
             end = len(seen.points)
-            seen_obstacles, unseen = apart(seen_obstacles, end - (0 if eyes is None else eyes.unobserved), end)
+            unobserved = 0 if eyes is None else eyes.unobserved
+            seen_obstacles, unseen = apart(seen_obstacles, end - unobserved, end)
             task = Task(
                 now.pilot, now.robot.pose, now.robot.applied, seen_obstacles, current,
                 (k - since) * dt, now.led, unseen=unseen,
