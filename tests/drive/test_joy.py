@@ -73,7 +73,7 @@ def by_hand(t):
 
 def test_by_hand_it_waits_to_be_centred_stands_without_its_button_and_lost_it_stops():
     seen = driven(Mode.MANUAL, by_hand, 8.2)
-    assert seen.reasons[0.3] == "/joy: nothing is heard"
+    assert seen.reasons[0.3] == "/joy: nothing is received"
     assert seen.reasons[0.9] == "waits for /joy to be centred"
     assert fastest(seen, 0.0, 1.4) < 0.01
     assert seen.speeds[2.38] > 0.2

@@ -161,7 +161,7 @@ def test_a_told_pose_is_taken_while_the_robot_stands_and_on_the_map(drive, told)
         yield from range(50)
         told.place = Placed("/initialpose", here, 0.3)
         yield from range(2)
-        assert "the robot moves, and a pose is told while it stands" in told.said[-1]
+        assert "the robot moves, and an initial pose counts while it stands" in told.said[-1]
 
     drive.run(script())
 

@@ -228,7 +228,7 @@ def test_a_mask_of_a_file_and_one_of_a_topic_can_not_be_of_one_kind(tmp_path):
     told = [FilterMask("/info", "/mask", 0, 0.0, 1.0, cells, 0.1, START)]
     named = DriveOptions(str(CORRIDOR), "", "kinematic", True, None, [])
     slow = speeds(tmp_path, ACROSS, values=[60], type=2, multiplier=0.01)
-    with pytest.raises(CohelmError, match="--keep-out and --masks-from tell of the same"):
+    with pytest.raises(CohelmError, match="--keep-out and --masks-from define the same zones"):
         map_and_zones(named._replace(keep_out=mask(tmp_path, ACROSS)), made, told)
     _, zones = map_and_zones(named._replace(speed_zones=slow), made, told)
     assert zones.keep_out is not None

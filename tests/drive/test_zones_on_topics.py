@@ -173,7 +173,7 @@ def test_one_that_is_lifted_stands_in_nobodys_way_any_more():
         (lambda t: t.say("/mask", grid(cells(ACROSS, value=30), SIDE, (*LOW, 0.0))),
          "/mask (named by /info): no cell is occupied, so no zone is marked"),
         (lambda t: t.say("/info", info("mask", PERCENT, 100.0, -1.0)),
-         "/info told of a filter of type 0, and now of one of type 1: start the drive again"),
+         "/info was a filter of type 0, and now of one of type 1: start the drive again"),
         (lambda t: t.say("/info", info("elsewhere")),
          "/info names /elsewhere now, and nothing came there yet"),
     ],

@@ -72,13 +72,13 @@ def test_a_sensor_that_looks_down_a_little_measures_along_the_floor():
 @pytest.mark.parametrize(
     ("wrong", "mount", "said"),
     [
-        (message(low=NAN), level(), "from nan to 4 m: mend min_range"),
+        (message(low=NAN), level(), "from nan to 4 m: fix min_range"),
         (message(high=INF), level(), "to inf m"),
         (message(low=5.0), level(), "from 5 to 4 m"),
         (message(low=-1.0), level(), "from -1"),
         (message(low=0.0, high=0.0), level(), "from 0 to 0 m"),
-        (message(view=1e-9), level(), "tells of no range sensor"),
-        (message(view=0.0), level(), "cone is 0 deg wide: mend field_of_view"),
+        (message(view=1e-9), level(), "describes no range sensor"),
+        (message(view=0.0), level(), "cone is 0 deg wide: fix field_of_view"),
         (message(view=30.0), level(), "cone is 1718.87 deg wide"),
         (message(view=NAN), level(), "cone is nan"),
         (message(), level(pitch=math.radians(90.0)), "looks 90 deg down, and up to 20 can"),

@@ -201,7 +201,7 @@ def told(**wrong):
      {"height": 1 << 30}],
 )  # fmt: skip
 def test_numbers_that_are_none_of_a_camera_are_refused(wrong):
-    with pytest.raises(CohelmError, match="/info tells of no camera"):
+    with pytest.raises(CohelmError, match="/info describes no camera"):
         camera(told(**wrong), "/info")
 
 

@@ -156,7 +156,7 @@ def test_a_latched_stop_names_the_topic_that_lets_go_of_it():
     kind, text = _reason(None, "", None, None, gate, "/j100/cohelm_filter/reset")
     assert kind == "gate"
     assert text == (
-        "the robot says: /stop is on: mend it, then publish std_msgs/msg/Empty once on "
+        "the robot says: /stop is on: fix it, then publish std_msgs/msg/Empty once on "
         "/j100/cohelm_filter/reset"
     )
 

@@ -71,7 +71,7 @@ def test_silent_it_is_no_centred_stick_but_none():
     nobody = joy.operator.receive()
     assert nobody.command is None
     assert math.isnan(nobody.age)
-    assert joy.operator.problem() == "/joy: nothing is heard"
+    assert joy.operator.problem() == "/joy: nothing is received"
     joy.say(0.5)
     joy.now += 0.25
     assert joy.stick is not None
@@ -91,7 +91,7 @@ def test_silent_it_is_no_centred_stick_but_none():
         ({"buttons": 5}, "it has 5 buttons, and enable_button is 5"),
         ({"x": math.nan}, "its axes are nan and 0, and go from -1 to 1"),
         ({"psi": math.inf}, "its axes are 0 and inf"),
-        ({"x": 32767.0}, "its axes are 32767 and 0, and go from -1 to 1: mend its driver"),
+        ({"x": 32767.0}, "its axes are 32767 and 0, and go from -1 to 1: fix its driver"),
     ],
 )
 def test_what_is_no_stick_is_one_sentence_and_none_that_steers(wrong, said):

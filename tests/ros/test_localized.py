@@ -122,7 +122,7 @@ def test_the_robot_is_found_on_the_map_by_its_odometry_and_the_transform(pair):
     # by the clock that stamps the odometry, which is 2 s ahead
     stamp = seconds(one.header.stamp) - 2.0
     assert any(begun - 1e-6 <= stamp <= end + 1e-6 for begun, end in robot.taken)
-    assert robot.said[0] == f"map -> {robot.odom} goes out on {space}/tf"
+    assert robot.said[0] == f"map -> {robot.odom} is published on {space}/tf"
     assert robot.said[1].startswith(
         f"nobody publishes {robot.odom} -> base on {space}/tf, so ROS does not"
     )
@@ -216,7 +216,7 @@ def test_beside_another_that_publishes_the_frame_none_is_published_and_that_is_s
     own = [t for one in tf for t in one.message.transforms if t.header.frame_id == "map"]
     assert not [one for one in own if seconds(one.header.stamp) > robot.taken[begun][0]]
     (said,) = [one for one in robot.said if "amcl" in one]
-    assert said.startswith(f"world -> {robot.odom} is published by somebody else (amcl, slam_")
+    assert said.startswith(f"world -> {robot.odom} is published by another node (amcl, slam_")
 
 
 def test_it_goes_where_the_base_says_its_own_and_can_be_left_out(pair):
@@ -233,6 +233,6 @@ def test_it_goes_where_the_base_says_its_own_and_can_be_left_out(pair):
     assert until(lambda: robot.take() or quiet.take() or parents().get(robot.odom) == "map")
     for one in (quiet, robot):
         one.localized.close()
-    assert robot.said == [f"map -> {robot.odom} goes out on /tf"]
+    assert robot.said == [f"map -> {robot.odom} is published on /tf"]
     assert quiet.odom not in parents()
     assert quiet.said == []

@@ -94,21 +94,24 @@ def said(masks, *used) -> str:
 
 
 BAD_INFOS = [
-    (info(kind=3), "tells of a filter of type 3, and masks are of type 0 (keep out), 1 (speed in"),
-    (info(base=NAN), ": base nan and multiplier 1 make no speeds: mend the parameters of costmap_"),
-    (info(multiplier=1e30), ": base 0 and multiplier 1e+30 make no speeds: mend the parameters of"),
-    (info(""), "names no topic of a mask, but '': mend mask_topic of costmap_filter_info_server"),
-    (info("no name!"), "names no topic of a mask, but 'no name!': mend mask_topic of costmap_"),
+    (info(kind=3), "is a filter of type 3, and masks are of type 0 (keep out), 1 (speed in"),
+    (info(base=NAN), ": base nan and multiplier 1 make no speeds: fix the parameters of costmap_"),
+    (info(multiplier=1e30), ": base 0 and multiplier 1e+30 make no speeds: fix the parameters of"),
+    (info(""), "names no topic of a mask, but '': fix mask_topic of costmap_filter_info_server"),
+    (info("no name!"), "names no topic of a mask, but 'no name!': fix mask_topic of costmap_"),
 ]
 BAD_GRIDS = [
     (grid(frame="odom"), "it is in the frame 'odom', and the map's is 'map': set frame_id of its"),
-    (grid(width=7), "7 x 2 cells are told, and 6 come: mend who draws it"),
-    (grid(np.empty((0, 3), np.int8)), "3 x 0 cells are told, and 0 come: mend who draws it"),
-    (grid(resolution=0.0), "its cells are 0 m wide: mend its resolution"),
-    (grid(resolution=1e-30), "its cells are 1e-30 m wide: mend its resolution"),
-    (grid(resolution=NAN), "its cells are nan m wide: mend its resolution"),
-    (grid(origin=(NAN, 0.0, 0.0)), "its origin is no pose: mend the origin in its map_server's"),
-    (grid(inclined=0.3), "it is inclined, and a map lies flat: mend the orientation of its origin"),
+    (grid(width=7), "7 x 2 cells are declared, and 6 come: fix what publishes it"),
+    (
+        grid(np.empty((0, 3), np.int8)),
+        "3 x 0 cells are declared, and 0 come: fix what publishes it",
+    ),
+    (grid(resolution=0.0), "its cells are 0 m wide: fix its resolution"),
+    (grid(resolution=1e-30), "its cells are 1e-30 m wide: fix its resolution"),
+    (grid(resolution=NAN), "its cells are nan m wide: fix its resolution"),
+    (grid(origin=(NAN, 0.0, 0.0)), "its origin is no pose: fix the origin in its map_server's"),
+    (grid(inclined=0.3), "it is inclined, and a map lies flat: fix the orientation of its origin"),
 ]
 
 
@@ -186,7 +189,7 @@ def test_two_of_one_kind_are_refused(two):
         other.grid.send(grid())
         other.info.send(info(f"mask_{name}", kind))
     said = refused(ours, "/twice", "a", "b", wait=5.0)
-    assert said == "/twice/a and /twice/b both tell of speed zones: name one with --masks-from"
+    assert said == "/twice/a and /twice/b both define speed zones: name one with --masks-from"
 
 
 def test_a_mask_has_a_name_for_a_person():

@@ -235,7 +235,7 @@ def test_single_ranges_are_heard_where_the_robots_description_has_a_range_sensor
     robot = RobotAdapter(Ros2Robot(seen.model, seen, Spoken(ends, readings() + said)))
     assert robot.read().health.faults == (
         "/scan_rear says it measures from 0.06 to 1 m, and said from 0.06 to 3 m when it was "
-        "looked at: mend its driver, or start again",
+        "looked at: fix its driver, or start again",
     )
     robot.close()
     said[-1][1].max_range, said[-1][1].range = 3.0, math.nan
@@ -276,7 +276,9 @@ def test_depth_images_are_heard_with_the_camera_info_beside_them():
     assert abs(rear.mount_yaw_deg) == pytest.approx(180.0, abs=0.1)
     assert (rear.mount_x_m, rear.range_max_m) == pytest.approx((-0.30, REAR.lidar.range_max_m))
     assert any("depth image: 160 x 120: /scan_rear" in note for note in seen.notes)
-    with pytest.raises(CohelmError, match=r"nothing is heard on /camera_info, where the .* has to"):
+    with pytest.raises(
+        CohelmError, match=r"nothing is received on /camera_info, where the .* has to"
+    ):
         found(frames + images)
     with pytest.raises(CohelmError, match="/tf_static does not say where"):
         found(FRAMES + images + info)
@@ -345,7 +347,7 @@ MISSING = [
      "/cmd_vel is wanted as std_msgs/msg/String by /base, and a base takes"),
     ([*ENDS[:2], into("/cmd_vel", TWIST, Qos(True, True))],
      "commands on /cmd_vel never reach the base by /base: the publisher is volatile and the "
-     "subscriber wants transient local; mend the QoS of its subscription"),
+     "subscriber wants transient local; fix the QoS of its subscription"),
     ([*ENDS, into("/cmd_vel", STAMPED, node="/other")],
      "/cmd_vel is wanted both as Twist and as TwistStamped by /base, /other: say which"),
     ([*ENDS, out("/cmd_vel", TWIST, node="/cohelm_gate")],
@@ -391,7 +393,7 @@ def test_clocks_that_differ_are_taken_into_account_up_to_a_bound_and_refused_bey
 def test_a_frame_that_nobody_tells_of_is_refused_unless_the_model_may_say():
     said = refused(ENDS, FRAMES + readings(frame="velodyne"))
     assert "/scan is measured in the frame 'velodyne', and /tf_static does not say where" in said
-    assert "it tells of base_link, laser" in said
+    assert "it has base_link, laser" in said
     found = seen(ENDS, readings(frame="velodyne"), Allowed(mount_from_model=True))
     assert found.model.lidar.mount_x_m == SALLY.lidar.mount_x_m
     assert found.model.lidar.mount_z_m == SALLY.lidar.mount_z_m
@@ -426,7 +428,7 @@ def test_scans_in_two_frames_are_of_two_lidars_and_refused_and_later_ones_are_le
     read = robot.read()
     assert read.scan is not None
     assert read.health.faults == (
-        "/scan comes in the frame 'laser_rear', and was in 'laser' when it was looked at: mend its "
+        "/scan comes in the frame 'laser_rear', and was in 'laser' when it was looked at: fix its "
         "driver, or start again",
     )
     robot.close()
@@ -446,7 +448,7 @@ def test_what_can_not_be_read_any_more_is_a_fault_and_a_few_such_messages_are_no
             }
             for _ in range(many):
                 hear[topic](Received(None, 0.0, f"7 bytes are no {kind}"))
-            why = f"what comes on {topic} can not be read (7 bytes are no {kind}): mend its driver"
+            why = f"what comes on {topic} can not be read (7 bytes are no {kind}): fix its driver"
             assert robot.read().health.faults == ((why,) if many == 3 else ())
             robot.close()
 
@@ -526,13 +528,13 @@ def test_stamps_of_the_time_on_clock_are_taken_by_it_and_told_so():
 
 def test_a_clock_beside_stamps_of_the_wall_or_far_from_them_is_not_theirs():
     assert not seen(ENDS, [*clock(100.0), *FRAMES, *readings()]).simulated
-    assert "/clock does not tell its time: bridge it" in refused(
+    assert "/clock does not carry its time: bridge it" in refused(
         ENDS, [*clock(500.0), *simulated()]
     )
 
 
 def test_a_simulator_without_clock_and_one_that_is_too_fast_are_refused():
-    assert "/clock does not tell its time: bridge it" in refused(ENDS, simulated())
+    assert "/clock does not carry its time: bridge it" in refused(ENDS, simulated())
     fast = clock(*(99.9 + 0.001 * k for k in range(100)))
     assert "2.0 times as fast as the wall" in refused(ENDS, [*fast, *simulated()])
 

@@ -72,7 +72,7 @@ def test_with_nobody_there_or_who_is_heard_nothing_is_said():
          "PoseStamped is needed: name another topic with --goals-from"),
         (("/plan", PATH, BEST_EFFORT),
          "/plan never reaches this node: the publisher is best effort and the subscriber wants "
-         "reliable; mend the QoS of its publisher"),
+         "reliable; fix the QoS of its publisher"),
         (("/r2/initialpose", GOAL), "is needed: name another topic with --initial-pose-from"),
         (("/r2/joy", TWIST), "sensor_msgs/msg/Joy is needed: name another topic with --joy"),
     ],
@@ -119,6 +119,6 @@ def test_an_emergency_stop_that_can_not_be_heard_is_a_fault_whenever_it_comes():
 def test_bytes_of_a_joystick_that_can_not_be_read_are_told():
     network, now = Network(), time.monotonic()
     joy = JoyOperator(network, "/joy", JoyParams(), lambda: now)
-    assert joy.problem() == "/joy: nothing is heard"
+    assert joy.problem() == "/joy: nothing is received"
     network.heard[0](Received(None, now, "7 bytes are no Joy"))
     assert joy.problem() == "/joy: what comes can not be read (7 bytes are no Joy)"

@@ -137,7 +137,7 @@ def test_what_is_missing_is_said_with_its_cure(monkeypatch):
     with pytest.raises(CohelmError, match="give the router's address, such as tcp/"):
         ZenohTransport(url="ws://robot:8765")
     monkeypatch.setenv("ZENOH_CONFIG_OVERRIDE", "mode=sideways")
-    with pytest.raises(CohelmError, match=r"ZENOH_CONFIG_OVERRIDE: .*mend them, or unset them"):
+    with pytest.raises(CohelmError, match=r"ZENOH_CONFIG_OVERRIDE: .*fix them, or unset them"):
         ZenohTransport(url=router().url)
     monkeypatch.delenv("ZENOH_CONFIG_OVERRIDE")
     ours._zenoh.cache_clear()

@@ -61,7 +61,7 @@ def mount(model: RobotModel, ride: Ride) -> MeasuredMount:
     between_rests = [_moved(trail, moves, a, b)
                      for a, b in zip(ride.rests[:-1], ride.rests[1:], strict=True)]  # fmt: skip
     if len(between_rests) < 12:
-        raise CohelmError("too little was driven to tell the LiDAR's mount: let it drive on")
+        raise CohelmError("too little was driven to find the LiDAR's mount: let it drive on")
     poses = _matched(lidar, ride.rests, between_rests)
     seen = [between(a, b) for a, b in itertools.pairwise(poses)]
     given = lidar.mount

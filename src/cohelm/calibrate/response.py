@@ -110,7 +110,7 @@ def response(model: RobotModel, ride: Ride) -> Response:
     if any(len(d.way) < 30 for d in data):
         why = f"{ride.ended}; " if ride.ended else ""
         raise CohelmError(
-            f"{why}too little was driven to tell delay and lag ({len(ride.segments)} motions; the "
+            f"{why}too little was driven to find delay and lag ({len(ride.segments)} motions; the "
             "straights come after 16 turns): nothing is written, drive again"
         )
     limits = model.bounds()

@@ -187,7 +187,7 @@ class _Rider:
             done = abs(turned) / (abs(twist.omega) * hold)
         if done < _LEAST:
             raise _EndedError(
-                f"the robot made {done:.0%} of a motion that it was told: is it switched on, "
+                f"the robot made {done:.0%} of a commanded motion: is it switched on, "
                 "released, and does it listen to these commands?"
             )
         self.made.segments.append((began, gated.now(), segment))

@@ -166,11 +166,11 @@ def _delay(assumed: float, total: Measured, added: float) -> Comparison:
     if seen.value - seen.off > assumed:
         return Comparison("delay_s", assumed, seen, write, "unsafe",
                        f"it obeys {1e3 * (seen.value - assumed):.0f} ms later: it stops farther on "
-                       "than is foretold")  # fmt: skip
+                       "than predicted")  # fmt: skip
     if seen.value + seen.off < assumed - _DELAY:
         return Comparison("delay_s", assumed, seen, write, "wasteful",
                        "it obeys earlier: it keeps away farther than it has to")  # fmt: skip
-    return Comparison("delay_s", assumed, seen, assumed, "safe", "it obeys as foretold")
+    return Comparison("delay_s", assumed, seen, assumed, "safe", "it obeys as predicted")
 
 
 def _times(a: Measured, b: Measured) -> Measured:
@@ -198,7 +198,7 @@ def _speed(key: str, assumed: float, seen: float) -> Comparison:
     if seen > 1.03 * assumed:
         return Comparison(
             key, assumed, measured, assumed, "unsafe",
-            "it is faster than it is told: correct wheel_radius_m or track_m in its base",
+            "it is faster than commanded: correct wheel_radius_m or track_m in its base",
         )  # fmt: skip
     return Comparison(key, assumed, measured, assumed, "safe", "it is reached, and held")
 

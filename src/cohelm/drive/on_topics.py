@@ -194,7 +194,8 @@ class OnTopics:
             return "there is no map on which the robot could be"
         if not stands(loop):
             return (
-                "the robot moves, and a pose is told while it stands: hold it, then tell it again"
+                "the robot moves, and an initial pose counts while it stands: hold it, then "
+                "publish it again"
             )
         pose, known = told.pose, loop.perception.known
         gap = 1.0 if known is None else float(gap_at(known, pose.x, pose.y))

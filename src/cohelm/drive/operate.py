@@ -110,7 +110,9 @@ def map_and_zones(
     told = masked(masks) or Zones()
     for option, one, other in zip(("--keep-out", "--speed-zones"), files, told, strict=True):
         if one is not None and other is not None:
-            raise CohelmError(f"{option} and --masks-from tell of the same: leave one of them out")
+            raise CohelmError(
+                f"{option} and --masks-from define the same zones: leave one of them out"
+            )
     zones = Zones(files.keep_out or told.keep_out, files.slow or told.slow)
     return chart, None if zones == Zones() else zones
 

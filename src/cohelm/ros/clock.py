@@ -60,8 +60,8 @@ def estimated(ages: list[float], topic: str, most: float = MOST) -> Clock:
         return Clock(-least)
     if time.time() - least < SIMULATED:
         raise CohelmError(
-            f"the stamps of {topic} are a simulator's or zero, and {TOPIC} does not tell its time: "
-            "bridge it (ros_gz_bridge), or let the driver stamp with the wall clock "
+            f"the stamps of {topic} are a simulator's or zero, and {TOPIC} does not carry its "
+            "time: bridge it (ros_gz_bridge), or let the driver stamp with the wall clock "
             "(use_sim_time:=false)"
         )
     direction = "ahead of" if least < 0.0 else "behind"

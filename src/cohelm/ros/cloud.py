@@ -40,7 +40,7 @@ def points(cloud: Any, topic: str) -> Floats:
     ):
         raise CohelmError(
             f"{topic} holds no cloud of points: {int(cloud.height)} rows of {int(cloud.width)}, "
-            f"{step} and {row} bytes apart, in {len(data)} bytes; mend its driver"
+            f"{step} and {row} bytes apart, in {len(data)} bytes; fix its driver"
         )
     kind = np.dtype({
         "names": ["x", "y", "z"], "formats": [order + one for one in formats],

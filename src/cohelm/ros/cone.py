@@ -30,12 +30,12 @@ def described(
     )
     if not 0.0 <= low <= high < math.inf or high == 0.0:
         raise CohelmError(
-            f"{topic} says it measures from {low:g} to {high:g} m: mend min_range and max_range in "
+            f"{topic} says it measures from {low:g} to {high:g} m: fix min_range and max_range in "
             "the driver"
         )
     if not 0.0 < view <= math.pi:
         raise CohelmError(
-            f"{topic} says that its cone is {math.degrees(view):g} deg wide: mend field_of_view "
+            f"{topic} says that its cone is {math.degrees(view):g} deg wide: fix field_of_view "
             "[rad] in the driver"
         )
     x, y, z = matrix[:3, 0].tolist()
@@ -43,7 +43,7 @@ def described(
         raise CohelmError(
             f"{topic}: the sensor looks {abs(math.degrees(math.asin(z))):.0f} deg "
             f"{'up' if z > 0.0 else 'down'}, and up to {math.degrees(_STEEPEST):.0f} can be used: "
-            "mend its frame in the robot's description (x is where it looks)"
+            "fix its frame in the robot's description (x is where it looks)"
         )
     flat = math.hypot(x, y)
     keys = {
@@ -58,7 +58,7 @@ def described(
         return LidarModel.model_validate(keys)  # as many beams as the cone needs
     except ValidationError as error:
         fault = error.errors()[0]
-        raise CohelmError(f"{topic} tells of no range sensor: {fault['msg']}") from error
+        raise CohelmError(f"{topic} describes no range sensor: {fault['msg']}") from error
 
 
 class ConeRanges:
@@ -78,7 +78,7 @@ class ConeRanges:
         if not np.allclose((low, high), before, rtol=0.01, atol=0.002):
             raise CohelmError(
                 f"{self._topic} says it measures from {low:g} to {high:g} m, and said from "
-                f"{before[0]:g} to {before[1]:g} m when it was looked at: mend its driver, or "
+                f"{before[0]:g} to {before[1]:g} m when it was looked at: fix its driver, or "
                 "start again"
             )
         made: Floats = np.full(

@@ -62,8 +62,8 @@ def camera(info: Any, topic: str) -> Intrinsics:
         or not (0.0 <= cx < made.width and 0.0 <= cy < made.height)
     ):
         raise CohelmError(
-            f"{topic} tells of no camera: {made.width} x {made.height} pixels, fx {fx:g} fy {fy:g} "
-            f"cx {cx:g} cy {cy:g}; calibrate it, or mend its driver"
+            f"{topic} describes no camera: {made.width} x {made.height} pixels, fx {fx:g} "
+            f"fy {fy:g} cx {cx:g} cy {cy:g}; calibrate it, or fix its driver"
         )
     return made
 
@@ -87,7 +87,7 @@ def depths(image: Any, camera: Intrinsics, topic: str) -> tuple[Any, float]:
     if step < size * width or len(data) < step * (height - 1) + size * width:
         raise CohelmError(
             f"{topic} holds no image: {height} rows of {width} pixels, {step} bytes apart, in "
-            f"{len(data)} bytes; mend its driver"
+            f"{len(data)} bytes; fix its driver"
         )
     order = ">" if image.is_bigendian else "<"
     return np.ndarray((height, width), order + kind, data.tobytes(), 0, (step, size)), metres

@@ -214,7 +214,7 @@ def _reason(
     """Why the base does not get what the controller requested: a kind, and a sentence; both empty
     where it does. reset: the topic."""
     if latched(gate.mode):
-        return "gate", f"{gate.reason}: mend it, then publish std_msgs/msg/Empty once on {reset}"
+        return "gate", f"{gate.reason}: fix it, then publish std_msgs/msg/Empty once on {reset}"
     if fault:
         return "readings", f"stopped: {fault}"
     if nominal.reason:

@@ -91,7 +91,7 @@ class FootprintTopic:
         if far > 2.0 * self._reach:
             raise CohelmError(
                 f"the outline reaches {far:.2f} m from the base, more than twice the "
-                f"{self._reach:.2f} m of the robot's file: mend either"
+                f"{self._reach:.2f} m of the robot's file: fix either"
             )
         return made
 

@@ -121,7 +121,9 @@ class JoyOperator(NullOperator):
             known = math.isfinite(age)
             if self._damage:
                 return f"{self.topic}: what comes can not be read ({self._damage})"
-            return f"{self.topic}: " + (f"silent for {age:.1f} s" if known else "nothing is heard")
+            return f"{self.topic}: " + (
+                f"silent for {age:.1f} s" if known else "nothing is received"
+            )
         said = self._read()
         return f"{self.topic}: {said}" if isinstance(said, str) else ""
 
@@ -152,7 +154,7 @@ class JoyOperator(NullOperator):
             )
         x, psi = axes[params.linear], axes[params.angular]
         if not (abs(x) <= _MOST and abs(psi) <= _MOST):  # nor for NaN
-            return f"its axes are {x:g} and {psi:g}, and go from -1 to 1: mend its driver"
+            return f"its axes are {x:g} and {psi:g}, and go from -1 to 1: fix its driver"
         if needed and not buttons[params.enable]:
             return CENTRED
         most = max(abs(x), abs(psi))

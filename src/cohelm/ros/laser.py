@@ -43,7 +43,7 @@ def layout(scan: Any, topic: str) -> Layout:
     if abs(step) * (n - 1) > 2.0 * math.pi * 1.02:
         raise CohelmError(
             f"{topic} covers {math.degrees(abs(step) * (n - 1)):.0f} deg, more than all round: its "
-            "angle_increment or its number of ranges is wrong, mend the driver"
+            "angle_increment or its number of ranges is wrong, fix the driver"
         )
     return Layout(first, step, n)
 
@@ -70,7 +70,7 @@ def lidar_model(
     low, high = float(scan.range_min), float(scan.range_max)
     if not 0.0 <= low < high < math.inf:
         raise CohelmError(
-            f"{topic} says it measures from {low:g} to {high:g} m: mend range_min and range_max in "
+            f"{topic} says it measures from {low:g} to {high:g} m: fix range_min and range_max in "
             "the driver"
         )
     return LidarModel(

@@ -196,14 +196,14 @@ class Localized:
             if not self._warned_other:
                 self._warned_other = True
                 self._log(
-                    f"{self._other} -> {odom} is published by somebody else (amcl, slam_toolbox?): "
+                    f"{self._other} -> {odom} is published by another node (amcl, slam_toolbox?): "
                     f"cohelm publishes no {self.frame} -> {odom}; end that one, then start again"
                 )
             return
         if self._tf is None:
             topic = self._carries or self._topics[0]
             self._tf = self._transport.publish(topic, TF, COMMAND)
-            self._log(f"{self.frame} -> {odom} goes out on {topic}")
+            self._log(f"{self.frame} -> {odom} is published on {topic}")
             if not self._carries:
                 self._log(
                     f"nobody publishes {odom} -> {self._found.body} on {topic}, so ROS does not "

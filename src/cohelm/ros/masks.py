@@ -85,7 +85,7 @@ class Masks:
         for kinds, said in (((KEEP_OUT,), "keep-out zones"), ((PERCENT, SPEED), "speed zones")):
             same = [one.info for one in made if one.kind in kinds]
             if len(same) > 1:
-                errors.append(f"{' and '.join(same)} both tell of {said}: name one with {_OPTION}")
+                errors.append(f"{' and '.join(same)} both define {said}: name one with {_OPTION}")
         if errors:
             raise CohelmError("\n".join(errors))
         return tuple(made)
@@ -104,7 +104,7 @@ class Masks:
             now = self._mask(one.info) if complete else one
             if (now.kind == KEEP_OUT) != (one.kind == KEEP_OUT):
                 raise CohelmError(
-                    f"{one.info} told of a filter of type {one.kind}, and now of one of type "
+                    f"{one.info} was a filter of type {one.kind}, and now of one of type "
                     f"{now.kind}: start the drive again to take that up"
                 )
             made.append(one if _same(now, one) else now)
@@ -150,17 +150,17 @@ class Masks:
         """Why a filter can not be used, whatever its mask is; empty: it may."""
         if info.type not in (KEEP_OUT, PERCENT, SPEED):
             return (
-                f"{topic} tells of a filter of type {info.type}, and masks are of type 0 (keep "
+                f"{topic} is a filter of type {info.type}, and masks are of type 0 (keep "
                 f"out), 1 (speed in percent) or 2 (speed in m/s): leave it out of {_OPTION}"
             )
         if not abs(info.base) + abs(info.multiplier) <= _MOST:  # nor for NaN
             return (
                 f"{topic}: base {info.base:g} and multiplier {info.multiplier:g} make no speeds: "
-                "mend the parameters of costmap_filter_info_server"
+                "fix the parameters of costmap_filter_info_server"
             )
         if not self._grid(info):
             return (
-                f"{topic} names no topic of a mask, but {info.filter_mask_topic!r}: mend mask_topic"
+                f"{topic} names no topic of a mask, but {info.filter_mask_topic!r}: fix mask_topic"
                 " of costmap_filter_info_server"
             )
         return ""
@@ -178,7 +178,7 @@ class Masks:
         if mask is None:
             cure = (
                 f"{topic} says that the mask is there: start a map_server with that topic_name, "
-                "or mend mask_topic of costmap_filter_info_server"
+                "or fix mask_topic of costmap_filter_info_server"
             )
             raise CohelmError(self._nothing_received(grid, GRID, cure, seen))
         return FilterMask(
@@ -212,13 +212,14 @@ def _cells(topic: str, grid: Any, frame: str) -> tuple[NDArray[np.int8], float, 
             "map_server, or name the map's with cohelm robot --map-frame"
         )
     elif len(grid.data) != width * height or not width * height:
-        errors = f"{width} x {height} cells are told, and {len(grid.data)} come: mend who draws it"
+        declared = f"{width} x {height} cells are declared"
+        errors = f"{declared}, and {len(grid.data)} come: fix what publishes it"
     elif not _FINEST <= side <= _COARSEST:  # nor for NaN
-        errors = f"its cells are {side:g} m wide: mend its resolution"
+        errors = f"its cells are {side:g} m wide: fix its resolution"
     elif not all(math.isfinite(value) for value in origin):
-        errors = "its origin is no pose: mend the origin in its map_server's YAML file"
+        errors = "its origin is no pose: fix the origin in its map_server's YAML file"
     elif math.hypot(turned.x, turned.y) > _FLAT:
-        errors = "it is inclined, and a map lies flat: mend the orientation of its origin"
+        errors = "it is inclined, and a map lies flat: fix the orientation of its origin"
     if errors:
         raise CohelmError(f"{topic}: {errors}")
     cells = np.asarray(grid.data).astype(np.int8, copy=False).reshape(height, width)

@@ -46,7 +46,7 @@ def nothing_received(
         )
     reasons = [why for one in right if (why := reaches(one.qos, qos))]
     if len(reasons) == len(right):
-        return f"{topic} never reaches this node: {reasons[0]}; mend the QoS of its publisher"
+        return f"{topic} never reaches this node: {reasons[0]}; fix the QoS of its publisher"
     if damage:
         return (
             f"what comes on {topic} can not be read ({damage}): is ROS_DISTRO here the robot's, "
@@ -107,7 +107,7 @@ def base_type(topic: str, wanted: bool | None, qos: Qos, seen: list[Endpoint]) -
     reasons = [why for one in right if (why := reaches(qos, one.qos))]
     if len(reasons) == len(right):
         return kind, (
-            f"commands on {topic} never reach the base{_by(right)}: {reasons[0]}; mend the QoS of "
+            f"commands on {topic} never reach the base{_by(right)}: {reasons[0]}; fix the QoS of "
             "its subscription"
         )
     return kind, ""
@@ -208,14 +208,14 @@ def footprint(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
 def no_camera_info(topic: str, info: str, seen: list[Endpoint]) -> str:
     """That a depth image has no CameraInfo."""
     return (
-        f"nothing is heard on {info}, where the {CAMERA_INFO} of {topic} has to be: let its driver "
-        f"publish that beside the images, or remap it there{_others(CAMERA_INFO, seen)}"
+        f"nothing is received on {info}, where the {CAMERA_INFO} of {topic} has to be: let its "
+        f"driver publish that beside the images, or remap it there{_others(CAMERA_INFO, seen)}"
     )
 
 
 def no_frame(topic: str, frame: str, body: str, known: list[str]) -> str:
     """That no transform says where a sensor is mounted."""
-    frames_there = f"it tells of {', '.join(known[:8])}" if known else "nothing is told there"
+    frames_there = f"it has {', '.join(known[:8])}" if known else "it is empty"
     return (
         f"{topic} is measured in the frame {frame!r}, and /tf_static does not say where that is "
         f"on {body!r} ({frames_there}): start robot_state_publisher or "

@@ -182,11 +182,11 @@ class Ros2Robot(Robot):
         """Whether a message can be used. frame: that it has to be in; empty: any."""
         message, why = received.message, ""
         if message is None:
-            why = f"what comes on {topic} can not be read ({received.damage}): mend its driver"
+            why = f"what comes on {topic} can not be read ({received.damage}): fix its driver"
         elif frame and message.header.frame_id != frame:
             why = (
                 f"{topic} comes in the frame {message.header.frame_id!r}, and was in {frame!r} "
-                "when it was looked at: mend its driver, or start again"
+                "when it was looked at: fix its driver, or start again"
             )
         with self._lock:
             many = self._unusable.get(topic, (0, ""))[0]

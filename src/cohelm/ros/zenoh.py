@@ -217,7 +217,7 @@ class ZenohTransport:
         except zenoh.ZError as error:
             raise CohelmError(
                 f"zenoh can not be configured by ZENOH_SESSION_CONFIG_URI={file!r} and "
-                f"ZENOH_CONFIG_OVERRIDE: {error}; mend them, or unset them"
+                f"ZENOH_CONFIG_OVERRIDE: {error}; fix them, or unset them"
             ) from error
         if not url:
             there = config.get_json("connect/endpoints")

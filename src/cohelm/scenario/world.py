@@ -143,7 +143,9 @@ def read(world: AnyWorld, reach: float, duration: float) -> Read:
             begin = min((float(track.times[0]) for track in tracks), default=0.0)
         names, people = walkers(tracks, world.radius_m, reach, begin, duration)
         if not names:
-            raise CohelmError(f"{world.file}: nobody is there at {begin:g} s; set world.begin_s")
+            raise CohelmError(
+                f"{world.file}: no pedestrian is there at {begin:g} s; set world.begin_s"
+            )
         return Read(tuple(f"person {name}" for name in names), tuple(people))
     barn = _barn(world, reach)
     if barn is not None:

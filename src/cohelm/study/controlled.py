@@ -149,7 +149,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
     """
     if setup.twin is not None or (setup.pilot is not None and setup.pilot.lidar is not None):
         raise CohelmError(
-            "a controller of your own drives the kinematic plant and is told the truth: "
+            "a controller of your own drives the kinematic plant and is given the true obstacles: "
             "set simulation.plant=kinematic and senses=truth"
         )
     n, m, dt = setup.steps, len(setup.obstacles.discs), setup.dt

@@ -272,7 +272,7 @@ def figure_sweep(ex: Experiments) -> Figure:
     fast.axhline(ex.wheels.speed, color=PALE, lw=0.8, ls="--")
     fast.text(k[-1] + 0.03, ex.wheels.speed, f"robot's limit\n{ex.wheels.speed:g} m/s",
               color=PALE, va="center", fontsize=9)  # fmt: skip
-    fast.set_ylabel("largest |v| asked [m/s]")
+    fast.set_ylabel("largest |v| requested [m/s]")
     fast.set_ylim(bottom=0.0)
     held.plot(k, [t.metrics.longest_stall_s for t in ex.sweep], "o-", color=PERSON, ms=4)
     held.set_ylabel("longest stall [s]")

@@ -215,6 +215,6 @@ def _summary(ex: Experiments) -> str:
     """Table and figures on one page of Markdown."""
     lines = ["# The paper's experiments, again", "", "| | ours | paper |", "|---|---|---|"]
     lines += [f"| {quantity} | {ours} | {paper} |" for quantity, ours, paper in table(ex)]
-    lines += ["", "What each number means is said in `reproduce.json` and in docs/paper.md.", ""]
+    lines += ["", "`reproduce.json` and docs/paper.md explain each number.", ""]
     lines += [f"![{name}]({name}.png)\n" for name in _PICTURES]
     return "\n".join(lines)

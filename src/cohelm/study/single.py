@@ -81,7 +81,10 @@ def table(m: Metrics) -> list[tuple[str, str]]:
         ("smallest clearance of the outline", near if m.min_clearance_m < inf else "nothing near"),
         ("pose error E_P: max, rms, final", e_p),
         *_smallest_h(m),
-        ("largest command asked", f"{m.max_speed_mps:.2f} m/s, {m.max_yaw_rate_radps:.2f} rad/s"),
+        (
+            "largest command requested",
+            f"{m.max_speed_mps:.2f} m/s, {m.max_yaw_rate_radps:.2f} rad/s",
+        ),
         ("filter acted; wheels saturated", limited),
         ("the person led", led or "never"),
         ("back on the path after that", back or "–"),

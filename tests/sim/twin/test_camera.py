@@ -112,7 +112,7 @@ def test_frames_come_at_their_rate_and_do_not_change_the_drive():
         assert frame is not None
         frames[frame.number] = frame.stamp
     assert blind.read().frame is None
-    assert blind.draws == "nobody"
+    assert blind.draws == "none"
     assert sorted(frames) == list(range(len(frames)))
     assert len(frames) == 19  # 15 a second from 0 to 1.2
     assert all(abs(stamp - number / 15.0) <= 0.005 for number, stamp in frames.items())

@@ -79,8 +79,8 @@ def test_a_full_disk_leaves_what_was_written_and_says_so(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"seed": 2}, r"seed 1 \(asked for: 2\)"),
-        ({"laws": ["paper", "none"]}, r"laws guard \(asked for: paper, none\)"),
+        ({"seed": 2}, r"seed 1 \(requested: 2\)"),
+        ({"laws": ["paper", "none"]}, r"laws guard \(requested: paper, none\)"),
         ({"n": 10, "seed": 3}, "seed 1 .*n 9|n 9 .*seed 1"),
         ({"code": "b"}, "another version of this code"),
     ],

@@ -110,7 +110,7 @@ class SpeedMask:
             said = f"{least:g} m/s" if self.absolute else f"{least:g} %"
             raise CohelmError(
                 f"{name}: a zone has a limit of {said}, which is no speed (Nav2 takes 0 for no "
-                "limit): use a keep-out mask for where nothing may drive, or mend base, multiplier "
+                "limit): use a keep-out mask for where nothing may drive, or fix base, multiplier "
                 "and mode (scale)"
             )
         return self

@@ -94,7 +94,7 @@ class Eye:
     @property
     def renderer(self) -> str:
         """The renderer's name; known from the first picture on."""
-        return "nobody yet" if self._camera is None else self._camera.renderer
+        return "none yet" if self._camera is None else self._camera.renderer
 
     def offer(self, shot: Shot) -> None:
         """Something new to draw; what was offered before and is not begun is forgotten."""

@@ -235,7 +235,7 @@ class Twin(Paced):
     @property
     def draws(self) -> str:
         """The name of the camera's renderer."""
-        return "nobody" if self._eye is None else self._eye.renderer
+        return "none" if self._eye is None else self._eye.renderer
 
     def picture(
         self, width: int, height: int, view: str = "above", kind: Kind = "auto"

@@ -28,7 +28,7 @@ def html(parts: Sequence[Part]) -> str:
 
 def _lab() -> Sequence[Part]:
     return (
-        "The paper's lab, with the robot's real outline and wheels; nobody holds the stick. Both "
+        "The paper's lab, with the robot's real outline and wheels, without an operator. Both "
         "doors, the corridor and the pass between the two cones are on the way.",
         "Episode 0 is the shipped scenario lab-guard. In the others the robot starts up to 0.1 m "
         "and 0.2 rad off, and the moving obstacle sets off between 0 and 40 s at 0.1 to 0.4 m/s.",
@@ -42,13 +42,13 @@ def _random() -> Sequence[Part]:
         (
             "a room of 10 to 13 m by 6 to 8 m with four walls; Sally drives from 1.2 m off the "
             "west wall to 1.2 m off the east wall, both anywhere across; the reference is a "
-            "straight line at 0.5 m/s that minds nothing;",
+            "straight line at 0.5 m/s that ignores obstacles;",
             "6 to 14 round obstacles at rest, radius 0.1 to 0.5 m, 0.9 m clear of start and goal;"
             f" a way {rooms.WAY:g} m wide leads from start to goal in every room;",
             "2 to 5 walkers of radius 0.2 to 0.3 m on curves through random points, at a mean "
             f"speed of 0.2 to 0.8 m/s, never faster than {rooms.FASTEST:g} m/s nor with more than "
             f"{rooms.MAX_ACCELERATION:g} m/s², at first 2 m from the robot; they walk all the "
-            "time, through resting obstacles too, and mind nobody.",
+            "time, through resting obstacles too, and avoid nobody.",
         ),
         "Arrived: within 0.3 m of the goal, within 120 s.",
     )
@@ -66,7 +66,7 @@ def _movers() -> Sequence[Part]:
             "each moves straight from key frame to key frame, at least 2 m apart, from rest to "
             f"rest, on each way at another speed of 0.4 to {movers.FASTEST:g} m/s, and with "
             f"{movers.MAX_ACCELERATION:g} m/s²; it stays {movers.APRON:g} m off the west and the "
-            "east wall. Discs move all the time, through each other too, and mind nobody.",
+            "east wall. Discs move all the time, through each other too, and avoid nobody.",
         ),
         "Arrived: within 0.3 m of the goal, within 90 s.",
     )
@@ -75,7 +75,7 @@ def _movers() -> Sequence[Part]:
 def _barn() -> Sequence[Part]:
     return (
         "The worlds of the BARN challenge, judged by its rules: Jackal with 720 beams over 270 "
-        "degrees, 30 scans a second, 1 cm of noise, and the given reference path. It knows of the"
+        "degrees, 30 scans a second, 1 cm of noise, and the given reference path. It sees the"
         " cylinders by its scans alone. The score is the challenge's since 2026.",
         "Episode k is world k modulo their number; every further round has another seed of the "
         "sensor's noise. Not the challenge's own simulation: no Gazebo, no physics, and the pose "
@@ -88,15 +88,15 @@ def _barn() -> Sequence[Part]:
 def _crowd() -> Sequence[Part]:
     return (
         "Recorded pedestrians walk where Sally crosses the middle of the scene: 8 m straight on "
-        "at 0.8 m/s, in any direction, at moments spread over the recording. They mind nobody. At"
+        "at 0.8 m/s, in any direction, at moments spread over the recording. They avoid nobody. At"
         " first nobody is within 1.5 m.",
         "The recordings give a place every 0.4 s. Between and around the samples people walk on "
         "smoothing splines, within some 0.2 m of them; before the first and after the last sample"
-        " they walk straight on for 10 s, so that nobody appears beside the robot. Whoever is "
-        f"then faster than {crowd.FASTEST:g} m/s or accelerates by more than "
-        f"{crowd.MAX_ACCELERATION:g} m/s² is left out and listed, and so is who was seen only "
-        "once, and who would even so come "
-        f"into being during a crossing within {crowd.REACH:g} m of the middle of the scene. "
+        " they walk straight on for 10 s, so that none appears beside the robot. Left out "
+        f"and listed are those then faster than {crowd.FASTEST:g} m/s or with more than "
+        f"{crowd.MAX_ACCELERATION:g} m/s², those seen only "
+        "once, and those that would even so "
+        f"appear during a crossing within {crowd.REACH:g} m of the middle of the scene. "
         "Episode k is scene k modulo their number.",
         "Arrived: within 0.3 m of the goal, within 60 s.",
     )
@@ -104,32 +104,32 @@ def _crowd() -> Sequence[Part]:
 
 def _adversary() -> Sequence[Part]:
     return (
-        "The stick is held by somebody who wants a contact, and nobody else steers. Sally or "
+        "An operator tries to bring about a contact, alone with the filter. Sally or "
         "Jackal in turns, at rest at the origin of a field of 6 m, with 4 to 9 resting obstacles,"
         " 2 to 4 walls of 1 to 4 m and 10 stray points, none nearer than 5 cm; in every second "
         "episode also 1 to 3 walkers, 2 to 5 m away at first, with up to 1 m/s² and 1.3 m/s, half"
         " of the time straight at the robot.",
         "For ten seconds the stick is deflected by one of these:",
         (
-            "ram: at the nearest thing, with fits of bang in between;",
+            "ram: at the nearest obstacle, with fits of bang in between;",
             "bang: full deflections at random;",
             "spin: full turns and lunges, starting beside a wall;",
-            "human: a recorded person, signs flipped on one axis or on both (where recordings are"
+            "human: a recorded operator, signs flipped on one axis or on both (where recordings are"
             " given);",
             "search: every 500th episode, CMA-ES over sequences of 20 deflections for the "
             "smallest clearance; 2000 sequences are driven, and the worst is the episode.",
         ),
-        "There is no goal, so nobody arrives.",
+        "There is no goal.",
     )
 
 
 def _hands() -> Sequence[Part]:
     return (
-        "Recorded people, whose stick was meant for another room, drive in the paper's lab. Every"
-        " recording is played into the scenario lab-guard: first each from its beginning, then "
-        "from anywhere in it. The controller leads whenever the hand does not.",
-        "Arrived: within 0.1 m of the end of the reference, within three times its time; a hand "
-        "that holds the stick for long may well prevent that.",
+        "Recorded operators, whose stick was meant for another room, drive in the paper's lab. "
+        "Every recording is played into the scenario lab-guard: first each from its beginning, "
+        "then from anywhere in it. The controller leads whenever the stick is released.",
+        "Arrived: within 0.1 m of the end of the reference, within three times its time; a "
+        "stick held for long may well prevent that.",
     )
 
 
@@ -145,8 +145,9 @@ def _heights() -> Sequence[Part]:
             "brakes and delay are the worst that the robot's file states, or better, by the load, "
             "which changes within every second episode; in every third one it is wider or longer "
             "than the robot, and its footprint is stated so;",
-            "who steers, in turns: the controller; it and a hand that pushes at the nearest edge; "
-            "a hand alone for 15 s: at the nearest edge ahead or tail first, spins, lunges, fits.",
+            "the operator, in turns: none; one that pushes at the nearest edge while the "
+            "controller drives; one alone for 15 s: at the nearest edge ahead or tail first, "
+            "spins, lunges, fits.",
         ),
         "Fallen: one of six points where it stands on the floor (wheels, castors) is above lower "
         "ground. An episode ends with the first fall or contact. Arrived: within 0.4 m of the goal,"

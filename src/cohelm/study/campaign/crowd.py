@@ -110,7 +110,9 @@ def crowd(name: str, tracks: list[Track]) -> Crowd:
         else:
             walks.append(Walk(track.name, begin - 1.0, path))
     if not walks:
-        raise CohelmError(f"{name}: nobody in it walks within the assumed bounds; nothing to do")
+        raise CohelmError(
+            f"{name}: no pedestrian in it is within the assumed bounds; nothing to do"
+        )
     return Crowd(name, tuple(walks), (x, y), tuple(at.tolist()), tuple(left_out))
 
 

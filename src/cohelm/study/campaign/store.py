@@ -86,7 +86,7 @@ class Store:
         if there is None:
             if any((self.folder / ROWS).glob("*.parquet")):
                 raise CohelmError(
-                    f"{self.folder}: holds rows but no {PLAN}, so nobody knows of what; choose "
+                    f"{self.folder}: holds rows but no {PLAN}, so their plan is unknown; choose "
                     "another folder with --out"
                 )
             _put(self.folder / PLAN, (json.dumps(self._plan, indent=2) + "\n").encode())
@@ -164,7 +164,7 @@ def _difference(there: dict[str, Any], requested: dict[str, Any]) -> str:
             "ones; choose another folder with --out"
         )
     differences = ", ".join(
-        f"{name} {_brief(there.get(name))} (asked for: {_brief(requested.get(name))})"
+        f"{name} {_brief(there.get(name))} (requested: {_brief(requested.get(name))})"
         for name in names
         if name != "code"
     )
