@@ -33,7 +33,7 @@ from cohelm.drive.session import Session, SessionConfig  # noqa: E402
 from cohelm.drive.simulated import Simulated  # noqa: E402
 from cohelm.link.messages import Mode  # noqa: E402
 from cohelm.perceive.localize.localization_map import LocalizationMap  # noqa: E402
-from cohelm.plan.distance_field import swept  # noqa: E402
+from cohelm.plan.distance_field import swept_clearances  # noqa: E402
 from cohelm.plan.elastic_band import tangents  # noqa: E402
 from cohelm.plan.path_planner import PathParams  # noqa: E402
 from cohelm.robot.gate.modes import GateMode  # noqa: E402
@@ -96,7 +96,10 @@ def fitting(made: OccupancyMap, way: list[tuple[float, float]]) -> str:
     stands = placed((cells + 0.5) * made.resolution, made.origin)
     line = tangents(np.vstack([np.linspace(a, b, 7, endpoint=False) for a, b in pairwise(way)]))
     for name in ROBOTS[:-1]:
-        if swept(stands, np.array(robot(name).footprint_m), line).min() >= PathParams().clearance:
+        if (
+            swept_clearances(stands, np.array(robot(name).footprint_m), line).min()
+            >= PathParams().clearance
+        ):
             return name
     return ROBOTS[-1]
 

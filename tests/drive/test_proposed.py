@@ -6,7 +6,7 @@ import pytest
 from cohelm.core.types import Pose
 from cohelm.drive.proposed import ROOM, checked_path, planned_path
 from cohelm.plan.course import poses_along
-from cohelm.plan.distance_field import swept
+from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.elastic_band import distances
 from cohelm.plan.path_planner import Goal
 
@@ -23,7 +23,7 @@ def test_a_free_way_is_followed_from_where_the_robot_is_and_keeps_its_room() -> 
     poses = poses_along(said.reference, 0.05)
     assert poses[0, :2] == pytest.approx((0.0, 0.0))
     assert poses[-1, :2] == pytest.approx((2.0, 1.0))
-    assert swept(WALL, OUTLINE, poses).min() >= ROOM
+    assert swept_clearances(WALL, OUTLINE, poses).min() >= ROOM
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_a_goal_behind_a_wall_is_reached_through_the_door_with_the_room_that_way
     poses = poses_along(said.reference, 0.05)
     assert poses[0, :2] == pytest.approx((0.0, 0.0))
     assert poses[-1, :2] == pytest.approx((5.0, 0.0))
-    assert swept(DOOR, OUTLINE, poses).min() >= ROOM
+    assert swept_clearances(DOOR, OUTLINE, poses).min() >= ROOM
 
 
 def test_in_the_open_a_goal_is_straight_ahead() -> None:

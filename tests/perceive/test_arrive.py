@@ -13,8 +13,8 @@ from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.track import track
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
-from cohelm.plan.path_planner import way
-from cohelm.plan.recovery import Choices, RecoveryMove, recovery_move, recovery_twist, rest
+from cohelm.plan.path_planner import plan_path
+from cohelm.plan.recovery import RecoveryMove, RecoveryParams, recovery_move, recovery_twist, rest
 from cohelm.robot.clearance import disc_clearance
 from cohelm.robot.kinematics import arc
 from cohelm.robot.sensors import LidarModel
@@ -57,7 +57,7 @@ def drive(pose, world, goal_line, seconds, seen=NOTHING):
             left = NO_MOVE if left == before else left  # held up
             before = left
         if k % 20 == 0 and left == NO_MOVE:
-            found = way(pose, points, goal_line, outline)
+            found = plan_path(pose, points, goal_line, outline)
             if found is not None and len(found.points) > 2:
                 reference = through(found.points, CRUISE)
                 paced = profile(reference, np.full(200, math.inf), PACE)
@@ -65,7 +65,7 @@ def drive(pose, world, goal_line, seconds, seen=NOTHING):
                 x, y = found.points[2] - pose[:2]
                 heading = math.atan2(y, x)
                 if abs(math.remainder(heading - pose.psi, 2.0 * math.pi)) > 1.2:
-                    left = recovery_move(pose, heading, points, outline, Choices()) or left
+                    left = recovery_move(pose, heading, points, outline, RecoveryParams()) or left
         if left != NO_MOVE:
             wanted = recovery_twist(left, 0.4, 1.5, DT)
         elif reference is None:

@@ -6,8 +6,8 @@ import pytest
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.law.reference import through
 from cohelm.pilot.pilot import NOTHING_NEAR, Pilot
-from cohelm.pilot.replanning import entered
-from cohelm.pilot.rollout import ahead
+from cohelm.pilot.replanning import clock_on_entry
+from cohelm.pilot.rollout import roll_out
 from cohelm.plan.course import course, route
 from cohelm.robot.kinematics import arc
 from tests.pilot.drives import DT, SETTINGS, drive
@@ -20,8 +20,8 @@ def test_the_robot_goes_where_it_was_foretold_to(beside):
     reference = through(TURN, 0.5)
     pose, twist = Pose(1.0, beside, 0.4), Twist(0.4, 0.0)
     own = course(reference, 0, True, SETTINGS.pace)
-    clock = entered(own, route(reference), 0, pose, twist)
-    foretold = ahead(own, clock, pose, twist, 2.5, SETTINGS)
+    clock = clock_on_entry(own, route(reference), 0, pose, twist)
+    foretold = roll_out(own, clock, pose, twist, 2.5, SETTINGS)
     pilot = Pilot(reference, SETTINGS)
     pilot.state = pilot.state._replace(clock=clock)
     driven = []
@@ -41,8 +41,8 @@ def test_a_course_that_ends_is_foretold_to_its_end():
     reference = through([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]], 0.5)
     own = course(reference, 0, True, SETTINGS.pace)
     pose = Pose(0.0, 0.0, 0.0)
-    clock = entered(own, route(reference), 0, pose, Twist(0.0, 0.0))
-    foretold = ahead(own, clock, pose, Twist(0.0, 0.0), 4.0, SETTINGS)
+    clock = clock_on_entry(own, route(reference), 0, pose, Twist(0.0, 0.0))
+    foretold = roll_out(own, clock, pose, Twist(0.0, 0.0), 4.0, SETTINGS)
     assert 0.8 < foretold[-1, 0] < 1.1
 
 

@@ -9,7 +9,7 @@ from shapely.affinity import rotate, translate
 from cohelm.core.types import Pose
 from cohelm.law.reference import evaluate, through
 from cohelm.plan.elastic_band import distances, spread, tangents
-from cohelm.plan.path_planner import PathParams, way
+from cohelm.plan.path_planner import PathParams, plan_path
 from tests.perceive.scenes import JACKAL, LONG, NOTHING, circle, line, room, wall
 
 PATH_PARAMS = PathParams()
@@ -28,7 +28,7 @@ def least_clearance(points, outline, poses):
 
 
 def test_where_nothing_is_in_the_way_it_is_straight():
-    found = way(AT, NOTHING, LINE, JACKAL)
+    found = plan_path(AT, NOTHING, LINE, JACKAL)
     assert found.rejoined == len(LINE) - 1
     assert found.clearance == math.inf
     assert np.abs(found.points[:, 1]).max() < 1e-6
@@ -39,7 +39,7 @@ def test_where_nothing_is_in_the_way_it_is_straight():
 def test_it_goes_around_what_blocks_the_line():
     points = circle(4.0, 0.0, 0.6)
     assert least_clearance(points, JACKAL, tangents(LINE)) < PATH_PARAMS.clearance
-    found = way(AT, points, LINE, JACKAL)
+    found = plan_path(AT, points, LINE, JACKAL)
     assert np.abs(found.points[:, 1]).max() > 0.7
     assert distances(found.points)[-1] < 8.8
     assert least_clearance(points, JACKAL, tangents(found.points)[1:]) >= PATH_PARAMS.clearance
@@ -48,7 +48,7 @@ def test_it_goes_around_what_blocks_the_line():
 
 def test_it_stays_clear_after_it_is_made_a_spline():
     points = np.vstack((circle(3.0, 0.3, 0.4), circle(4.3, -0.5, 0.4), circle(5.5, 0.3, 0.4)))
-    found = way(AT, points, LINE, JACKAL)
+    found = plan_path(AT, points, LINE, JACKAL)
     spline = through(found.points[::2], 1.0)
     poses = []
     for t in np.linspace(0.0, spline.duration, 300):
@@ -58,17 +58,17 @@ def test_it_stays_clear_after_it_is_made_a_spline():
 
 
 def test_it_is_refused_where_there_is_none():
-    assert way(AT, room(-1, -1, 1, 1), LINE, JACKAL) is None
+    assert plan_path(AT, room(-1, -1, 1, 1), LINE, JACKAL) is None
 
 
 def test_it_is_refused_where_the_goal_is_taken_all_around():
-    assert way(AT, room(7.4, -0.6, 8.6, 0.6), LINE, JACKAL) is None
+    assert plan_path(AT, room(7.4, -0.6, 8.6, 0.6), LINE, JACKAL) is None
 
 
 @pytest.mark.parametrize(("width", "passes"), [(0.36, False), (0.5, True)])
 def test_a_gap_is_taken_only_if_the_robot_fits_through(width, passes):
     points = np.vstack((wall(4, 0.5 * width, 4, 20), wall(4, -0.5 * width, 4, -20)))
-    assert (way(AT, points, LINE, JACKAL) is not None) == passes
+    assert (plan_path(AT, points, LINE, JACKAL) is not None) == passes
 
 
 def test_a_bend_is_taken_only_if_the_whole_footprint_fits_around_it():
@@ -78,61 +78,61 @@ def test_a_bend_is_taken_only_if_the_whole_footprint_fits_around_it():
         wall(4.375, -0.375, 4.375, 5), wall(3.625, 0.375, 3.625, 5), wall(-2, -0.4, -2, 0.4),
     ))  # fmt: skip
     corner = np.vstack((line(0, 0, 4, 0), line(4, 0.1, 4, 4)))
-    short = way(AT, points, corner, JACKAL)
+    short = plan_path(AT, points, corner, JACKAL)
     assert short is not None
     assert short.rejoined == len(corner) - 1
-    assert way(AT, points, corner, LONG) is None
+    assert plan_path(AT, points, corner, LONG) is None
 
 
 def test_it_prefers_room_to_a_shorter_way_through_a_tight_gap():
     points = np.vstack((wall(4, 0.22, 4, 0.9), wall(4, -0.22, 4, -6)))
-    found = way(AT, points, LINE, JACKAL, PathParams(stray=0.0))
+    found = plan_path(AT, points, LINE, JACKAL, PathParams(stray=0.0))
     crossing = np.interp(4.0, found.points[:, 0], found.points[:, 1])
     assert crossing > 0.9
 
 
 def test_it_rejoins_the_line_at_the_horizon():
-    found = way(Pose(1.0, 0.3, 0.0), NOTHING, LINE, JACKAL, PATH_PARAMS, 0, 3.0)
+    found = plan_path(Pose(1.0, 0.3, 0.0), NOTHING, LINE, JACKAL, PATH_PARAMS, 0, 3.0)
     assert LINE[found.rejoined].tolist() == pytest.approx([4.0, 0.0])
     assert found.points[-1].tolist() == pytest.approx([4.0, 0.0])
 
 
 def test_it_rejoins_farther_on_where_the_horizon_is_taken():
-    found = way(AT, circle(3.0, 0.0, 0.5), LINE, JACKAL, PATH_PARAMS, 0, 3.0)
+    found = plan_path(AT, circle(3.0, 0.0, 0.5), LINE, JACKAL, PATH_PARAMS, 0, 3.0)
     assert LINE[found.rejoined, 0] > 3.5
     assert found.points[-1].tolist() == LINE[found.rejoined].tolist()
 
 
 def test_it_does_not_go_back_behind_what_is_done():
     loop = np.vstack((line(0, 0, 4, 0), line(4, 0.1, 4, 2), line(3.9, 2, 0, 2)))
-    early = way(AT, NOTHING, loop, JACKAL, PATH_PARAMS, 0, 1.0)
-    late = way(AT, NOTHING, loop, JACKAL, PATH_PARAMS, 70, 1.0)
+    early = plan_path(AT, NOTHING, loop, JACKAL, PATH_PARAMS, 0, 1.0)
+    late = plan_path(AT, NOTHING, loop, JACKAL, PATH_PARAMS, 70, 1.0)
     assert early.rejoined < 15
     assert late.rejoined > 70
 
 
 def test_it_begins_in_the_robots_direction_if_that_is_roughly_its_own():
     turned = Pose(0.0, 0.0, 0.5)
-    x, y = way(turned, NOTHING, LINE, JACKAL).points[1]
+    x, y = plan_path(turned, NOTHING, LINE, JACKAL).points[1]
     assert math.atan2(y, x) == pytest.approx(0.5)
 
 
 def test_it_can_be_left_from_a_place_that_is_tighter_than_wished():
     points = np.vstack((wall(-0.5, 0.19, 0.3, 0.19), wall(-0.5, -0.19, 0.3, -0.19)))
-    found = way(AT, points, LINE, JACKAL, PathParams(clearance=0.04))
+    found = plan_path(AT, points, LINE, JACKAL, PathParams(clearance=0.04))
     assert found is None or found.clearance >= 0.04
-    free = way(AT, points, LINE, JACKAL, PathParams(clearance=0.02))
+    free = plan_path(AT, points, LINE, JACKAL, PathParams(clearance=0.02))
     assert free is not None
 
 
 def test_a_robot_at_the_end_has_arrived():
-    found = way(Pose(8.0, 0.01, 0.0), NOTHING, LINE, JACKAL)
+    found = plan_path(Pose(8.0, 0.01, 0.0), NOTHING, LINE, JACKAL)
     assert len(found.points) == 1
 
 
 def test_a_goal_that_is_taken_is_approached_to_where_the_robot_can_turn():
     points = circle(8.0, 0.0, 0.03)
-    found = way(AT, points, LINE, JACKAL)
+    found = plan_path(AT, points, LINE, JACKAL)
     assert 0.33 < math.hypot(*(found.points[-1] - LINE[-1])) <= PATH_PARAMS.beside
 
 
@@ -141,7 +141,7 @@ def test_a_goal_that_is_taken_is_approached_to_where_the_robot_can_turn():
 def test_a_way_never_touches_what_was_seen(things):
     points = np.vstack([NOTHING, *(circle(*thing) for thing in things)])
     assume(len(points) == 0 or np.hypot(*points.T).min() > 0.35)
-    found = way(AT, points, LINE, JACKAL)
+    found = plan_path(AT, points, LINE, JACKAL)
     if found is None or len(points) == 0:
         return
     assert (
@@ -162,11 +162,11 @@ def test_a_line_spread_out_keeps_its_ends_and_its_course(spacing):
 
 def test_of_two_ways_that_are_about_as_good_the_one_chosen_before_is_kept():
     def side(y, chosen):
-        found = way(AT, circle(3.0, y, 0.4), LINE, JACKAL, chosen=chosen)
+        found = plan_path(AT, circle(3.0, y, 0.4), LINE, JACKAL, chosen=chosen)
         return math.copysign(1.0, found.points[np.abs(found.points[:, 1]).argmax(), 1])
 
     assert side(0.02, NOTHING) == -1.0
-    left = way(AT, circle(3.0, -0.02, 0.4), LINE, JACKAL).points
+    left = plan_path(AT, circle(3.0, -0.02, 0.4), LINE, JACKAL).points
     assert left[:, 1].max() > 0.5
     assert side(0.02, left) == 1.0
     assert side(0.02, left + np.array([1000.0, 0.0])) == -1.0  # one that is far away says nothing

@@ -10,20 +10,20 @@ from shapely.affinity import rotate, translate
 
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose, Twist
-from cohelm.plan.distance_field import swept
+from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.recovery import (
     BACKWARDS,
     FORWARDS,
     LEFT,
     RIGHT,
-    Choices,
     RecoveryMove,
+    RecoveryParams,
     back_off,
     kind,
     recovery_move,
     recovery_twist,
     rest,
-    wriggle,
+    search_recovery,
 )
 from cohelm.robot.kinematics import arc
 from cohelm.scenario.load import robot as load_robot
@@ -78,7 +78,7 @@ def test_from_a_pocket_ahead_it_backs_out_and_turns():
 
 def test_from_a_pocket_behind_it_drives_out_and_turns():
     behind = Pose(0.0, 0.0, math.pi)
-    move = recovery_move(behind, 0.0, POCKET, JACKAL, Choices(forward=1.0))
+    move = recovery_move(behind, 0.0, POCKET, JACKAL, RecoveryParams(forward=1.0))
     assert move.distance > 0.2
     pose, least = drive(behind, move, JACKAL, POCKET)
     assert least >= 0.025
@@ -86,7 +86,7 @@ def test_from_a_pocket_behind_it_drives_out_and_turns():
 
 
 def test_it_backs_no_farther_than_allowed():
-    assert recovery_move(AT, math.pi, POCKET, JACKAL, Choices(back=0.1, forward=0.1)) is None
+    assert recovery_move(AT, math.pi, POCKET, JACKAL, RecoveryParams(back=0.1, forward=0.1)) is None
 
 
 @pytest.mark.parametrize("outline", [JACKAL, LONG])
@@ -188,14 +188,14 @@ def test_a_few_small_moves_lead_out_of_a_corner():
     sally = load_robot("sally").outline
     corner = np.vstack((wall(0.0, 0.0, 4.0, 0.0), wall(0.0, 0.0, 0.0, 4.0)))
     pose, left = Pose(0.49005, 0.46987, 2.56157), 12
-    clearances = [float(swept(corner, sally, np.array([pose]))[0])]
+    clearances = [float(swept_clearances(corner, sally, np.array([pose]))[0])]
     while clearances[-1] < 0.08:
-        move = wriggle(pose, corner, sally)
+        move = search_recovery(pose, corner, sally)
         assert move is not None
         for share in np.linspace(0.05, 1.0, 20):
             on = Twist(share * move.distance, share * (move.distance * move.curvature + move.turn))
             there = arc(pose, on, 1.0)
-            clearances.append(float(swept(corner, sally, np.array([there]))[0]))
+            clearances.append(float(swept_clearances(corner, sally, np.array([there]))[0]))
         pose, left = there, left - 1
         assert left > 0
     assert min(clearances) > 0.017
@@ -204,8 +204,11 @@ def test_a_few_small_moves_lead_out_of_a_corner():
 def test_where_nothing_leads_out_none_is_found():
     sally = load_robot("sally").outline
     cage = room(-0.375, -0.305, 0.375, 0.305)
-    assert wriggle(Pose(0.0, 0.0, 0.0), cage, sally) is None
+    assert search_recovery(Pose(0.0, 0.0, 0.0), cage, sally) is None
 
 
 def test_where_no_kind_of_move_may_begin_none_is_found():
-    assert wriggle(AT, room(-0.6, -0.6, 0.6, 0.6), load_robot("sally").outline, refused=15) is None
+    assert (
+        search_recovery(AT, room(-0.6, -0.6, 0.6, 0.6), load_robot("sally").outline, refused=15)
+        is None
+    )

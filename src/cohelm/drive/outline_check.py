@@ -15,7 +15,7 @@ from cohelm.link.messages import Severity
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.plan.course import poses_along
-from cohelm.plan.distance_field import swept
+from cohelm.plan.distance_field import swept_clearances
 from cohelm.scenario.docks import OFF, no_room, occupied
 
 _SPACING = 0.05
@@ -68,7 +68,7 @@ class OutlineCheck:
             yield
             low, high = piece[:, :2].min(axis=0) - reach, piece[:, :2].max(axis=0) + reach
             near = ((surfaces > low) & (surfaces < high)).all(axis=1)
-            gaps = swept(surfaces[near], outline, piece)
+            gaps = swept_clearances(surfaces[near], outline, piece)
             if float(gaps.min()) < worst:
                 worst, at = float(gaps.min()), piece[int(gaps.argmin())]
         text = ""

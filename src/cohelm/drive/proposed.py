@@ -11,8 +11,8 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
 from cohelm.law.reference import Reference, through
 from cohelm.plan.course import poses_along
-from cohelm.plan.distance_field import inscribed, swept
-from cohelm.plan.path_planner import Goal, PathParams, way
+from cohelm.plan.distance_field import inscribed_radius, swept_clearances
+from cohelm.plan.path_planner import Goal, PathParams, plan_path
 from cohelm.plan.zones import Fence, KeepOut
 
 ROOM = 0.05
@@ -92,7 +92,7 @@ def checked_path(
     except CohelmError as error:
         return CheckedPath(None, str(error), NONE)
     poses = poses_along(reference, _SPACING)
-    gaps = swept(np.ascontiguousarray(known), outline, poses)
+    gaps = swept_clearances(np.ascontiguousarray(known), outline, poses)
     # where the robot stands is not up to the person
     gaps[: math.ceil(0.5 / _SPACING)] = np.maximum(gaps[: math.ceil(0.5 / _SPACING)], ROOM)
     tight = int(np.argmin(gaps))
@@ -117,7 +117,7 @@ def planned_path(
         return CheckedPath(None, f"the goal {at} is not on the map", 0)
     if len(known):
         gap = float(np.hypot(*(known - point).T).min())
-        if gap < inscribed(outline) + ROOM:
+        if gap < inscribed_radius(outline) + ROOM:
             return CheckedPath(None, f"the goal {at} is in a wall, or too near to one", 0)
     far = math.hypot(goal.x - robot.x, goal.y - robot.y)
     if far < _THERE:
@@ -129,7 +129,7 @@ def planned_path(
     said = CheckedPath(None, f"no way to {at} is known", 0)
     for border in (PathParams().border, everywhere):
         path_params = PathParams(clearance=ROOM + _SPARE, stray=0.0, beside=0.0, border=border)
-        found = way(robot, fenced, line, outline, path_params, farther=False)
+        found = plan_path(robot, fenced, line, outline, path_params, farther=False)
         if found is None:
             continue
         for spacing in (_SPARSE, _DENSE):

@@ -23,9 +23,9 @@ from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.delay_compensation import periods
 from cohelm.pilot.obstacles_from_perception import obstacles_from_perception
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.replanning import apart, entered
+from cohelm.pilot.replanning import clock_on_entry, split_unseen
 from cohelm.pilot.step import Decision, Settings
-from cohelm.plan.distance_field import swept
+from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.zones import Zoned, Zones
 from cohelm.robot.achievable import achievable
 from cohelm.robot.keep.gated_robot import GatedRobot
@@ -136,7 +136,7 @@ class Driver:
     def _split_unobserved(self, obstacles: Surroundings) -> tuple[Surroundings, Floats]:
         """The obstacles, and apart from them the ground that nothing has seen."""
         end = len(self._points)
-        return apart(obstacles, end - self._unobserved, end)
+        return split_unseen(obstacles, end - self._unobserved, end)
 
     def set_zones(self, zones: Zoned, pose: Pose | None) -> bool:
         """Use other zones, if the robot can still stop clear of them; returns whether it does.
@@ -177,10 +177,10 @@ class Driver:
         """
         outline, here = self.settings.outline, np.array([pose], dtype=np.float64)
         seen = obstacles.points[: len(obstacles.points) - len(self._zone_points) - blind]
-        clearance = float(swept(seen, outline, here)[0])
+        clearance = float(swept_clearances(seen, outline, here)[0])
         for row in obstacles.discs:
             clearance = min(
-                clearance, float(swept(row[None, :2], outline, here)[0]) - float(row[4])
+                clearance, float(swept_clearances(row[None, :2], outline, here)[0]) - float(row[4])
             )
         return max(clearance, 0.0)
 
@@ -237,7 +237,7 @@ class Driver:
         for pilot in pilots:
             state, sent = pilot.state, pilot.sent.copy()
             pilot.step(math.nan, pose, Twist(0.0, 0.0), CENTRED, obstacles)
-            entered(pilot.course, pilot.planner.route, 0, pose, Twist(0.0, 0.0))
+            clock_on_entry(pilot.course, pilot.planner.route, 0, pose, Twist(0.0, 0.0))
             pilot.state = state
             pilot.sent[:] = sent
         self.clearance(pose, obstacles, 0)

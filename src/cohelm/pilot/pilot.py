@@ -14,7 +14,7 @@ from cohelm.law.reference import Reference
 from cohelm.pilot.behavior import FOLLOWING, LED
 from cohelm.pilot.delay_compensation import periods
 from cohelm.pilot.flat import Flat, step_of
-from cohelm.pilot.replanning import Plan, ReplanParams, Task, entered, plan
+from cohelm.pilot.replanning import Plan, ReplanParams, Task, clock_on_entry, plan
 from cohelm.pilot.step import NO_MOVE, PATIENCE, START, Decision, PilotState, Settings, still
 from cohelm.plan.course import Course, Route, course, route
 from cohelm.plan.evasion.movers import empty_mover_history
@@ -163,7 +163,7 @@ def taken(state: PilotState, made: Plan, planner: Planner, pose: Pose, twist: Tw
     """
     clock, waited = state.clock, state.clock.waited
     if made.new:
-        clock = entered(made.course, planner.route, state.row, pose, twist)
+        clock = clock_on_entry(made.course, planner.route, state.row, pose, twist)
         clock = clock._replace(waited=waited if waited <= planner.replan_params.waits else 0.0)
     if made.move is not None and state.left == NO_MOVE:
         return state._replace(clock=clock._replace(rate=0.0, waited=0.0), left=made.move)

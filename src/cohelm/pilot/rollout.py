@@ -21,7 +21,7 @@ _SLOWEST = 0.1  # bounds the number of steps [m/s]
 
 
 @jit
-def ahead(
+def roll_out(
     course: Course, clock: CourseClock, pose: Pose, twist: Twist, far: float, s: Settings
 ) -> Floats:
     """Poses of a robot that follows a path without obstacles, (n, 3) [m, rad].

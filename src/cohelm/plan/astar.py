@@ -62,7 +62,7 @@ def tree(free: NDArray[np.bool_], cost: Floats, root: int, target: int) -> Ints:
 
 @jit
 def _at_least(i: int, j: int, to_i: int, to_j: int) -> float:
-    """The length of the way to the target where all is free and costs 1 [cells]."""
+    """The distance to the target where all is free and costs 1 [cells]."""
     di, dj = abs(i - to_i), abs(j - to_j)
     return max(di, dj) + 0.41421356237309503 * min(di, dj)
 
@@ -82,7 +82,7 @@ def _push(keys: Floats, cells: Ints, size: int, key: float, cell: int) -> int:
 
 @jit
 def _pop(keys: Floats, cells: Ints, size: int) -> int:
-    """Take the first off; the heap is one smaller."""
+    """Remove the first element of the heap."""
     size -= 1
     key, cell = keys[size], cells[size]
     at = 0

@@ -1,4 +1,4 @@
-"""Courses: the given route and the path followed now, with speeds all along it."""
+"""The given route, and the path followed now with its speed profile."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
 from cohelm.law.govern import PaceParams, Profile, profile
 from cohelm.law.reference import Reference, evaluate
-from cohelm.plan.distance_field import swept
+from cohelm.plan.distance_field import swept_clearances
 
 SPACING = 0.05
-"""Between poses along a course [m]."""
-_LEFT_OVER = 2.0  # as far as the nearest place of the route is looked for ahead of the last [m]
+"""Between poses along a path [m]."""
+_LEFT_OVER = 2.0  # how far ahead of the last one the nearest point of the route is searched [m]
 
 
 class Course(NamedTuple):
-    """A reference as it is followed now."""
+    """The path that is followed now, with its speeds."""
 
     reference: Reference
     poses: Floats
     """(n, 3), at times evenly over the reference, both ends included [m, m, rad]."""
     paced: Profile
-    """The rate allowed at each of the poses."""
+    """The allowed rate of the clock at each of the poses."""
     row: int
-    """Row of the route at which it is back on the route; 0 for the route itself."""
+    """Row of the route at which it re-enters the route; 0 for the route itself."""
     last: bool
-    """Whether it ends where the route does, or as near to that as there is a way."""
+    """Whether it ends at the route's end, or as near to it as possible."""
 
 
 class Route(NamedTuple):
-    """What was asked for: the given reference, also as a line."""
+    """The given reference, also as a polyline."""
 
     reference: Reference
     line: Floats
@@ -55,10 +55,10 @@ def route(reference: Reference, spacing: float = 0.1) -> Route:
 
 
 def nearly_done(line: Floats, near: float) -> int:
-    """The row of a route's line from which on being `near` its end [m] is to have arrived.
+    """The row of a route's line from which on the robot has arrived when `near` its end [m].
 
-    Before it the robot only passes there: a route that closes on itself begins at its end. What
-    may be left over is cut off at a last corner, at most.
+    Before it the robot only passes there: a closed route begins at its end. At most a last corner
+    is cut off.
     """
     if len(line) < 2:
         return 0
@@ -69,7 +69,7 @@ def nearly_done(line: Floats, near: float) -> int:
 
 
 def course(reference: Reference, row: int, last: bool, pace: PaceParams) -> Course:
-    """A course along a reference with nothing near."""
+    """The path along a reference without obstacles."""
     poses = poses_along(reference, SPACING)
     free = np.full(len(poses), math.inf)
     return Course(reference, poses, profile(reference, free, pace), row, last)
@@ -95,15 +95,16 @@ def _poses(reference: Reference, n: int) -> Floats:
 def paced(
     course: Course, tau: float, far: float, points: Floats, outline: Floats, pace: PaceParams
 ) -> tuple[Course, float]:
-    """The course with its speeds by what is known now, and the least clearance of the outline [m].
+    """The path with speeds by the obstacles known now, and the smallest clearance of the outline
+    [m].
 
-    Looked at from the time `tau` on to `far` metres ahead; beyond that it counts as free.
-    points: (p, 2), what is known [m].
+    From the time `tau` on to `far` metres ahead; beyond that it counts as free. points: (p, 2), of
+    obstacles [m].
     """
     n = len(course.poses)
     clearances = np.full(n, math.inf)
     first, end = window(course, tau, far)
-    clearances[first:end] = swept(points, outline, course.poses[first:end])
+    clearances[first:end] = swept_clearances(points, outline, course.poses[first:end])
     least = math.inf
     for i in range(first + 1, end):  # the robot is at the first already
         least = min(least, clearances[i])

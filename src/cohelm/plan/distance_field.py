@@ -1,4 +1,4 @@
-"""Distance field: how far every cell is from the nearest point seen."""
+"""Distance field: distance of every cell of a grid from the nearest obstacle point."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cohelm.core.types import Floats, Ints
 from cohelm.robot.clearance import point_gap
 
 
-class Chart(NamedTuple):
+class DistanceField(NamedTuple):
     """Clearance over a rectangle of the world.
 
     clearance: (rows, columns), distance from each cell's centre to the nearest point [m]; rows
@@ -27,14 +27,13 @@ class Chart(NamedTuple):
     y: float
 
 
-def chart(
+def distance_field(
     points: Floats, low: tuple[float, float], high: tuple[float, float], resolution: float
-) -> Chart:
+) -> DistanceField:
     """The chart of the rectangle from `low` to `high` for points (p, 2), world frame [m].
 
-    The distance is that to the nearest point of the nearest cell that holds any. Without a point
-    inside the rectangle all is infinitely clear; points outside it are left out, so leave a
-    border.
+    The distance is to the nearest point of the nearest cell that has any. Without a point inside
+    the rectangle it is infinite; points outside are ignored, so leave a border.
     """
     columns = math.ceil((high[0] - low[0]) / resolution) + 1
     rows = math.ceil((high[1] - low[1]) / resolution) + 1
@@ -42,7 +41,7 @@ def chart(
     inside = ((place >= 0.0) & (place < (columns, rows))).all(axis=1)
     cells = place[inside].astype(np.int64)
     if len(cells) == 0:
-        return Chart(np.full((rows, columns), math.inf), resolution, low[0], low[1])
+        return DistanceField(np.full((rows, columns), math.inf), resolution, low[0], low[1])
     flat = cells[:, 1] * columns + cells[:, 0]
     order = np.argsort(flat, kind="stable")
     first = np.searchsorted(flat[order], np.arange(rows * columns + 1))
@@ -51,40 +50,40 @@ def chart(
         return_distances=False,
         return_indices=True,
     )
-    made = Chart(np.empty((rows, columns)), resolution, low[0], low[1])
+    made = DistanceField(np.empty((rows, columns)), resolution, low[0], low[1])
     _measure(made, points[inside][order], first, nearest)
     return made
 
 
 @jit
-def _measure(chart: Chart, points: Floats, first: Ints, nearest: NDArray[np.int32]) -> None:
+def _measure(field: DistanceField, points: Floats, first: Ints, nearest: NDArray[np.int32]) -> None:
     """Fill in the clearance: of each cell to the points of the cell that is nearest to it.
 
     points: in the order of their cells. first: (cells + 1,), where those of each cell begin.
     nearest: (2, rows, columns), row and column of the nearest cell that holds any.
     """
-    rows, columns = chart.clearance.shape
+    rows, columns = field.clearance.shape
     for i in range(rows):
-        y = chart.y + chart.resolution * i
+        y = field.y + field.resolution * i
         for j in range(columns):
-            x = chart.x + chart.resolution * j
+            x = field.x + field.resolution * j
             cell = nearest[0, i, j] * columns + nearest[1, i, j]
             square = math.inf
             for p in range(first[cell], first[cell + 1]):
                 dx, dy = points[p, 0] - x, points[p, 1] - y
                 square = min(square, dx * dx + dy * dy)
-            chart.clearance[i, j] = math.sqrt(square)
+            field.clearance[i, j] = math.sqrt(square)
 
 
 @jit
-def clearance(chart: Chart, x: float, y: float) -> float:
+def clearance(field: DistanceField, x: float, y: float) -> float:
     """The clearance at a world point, linear between cell centres; outside, of the border [m]."""
-    rows, columns = chart.clearance.shape
-    u = min(max((x - chart.x) / chart.resolution, 0.0), columns - 1.0)
-    v = min(max((y - chart.y) / chart.resolution, 0.0), rows - 1.0)
+    rows, columns = field.clearance.shape
+    u = min(max((x - field.x) / field.resolution, 0.0), columns - 1.0)
+    v = min(max((y - field.y) / field.resolution, 0.0), rows - 1.0)
     j, i = min(int(u), columns - 2), min(int(v), rows - 2)
     s, t = u - j, v - i
-    c = chart.clearance
+    c = field.clearance
     if c[i, j] == math.inf:
         return math.inf
     return (1.0 - t) * ((1.0 - s) * c[i, j] + s * c[i, j + 1]) + t * (
@@ -92,7 +91,7 @@ def clearance(chart: Chart, x: float, y: float) -> float:
     )
 
 
-def inscribed(outline: Floats) -> float:
+def inscribed_radius(outline: Floats) -> float:
     """Radius of the largest circle around the body origin inside a convex outline (k, 2) [m]."""
     edges = np.roll(outline, -1, axis=0) - outline
     across = outline[:, 0] * edges[:, 1] - outline[:, 1] * edges[:, 0]
@@ -100,7 +99,7 @@ def inscribed(outline: Floats) -> float:
 
 
 @jit
-def swept(points: Floats, outline: Floats, poses: Floats) -> Floats:
+def swept_clearances(points: Floats, outline: Floats, poses: Floats) -> Floats:
     """The clearance of a convex outline (k, 2) to the nearest point, at each of (n, 3) poses [m].
 
     0 where a point is inside or touched, inf without points.

@@ -16,17 +16,17 @@ from cohelm.core.frames import compose, placed
 from cohelm.core.types import Floats, Pose
 
 STAGED_ASIDE, STAGED_TURNED = 0.2, math.radians(20.0)
-"""The approach is begun from no farther beside its line [m], and turned away from it [rad]."""
+"""Largest cross-track [m] and heading error [rad] at which an approach may begin."""
 BEFORE = 0.4
-"""And from no farther before its beginning [m]."""
+"""And largest distance before its beginning [m]."""
 CORRIDOR_ASIDE, CORRIDOR_TURNED = 0.3, math.radians(40.0)
-"""Farther off the line than this the robot has left the corridor [m, rad]."""
+"""Errors beyond which the robot has left the corridor [m, rad]."""
 BEYOND = 0.1
-"""And farther before its beginning, or past its end, than where it may begin or end by this [m]."""
+"""And how far beyond where it may begin or end the corridor extends [m]."""
 DOCKED_ALONG, DOCKED_ASIDE, DOCKED_TURNED = 0.03, 0.05, math.radians(5.0)
-"""The robot is docked where it is no farther off than this [m, m, rad]."""
+"""Tolerance of the docked pose [m, m, rad]."""
 LOOK = 0.02
-"""Between poses along an approach that are held against a map [m]."""
+"""Between poses along an approach that are checked on a map [m]."""
 
 
 class Dock(NamedTuple):
@@ -36,22 +36,22 @@ class Dock(NamedTuple):
     pose: Pose
     """Of the docked robot."""
     approach: float
-    """Length of the straight way that ends there [m]."""
+    """Length of the straight approach that ends there [m]."""
     margin: float
-    """Gap of the outline that commands are shaped to keep on it [m]."""
+    """Clearance that commands are shaped to keep on it [m]."""
     speed: float
-    """No more is asked for on it [m/s]."""
+    """Largest speed on it [m/s]."""
     within: float
-    """It takes no longer, or docking ends [s]."""
+    """Timeout of docking [s]."""
 
     @property
     def staging(self) -> Pose:
-        """Where the approach begins, looking along it."""
+        """The pose at which the approach begins, facing along it."""
         return compose(self.pose, Pose(-self.approach, 0.0, 0.0))
 
     def off(self, pose: Pose) -> Pose:
-        """A pose of the map in the dock's frame. As `frames.between`, which is slow to call
-        from Python, and this is asked of every dock in every period."""
+        """A pose of the map in the dock's frame: `frames.between` in plain Python, which is faster
+        to call for every dock in every period."""
         dx, dy, turn = pose.x - self.pose.x, pose.y - self.pose.y, pose.psi - self.pose.psi
         c, s = math.cos(self.pose.psi), math.sin(self.pose.psi)
         turn = math.remainder(turn, 2.0 * math.pi) if math.isfinite(turn) else math.nan
@@ -59,7 +59,7 @@ class Dock(NamedTuple):
 
 
 def far(dock: Dock, pose: Pose) -> float:
-    """How far a robot is from the line of the approach [m]."""
+    """Cross-track error from the line of the approach [m]."""
     x, y, _ = dock.off(pose)
     return math.hypot(x - min(max(x, -dock.approach), 0.0), y)
 
@@ -72,14 +72,14 @@ def may_begin(dock: Dock, pose: Pose) -> bool:
 
 
 def in_corridor(dock: Dock, pose: Pose) -> bool:
-    """Whether a robot that docks or undocks is still where it should be."""
+    """Whether a robot that docks or undocks is still in the corridor."""
     x, y, psi = dock.off(pose)
     along = -dock.approach - BEFORE - BEYOND <= x <= BEYOND
     return along and abs(y) <= CORRIDOR_ASIDE and abs(psi) <= CORRIDOR_TURNED
 
 
 def docked(dock: Dock, pose: Pose) -> bool:
-    """Whether a robot is as near to the dock's pose as docking brings it."""
+    """Whether a robot is docked, within the tolerance."""
     x, y, psi = dock.off(pose)
     return abs(x) <= DOCKED_ALONG and abs(y) <= DOCKED_ASIDE and abs(psi) <= DOCKED_TURNED
 

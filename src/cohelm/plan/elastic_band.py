@@ -1,4 +1,4 @@
-"""Elastic band (Quinlan 1993): a path made taut, smooth, and pushed off what it comes near."""
+"""Elastic band (Quinlan 1993): contracts and smooths a path, and pushes it off obstacles."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
-from cohelm.plan.distance_field import Chart, clearance
+from cohelm.plan.distance_field import DistanceField, clearance
 
-_REFRESHES = 4  # the points are laid out evenly again this often
+_REFRESHES = 4  # number of times that the points are spaced evenly again
 _AHEAD = math.radians(60.0)  # a path within this angle of the heading begins along the heading
 
 
@@ -22,7 +22,7 @@ def tangents(line: Floats) -> Floats:
 
 
 def distances(line: Floats) -> Floats:
-    """How far along a polyline (m, 2), m >= 1, each of its points is, (m,) [m]."""
+    """Distance along a polyline (m, 2), m >= 1, of each of its points, (m,) [m]."""
     steps = np.diff(line, axis=0)
     return np.concatenate((np.zeros(1), np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))))
 
@@ -52,11 +52,11 @@ def spread(line: Floats, spacing: float) -> Floats:
 
 
 def band(
-    chart: Chart, path: Floats, start: Pose, wanted: float, spacing: float, rounds: int
+    field: DistanceField, path: Floats, start: Pose, wanted: float, spacing: float, rounds: int
 ) -> Floats:
-    """A path as smooth way-points, (m, 2) [m]: taut, but pushed off what is nearer than `wanted`.
+    """A path as smooth way-points, (m, 2) [m], pushed off obstacles nearer than `wanted`.
 
-    Begins at the robot, and in its direction where the path does so roughly, within 60 degrees.
+    Begins at the robot, and along its heading if the path does so within 60 degrees.
     """
     points = path.copy()
     points[0] = start.x, start.y
@@ -70,23 +70,23 @@ def band(
                 heading = np.array([math.cos(start.psi), math.sin(start.psi)])
                 points[1] = points[0] + spacing * heading
                 fixed = 2
-        pull(chart, points, fixed, wanted, rounds // _REFRESHES)
+        pull(field, points, fixed, wanted, rounds // _REFRESHES)
     return points
 
 
 @jit
-def pull(chart: Chart, points: Floats, fixed: int, wanted: float, rounds: int) -> None:
+def pull(field: DistanceField, points: Floats, fixed: int, wanted: float, rounds: int) -> None:
     """Move the points of a band in place; the first `fixed` and the last stay."""
-    h = chart.resolution
+    h = field.resolution
     for _ in range(rounds):
         for i in range(fixed, len(points) - 1):
             x, y = points[i, 0], points[i, 1]
             dx = 0.5 * (points[i - 1, 0] + points[i + 1, 0]) - x
             dy = 0.5 * (points[i - 1, 1] + points[i + 1, 1]) - y
-            c = clearance(chart, x, y)
+            c = clearance(field, x, y)
             if c < wanted:
                 # not normalised: between two walls it vanishes, and so must the push
                 push = 0.15 * (wanted - c) / (2.0 * h)
-                dx += push * (clearance(chart, x + h, y) - clearance(chart, x - h, y))
-                dy += push * (clearance(chart, x, y + h) - clearance(chart, x, y - h))
+                dx += push * (clearance(field, x + h, y) - clearance(field, x - h, y))
+                dy += push * (clearance(field, x, y + h) - clearance(field, x, y - h))
             points[i, 0], points[i, 1] = x + 0.7 * dx, y + 0.7 * dy

@@ -11,28 +11,28 @@ from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
 
 _ROUND = 20  # points around a disc
-_SAMPLES = 6  # places of one mover
+_SAMPLES = 6  # predicted positions of one mover
 
 
-class Foresight(NamedTuple):
-    """How far ahead things that move are thought to go on as they do."""
+class PredictionParams(NamedTuple):
+    """Parameters of the prediction of movers for planning."""
 
     horizon: float = 4.0
-    """Not farther than this [s]."""
+    """Prediction horizon [s]."""
     early: float = 0.7
     late: float = 1.5
-    """The robot may be there from the first to the second share of the time it would take at
-    its cruising speed, since it may be slower, or not go straight."""
+    """Interval of the robot's arrival, as shares of the time at cruising speed, since it may be
+    slower, or not go straight."""
     slow: float = 0.05
-    """What is slower than this rests [m/s]."""
+    """Slower discs are static [m/s]."""
     right: float = 0.0
-    """How much wider movers are taken to be on the robot's left, so that it passes them on the
-    right, as the paper's k_CBF does [m]."""
+    """Width added to movers on the robot's left, so that it passes them on the right, as the
+    paper's k_CBF does [m]."""
 
 
 @jit
 def meeting(dx: float, dy: float, vx: float, vy: float, speed: float) -> float:
-    """When a robot of this speed could first be where a mover is; inf if never.
+    """Earliest time at which a robot of this speed can meet a mover; inf if never.
 
     (dx, dy): from the robot to the mover [m]. |d + v t| = speed t.
     """
@@ -45,17 +45,19 @@ def meeting(dx: float, dy: float, vx: float, vy: float, speed: float) -> float:
     if root < 0.0:
         return math.inf
     t = (b + math.sqrt(root)) / a
-    if a < 0.0:  # faster than the robot: it has to come nearer
+    if a < 0.0:  # faster than the robot: it has to approach
         return t if b < 0.0 and t > 0.0 else math.inf
     return t
 
 
 @jit
-def met(discs: Floats, pose: Pose, speed: float, far: float, f: Foresight) -> Floats:
-    """Points on the discs that move, where the robot could meet them, (p, 2) [m].
+def predicted_encounters(
+    discs: Floats, pose: Pose, speed: float, far: float, f: PredictionParams
+) -> Floats:
+    """Points on the moving discs where the robot could meet them, (p, 2) [m].
 
-    pose: of the robot. speed: its cruising speed [m/s]. far: what is met farther away is left
-    out [m].
+    pose: of the robot. speed: its cruising speed [m/s]. far: encounters farther away are ignored
+    [m].
     """
     points = np.empty((len(discs) * _SAMPLES * _ROUND * 2, 2))
     n = 0

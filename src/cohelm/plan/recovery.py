@@ -1,4 +1,4 @@
-"""Recovery moves (back up, spin): the shortest after which the robot can turn where it must."""
+"""Recovery moves (back up, spin): the shortest after which the robot can face its path."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Twist
-from cohelm.plan.distance_field import swept
+from cohelm.plan.distance_field import swept_clearances
 from cohelm.robot.kinematics import arc
 
-_LOOK = 0.02  # how far apart poses are looked at, of the outline's farthest corner [m]
-_NEAR_ENOUGH = 0.01  # to the end of a move [m, rad]
-_GAIN = 0.01  # in clearance that a move away is worth making for [m]
+_SPACING = 0.02  # of checked poses, along the travel of the outline's farthest corner [m]
+_NEAR_ENOUGH = 0.01  # tolerance of the end of a move [m, rad]
+_GAIN = 0.01  # in clearance that makes a move worthwhile [m]
 
 
-_STEP = 0.04  # of a search for a way out, along an arc [m]
+_STEP = 0.04  # of the search, along an arc [m]
 _TURN = 0.08  # and on the spot [rad]
-_CELL, _SECTOR = 0.02, 0.04  # what is nearer to each other is one place [m, rad]
-_ROOM = 0.08  # a clearance with which other moves are found again [m]
-_PLACES = 1500  # are looked at, at most
+_CELL, _SECTOR = 0.02, 0.04  # cells of the search's closed set [m, rad]
+_ROOM = 0.08  # clearance at which the search ends [m]
+_PLACES = 1500  # expanded at most
 
 
 class RecoveryMove(NamedTuple):
@@ -37,195 +37,194 @@ class RecoveryMove(NamedTuple):
 
 
 BACKWARDS, FORWARDS, LEFT, RIGHT = 1, 2, 4, 8
-"""Kinds of moves, by what they begin with; a sum of some is what is not to be tried."""
+"""Kinds of moves, by how they begin; `refused` is a bit mask of kinds not to try."""
 
 
 @jit
-def kind(left: RecoveryMove) -> int:
-    """The kind of what a move goes on with; 0 when it is over."""
-    if left.distance != 0.0:
-        return FORWARDS if left.distance > 0.0 else BACKWARDS
-    if left.turn != 0.0:
-        return LEFT if left.turn > 0.0 else RIGHT
+def kind(remaining: RecoveryMove) -> int:
+    """The kind of the rest of a move; 0 when it is over."""
+    if remaining.distance != 0.0:
+        return FORWARDS if remaining.distance > 0.0 else BACKWARDS
+    if remaining.turn != 0.0:
+        return LEFT if remaining.turn > 0.0 else RIGHT
     return 0
 
 
-class Choices(NamedTuple):
-    """Which moves are tried."""
+class RecoveryParams(NamedTuple):
+    """Parameters of recovery moves."""
 
     clearances: tuple[float, ...] = (0.1, 0.06, 0.04)
-    """Least clearance of the outline on the way, from the one wanted, since what is seen only from
-    outside a tight spot needs room too, to the least, not less than the guard's margin, or that
-    will end the move half-way [m]."""
+    """Clearances of the outline during a move, tried in this order; the last not less than the
+    guard's margin, or the guard stops the move half-way [m]."""
     back: float = 1.0
-    """Farthest move backwards; no farther than what is known there, as LiDARs are blind to the
-    rear [m]."""
+    """Longest move backwards; no longer than the observed ground there [m]."""
     forward: float = 0.5
-    """Farthest move forwards [m]."""
+    """Longest move forwards [m]."""
     curvatures: tuple[float, ...] = (0.0, 1.5, -1.5, 4.0, -4.0)
     """Of the arcs [1/m]."""
     gentle: tuple[float, ...] = (0.08, -0.08, 0.12, -0.12, 0.16, -0.16, 0.3, -0.3, 1.0, -1.0)
-    """Of arcs that lead away from what the robot stands along [1/m]."""
+    """Of gentle arcs that lead off a wall [1/m]."""
     least: float = 0.018
-    """Least clearance on those, a little more than the guard's hard margin [m]."""
+    """Smallest clearance on those, a little more than the guard's hard margin [m]."""
     off: float = 0.3
-    """Away from what holds the robot and is not known, as far as that [m]."""
+    """Length of a move away from an unknown obstacle [m]."""
 
 
-_CHOICES = Choices()
+_PARAMS = RecoveryParams()
 
 
 def back_off(
-    pose: Pose, points: Floats, outline: Floats, choices: Choices = _CHOICES, refused: int = 0
+    pose: Pose, points: Floats, outline: Floats, params: RecoveryParams = _PARAMS, refused: int = 0
 ) -> RecoveryMove | None:
-    """As it came, away from what holds the robot though nothing known is in its way: straight back,
-    or along the arc that leads farthest; where backwards is refused, forwards; None if none leads
-    anywhere.
+    """A move away from an unknown obstacle that holds the robot up: straight back, or along the
+    longest arc; where backwards is refused, forwards; None if none is possible.
 
-    No nearer to anything than `choices.least`, or than it is.
+    Its clearance is at least `params.least`, or what it is now.
     """
     reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
-    now = float(swept(points, outline, np.array([pose]))[0]) - 1e-6
-    clearance = min(choices.least, now)
+    clearance_now = float(swept_clearances(points, outline, np.array([pose]))[0]) - 1e-6
+    clearance = min(params.least, clearance_now)
     for sign in (-1.0, 1.0):
         if kind(RecoveryMove(sign, 0.0, 0.0)) & refused:
             continue
         best = 0.0, 0.0
-        for k in choices.curvatures:  # the straightest first
-            far = _clear_distance(pose, sign, k, choices.off, points, outline, reach, clearance)
-            best = max(best, (min(far, choices.off), k), key=lambda way: way[0])
-        if best[0] > 2.0 * _LOOK:
+        for k in params.curvatures:  # the straightest first
+            far = _clear_distance(pose, sign, k, params.off, points, outline, reach, clearance)
+            best = max(best, (min(far, params.off), k), key=lambda way: way[0])
+        if best[0] > 2.0 * _SPACING:
             return RecoveryMove(sign * best[0], best[1], 0.0)
     return None
 
 
 def recovery_move(
-    pose: Pose, heading: float, points: Floats, outline: Floats, choices: Choices = _CHOICES,
+    pose: Pose, heading: float, points: Floats, outline: Floats, params: RecoveryParams = _PARAMS,
     refused: int = 0,
 ) -> RecoveryMove | None:  # fmt: skip
-    """The shortest move after which the robot can look into `heading`; where there is none, one
-    after which it has more room, if there is any; None if nothing is clear.
+    """The shortest move after which the robot can turn to `heading`; if there is none, one after
+    which it has more clearance; else None.
 
     With the largest clearance for which there is one: a turn on the spot, the short way round, else
     the long way; or an arc backwards or forwards, followed by such a turn. pose: world frame.
     heading: world frame [rad]. points: (p, 2) [m]. outline: (k, 2), convex, counter-clockwise.
-    Where the robot is nearer to something than that already, it comes no nearer. refused: kinds
-    of moves that are not to be begun with.
+    Where the robot is nearer to an obstacle already, it comes no nearer. refused: kinds of moves
+    not to begin with.
 
-    Who stands along a wall with no more than that can not turn away from it, on the spot or
-    sharply, without a corner coming nearer: then a gentle arc leads off, on which it may come as
-    near as `choices.least`.
+    Flush along a wall, the robot can not turn away, on the spot or sharply, without a corner coming
+    nearer: then a gentle arc leads off, with a clearance of at least `params.least`.
     """
     reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
-    far = choices.back + choices.forward + 2.0 * reach
+    far = params.back + params.forward + 2.0 * reach
     off = points - np.array(pose[:2])
     near = points[np.hypot(off[:, 0], off[:, 1]) < far]
-    now = float(swept(near, outline, np.array([pose]))[0]) - 1e-6
-    for clearance in choices.clearances:
+    clearance_now = float(swept_clearances(near, outline, np.array([pose]))[0]) - 1e-6
+    for clearance in params.clearances:
         found = _shortest(
-            pose, heading, near, outline, reach, clearance, min(clearance, now), choices, refused
-        )
+            pose, heading, near, outline, reach, clearance, min(clearance, clearance_now), params,
+            refused,
+        )  # fmt: skip
         if found is not None:
             return found
-    return _away(pose, near, outline, reach, choices, refused)
+    return _gentle_arc(pose, near, outline, reach, params, refused)
 
 
-def _away(
-    pose: Pose, points: Floats, outline: Floats, reach: float, choices: Choices, refused: int
+def _gentle_arc(
+    pose: Pose, points: Floats, outline: Floats, reach: float, params: RecoveryParams, refused: int
 ) -> RecoveryMove | None:
-    """The gentle arc that ends with the largest clearance; None if none of them gains any."""
-    now = float(swept(points, outline, np.array([pose]))[0])
-    most, best = now + _GAIN, None
-    for sign, far in ((-1.0, choices.back), (1.0, 2.0 * choices.forward)):
+    """The gentle arc that ends with the largest clearance; None if none gains any."""
+    clearance_now = float(swept_clearances(points, outline, np.array([pose]))[0])
+    most, best = clearance_now + _GAIN, None
+    for sign, far in ((-1.0, params.back), (1.0, 2.0 * params.forward)):
         if kind(RecoveryMove(sign, 0.0, 0.0)) & refused:
             continue
-        for curvature in choices.gentle:
-            clearances, ways = _along(pose, sign, curvature, far, points, outline, reach)
-            tight = clearances < min(choices.least, now)
+        for curvature in params.gentle:
+            clearances, distances = _along(pose, sign, curvature, far, points, outline, reach)
+            tight = clearances < min(params.least, clearance_now)
             end = int(np.argmax(tight)) if tight.any() else len(clearances)
             k = int(np.argmax(clearances[:end])) if end else 0
             if end and clearances[k] > most:
-                most, best = float(clearances[k]), RecoveryMove(float(ways[k]), curvature, 0.0)
+                most, best = float(clearances[k]), RecoveryMove(float(distances[k]), curvature, 0.0)
     return best
 
 
-def wriggle(
-    pose: Pose, points: Floats, outline: Floats, choices: Choices = _CHOICES, refused: int = 0
+def search_recovery(
+    pose: Pose, points: Floats, outline: Floats, params: RecoveryParams = _PARAMS, refused: int = 0
 ) -> RecoveryMove | None:
-    """What to begin with where no single move leads out: the first of the fewest small arcs and
-    turns after which there is room, by Dijkstra over places a hand's breadth apart; None if there
-    are none.
+    """The first move of the shortest sequence of small arcs and turns to free space, by Dijkstra
+    over poses; None if there is none. For where no single move leads out.
 
-    The clearance on the way is at least `choices.least`, or what it is now. points: dense enough
-    to tell such a clearance.
+    The clearance is at least `params.least`, or what it is now. points: dense enough for such a
+    clearance.
     """
     reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
     off = points - np.array(pose[:2])
     near = points[np.hypot(off[:, 0], off[:, 1]) < 2.0 * reach + 1.0]
-    least = min(choices.least, float(swept(near, outline, np.array([pose]))[0]) - 1e-6)
-    steps = [RecoveryMove(s * _STEP, k, 0.0) for s in (-1.0, 1.0) for k in choices.curvatures]
+    least = min(params.least, float(swept_clearances(near, outline, np.array([pose]))[0]) - 1e-6)
+    steps = [RecoveryMove(s * _STEP, k, 0.0) for s in (-1.0, 1.0) for k in params.curvatures]
     steps += [RecoveryMove(0.0, 0.0, s * _TURN) for s in (-1.0, 1.0)]
     begin = [step for step in steps if not kind(step) & refused]
     if not begin:
         return None
     queue: list[tuple[float, int, Pose, RecoveryMove | None, bool]] = [(0.0, 0, pose, None, True)]
-    seen, number, looked = set[tuple[int, int, int]](), 0, 0
-    while queue and looked < _PLACES:
+    seen, number, expanded = set[tuple[int, int, int]](), 0, 0
+    while queue and expanded < _PLACES:
         cost, _, at, first, same = heapq.heappop(queue)
         place = (round(at.x / _CELL), round(at.y / _CELL), round(at.psi / _SECTOR))
         if place in seen:
             continue
         seen.add(place)
-        looked += 1
+        expanded += 1
         tried = begin if first is None else steps
         ends = [_stepped(at, step, 1.0) for step in tried]
         half = [_stepped(at, step, 0.5) for step in tried]
-        clearances = swept(near, outline, np.array(half + ends))
+        clearances = swept_clearances(near, outline, np.array(half + ends))
         for i, (step, end) in enumerate(zip(tried, ends, strict=True)):
             clearance = float(clearances[len(tried) + i])
             if min(clearance, float(clearances[i])) < least:
                 continue
-            goes_on = same and (first is None or _alike(first, step))
-            whole = step if first is None else _longer(first, step) if goes_on else first
+            goes_on = same and (first is None or _continues(first, step))
+            whole = step if first is None else _joined(first, step) if goes_on else first
             if clearance > _ROOM:
                 return whole
             number += 1
-            again = 0.0 if goes_on else 0.5  # few long moves rather than many short ones
-            heapq.heappush(queue, (cost + 1.0 + again, number, end, whole, goes_on))
+            switch_cost = 0.0 if goes_on else 0.5  # prefers few long moves
+            heapq.heappush(queue, (cost + 1.0 + switch_cost, number, end, whole, goes_on))
     return None
 
 
 def _stepped(pose: Pose, step: RecoveryMove, share: float) -> Pose:
-    """Where a small arc or turn leads, or a share of it."""
+    """The pose after a share of a small arc or turn."""
     if step.distance == 0.0:
         return Pose(pose.x, pose.y, pose.psi + share * step.turn)
     return arc(pose, Twist(step.distance, step.distance * step.curvature), share)
 
 
-def _alike(a: RecoveryMove, b: RecoveryMove) -> bool:
-    """Whether b is more of the same."""
+def _continues(a: RecoveryMove, b: RecoveryMove) -> bool:
+    """Whether b continues a."""
     return a.curvature == b.curvature and kind(a) == kind(b)
 
 
-def _longer(a: RecoveryMove, b: RecoveryMove) -> RecoveryMove:
+def _joined(a: RecoveryMove, b: RecoveryMove) -> RecoveryMove:
     return RecoveryMove(a.distance + b.distance, a.curvature, a.turn + b.turn)
 
 
 def _shortest(
     pose: Pose, heading: float, points: Floats, outline: Floats, reach: float, clearance: float,
-    leave: float, choices: Choices, refused: int,
+    start_clearance: float, params: RecoveryParams, refused: int,
 ) -> RecoveryMove | None:  # fmt: skip
-    """The shortest move that keeps `leave` as it leaves, and `clearance` as it turns at its end."""
-    turn = _turn(pose, heading, points, outline, reach, leave, refused)
+    """The shortest move with `start_clearance` on the arc, and `clearance` in the turn at its
+    end."""
+    turn = _turn(pose, heading, points, outline, reach, start_clearance, refused)
     if turn is not None:
         return RecoveryMove(0.0, 0.0, turn)
     tried: list[tuple[float, float]] = []
-    for sign, far in ((-1.0, choices.back), (1.0, choices.forward)):
+    for sign, far in ((-1.0, params.back), (1.0, params.forward)):
         if kind(RecoveryMove(sign, 0.0, 0.0)) & refused:
             continue
-        for curvature in choices.curvatures:
-            clear = _clear_distance(pose, sign, curvature, far, points, outline, reach, leave)
-            steps = np.arange(1, int(clear / (2.0 * _LOOK)) + 1) * 2.0 * _LOOK
+        for curvature in params.curvatures:
+            clear = _clear_distance(
+                pose, sign, curvature, far, points, outline, reach, start_clearance
+            )
+            steps = np.arange(1, int(clear / (2.0 * _SPACING)) + 1) * 2.0 * _SPACING
             tried += [(sign * float(d), curvature) for d in steps]
     for distance, curvature in sorted(tried, key=lambda move: abs(move[0])):
         there = arc(pose, Twist(distance, distance * curvature), 1.0)
@@ -253,13 +252,13 @@ def _turn(
 def _turns(
     pose: Pose, angle: float, points: Floats, outline: Floats, reach: float, clearance: float
 ) -> bool:
-    """Whether the outline stays clear all through a turn on the spot."""
-    n = max(math.ceil(abs(angle) * reach / _LOOK), 1)
+    """Whether the outline keeps `clearance` during a turn on the spot."""
+    n = max(math.ceil(abs(angle) * reach / _SPACING), 1)
     one = np.empty((1, 3))
     one[0, 0], one[0, 1] = pose.x, pose.y
     for i in range(n + 1):
         one[0, 2] = pose.psi + (angle if i == n else i * (angle / n))
-        if not swept(points, outline, one)[0] >= clearance:
+        if not swept_clearances(points, outline, one)[0] >= clearance:
             return False
     return True
 
@@ -268,61 +267,61 @@ def _clear_distance(
     pose: Pose, sign: float, curvature: float, far: float, points: Floats, outline: Floats,
     reach: float, clearance: float,
 ) -> float:  # fmt: skip
-    """How far along an arc the outline stays clear [m]."""
-    clearances, ways = _along(pose, sign, curvature, far, points, outline, reach)
+    """How far along an arc the outline keeps `clearance` [m]."""
+    clearances, distances = _along(pose, sign, curvature, far, points, outline, reach)
     tight = clearances < clearance
     first = int(np.argmax(tight)) if tight.any() else len(clearances)
-    return float(abs(ways[0])) * first
+    return float(abs(distances[0])) * first
 
 
 def _along(
     pose: Pose, sign: float, curvature: float, far: float, points: Floats, outline: Floats,
     reach: float,
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """The clearances of the outline along an arc, and how far it has driven there, signed [m]."""
-    step = _LOOK / (1.0 + abs(curvature) * reach)
-    ways = np.arange(1, math.ceil(far / step) + 1, dtype=np.float64) * (sign * step)
-    return swept(points, outline, _arcs(pose, ways, curvature)), ways
+    """The clearances of the outline along an arc, and the signed distances there [m]."""
+    step = _SPACING / (1.0 + abs(curvature) * reach)
+    distances = np.arange(1, math.ceil(far / step) + 1, dtype=np.float64) * (sign * step)
+    return swept_clearances(points, outline, _arcs(pose, distances, curvature)), distances
 
 
 @jit
-def _arcs(pose: Pose, ways: Floats, curvature: float) -> Floats:
-    """The poses so far along an arc, (k, 3)."""
-    poses = np.empty((len(ways), 3))
-    for i in range(len(ways)):
-        there = arc(pose, Twist(ways[i], ways[i] * curvature), 1.0)
+def _arcs(pose: Pose, distances: Floats, curvature: float) -> Floats:
+    """The poses at distances along an arc, (k, 3)."""
+    poses = np.empty((len(distances), 3))
+    for i in range(len(distances)):
+        there = arc(pose, Twist(distances[i], distances[i] * curvature), 1.0)
         poses[i, 0], poses[i, 1], poses[i, 2] = there.x, there.y, there.psi
     return poses
 
 
 @jit
-def recovery_twist(left: RecoveryMove, speed: float, yaw_rate: float, dt: float) -> Twist:
-    """The twist that goes on with a move, at most at these speeds, and ends it without overshoot.
+def recovery_twist(remaining: RecoveryMove, speed: float, yaw_rate: float, dt: float) -> Twist:
+    """The twist that continues a move, at most at these speeds, and ends it without overshoot.
 
-    Zero when it is over. left: what is left of the move. dt: for how long the twist will hold [s].
+    Zero when it is over. remaining: rest of the move. dt: how long the twist is held [s].
     """
-    if abs(left.distance) >= _NEAR_ENOUGH:
-        fastest = speed / max(1.0, speed * abs(left.curvature) / yaw_rate)
-        v = min(max(0.2 * left.distance / dt, -fastest), fastest)
-        return Twist(v, v * left.curvature)
-    if abs(left.turn) >= _NEAR_ENOUGH:
-        return Twist(0.0, min(max(0.2 * left.turn / dt, -yaw_rate), yaw_rate))
+    if abs(remaining.distance) >= _NEAR_ENOUGH:
+        fastest = speed / max(1.0, speed * abs(remaining.curvature) / yaw_rate)
+        v = min(max(0.2 * remaining.distance / dt, -fastest), fastest)
+        return Twist(v, v * remaining.curvature)
+    if abs(remaining.turn) >= _NEAR_ENOUGH:
+        return Twist(0.0, min(max(0.2 * remaining.turn / dt, -yaw_rate), yaw_rate))
     return Twist(0.0, 0.0)
 
 
 @jit
-def rest(left: RecoveryMove, twist: Twist, dt: float) -> RecoveryMove:
-    """What is left of a move after `twist` was really held for `dt`.
+def rest(remaining: RecoveryMove, twist: Twist, dt: float) -> RecoveryMove:
+    """The rest of a move after `twist` was held for `dt`.
 
     It is over when distance and turn are 0.
     """
-    distance, turn = left.distance, left.turn
+    distance, turn = remaining.distance, remaining.turn
     if abs(distance) >= _NEAR_ENOUGH:
         distance -= twist.v * dt
     else:
         turn -= twist.omega * dt
-    if abs(distance) < _NEAR_ENOUGH or distance * left.distance < 0.0:
+    if abs(distance) < _NEAR_ENOUGH or distance * remaining.distance < 0.0:
         distance = 0.0
-    if abs(turn) < _NEAR_ENOUGH or turn * left.turn < 0.0:
+    if abs(turn) < _NEAR_ENOUGH or turn * remaining.turn < 0.0:
         turn = 0.0
-    return RecoveryMove(distance, left.curvature, turn)
+    return RecoveryMove(distance, remaining.curvature, turn)

@@ -17,16 +17,16 @@ from cohelm.core.types import Floats, Pose
 from cohelm.law.guard.surroundings import Surroundings
 
 CELL = 0.05
-"""Keep-out zones have cells no larger than this: nothing passes between the points of two [m]."""
+"""Largest cell of keep-out zones, so that nothing passes between the points of two [m]."""
 FAR = 7.0
-"""Zones are shown as far as this: more than plans look ahead [m]."""
+"""Radius in which zones are sampled, larger than plans look ahead [m]."""
 _MOVED = 0.5
-"""What is shown is chosen anew when the robot has gone so far [m]."""
+"""Distance after which they are sampled anew [m]."""
 _EDGE = 1.5
 """Cells of a border are no deeper than so many: those that have the outside beside them, or at a
 corner."""
 _BEYOND = 0.1
-"""Of a zone that the robot is in, what is deeper than the robot by this stands in its way [m]."""
+"""In a zone, cells deeper than the robot by this are obstacles [m]."""
 
 
 class Cells(NamedTuple):
@@ -38,7 +38,7 @@ class Cells(NamedTuple):
     origin: Pose
 
     def at(self, points: Floats) -> Floats:
-        """The values under points (p, 2) of the map; 0 beside it."""
+        """The values at points (p, 2) of the map; 0 outside."""
         x, y, psi = self.origin
         c, s = math.cos(psi), math.sin(psi)
         dx, dy = points[:, 0] - x, points[:, 1] - y
@@ -51,7 +51,7 @@ class Cells(NamedTuple):
         return found
 
     def centres(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
-        """Those of cells, (p, 2) in the map [m]."""
+        """Centres of cells, (p, 2) in the map [m]."""
         own: Floats = np.column_stack((columns, rows)).astype(np.float64) + 0.5
         return placed(own * self.resolution, self.origin)
 
@@ -60,9 +60,9 @@ class KeepOut(NamedTuple):
     """Zones in which the robot must not be."""
 
     depth: Cells
-    """How far it is to the border of the zone [m]; 0 outside."""
+    """Distance to the border of the zone [m]; 0 outside."""
     zone: NDArray[np.int32]
-    """Which zone a cell is of, from 1; 0: none. Of the shape of `depth`."""
+    """Number of a cell's zone, from 1; 0: none. Of the shape of `depth`."""
 
 
 def keep_out(marked: NDArray[np.bool_], resolution: float, origin: Pose) -> KeepOut:
@@ -77,7 +77,7 @@ def keep_out(marked: NDArray[np.bool_], resolution: float, origin: Pose) -> Keep
 
 
 class Fence:
-    """The keep-out zones that stand in one robot's way, as points.
+    """The keep-out zones as obstacle points for one robot.
 
     A zone that the robot's outline is clear of stands as a whole. Of one that it is in, only what
     is deeper stands than its deepest point was at its least: it can leave in every direction in
@@ -91,7 +91,7 @@ class Fence:
         self._beyond = _BEYOND + zones.depth.resolution
         self.reshape(outline)
         self._allowed: dict[int, float] = {}
-        """Of each zone that the robot is in, the depth that it may have [m]."""
+        """Allowed depth in each zone that the robot is in [m]."""
         self._points: Floats = np.empty((0, 2))
         self._shown: dict[int, float] | None = None
         self._here: Pose | None = None
@@ -135,7 +135,7 @@ class Fence:
         return bool(self._allowed)
 
     def _deepest(self, body: Floats) -> dict[int, float]:
-        """Of each zone that the robot is in, how deep."""
+        """Depth in each zone that the robot is in [m]."""
         zones = self.zones
         of = zones.depth._replace(values=zones.zone).at(body).astype(np.int64)
         if not of.any():
@@ -144,7 +144,7 @@ class Fence:
         return {int(zone): float(depth[of == zone].max()) for zone in np.unique(of[of > 0])}
 
     def everywhere(self, pose: Pose) -> Floats:
-        """The same of all the map, however far, (p, 2) [m]."""
+        """The same of the whole map, (p, 2) [m]."""
         self.points(pose)
         return self._standing(np.ones(len(self._border), np.bool_), np.s_[:, :])
 
@@ -174,10 +174,10 @@ class Fence:
 
 
 class SpeedZones(NamedTuple):
-    """Where the robot goes slowly."""
+    """Zones with a speed limit."""
 
     limits: Cells
-    """As shares of the usual speed, or [m/s]; 0: none."""
+    """Shares of the usual speed, or [m/s]; 0: none."""
     share: bool
     """Whether they are shares."""
 
@@ -195,7 +195,7 @@ class Zones(NamedTuple):
 
 
 class Zoned:
-    """What zones ask of one robot, wherever it is."""
+    """The zones of one robot."""
 
     def __init__(self, zones: Zones | None, outline: Floats, u_d: float) -> None:
         """outline: (k, 2), convex, counter-clockwise [m]. u_d: the usual speed [m/s]."""
@@ -216,7 +216,7 @@ class Zoned:
         return _NOTHING if self._fence is None else self._fence.points(pose)
 
     def beside(self, seen: Surroundings, pose: Pose) -> Surroundings:
-        """What is seen, and behind its points those zones. All in the map."""
+        """The obstacles, with the points of those zones behind theirs. All in the map."""
         return seen._replace(points=np.vstack((seen.points, self.points(pose))))
 
     @property

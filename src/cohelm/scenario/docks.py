@@ -14,7 +14,7 @@ from cohelm.core.frames import placed
 from cohelm.core.schema import Coordinate, Schema
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
-from cohelm.plan.distance_field import swept
+from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.docks import Dock, poses_to
 from cohelm.plan.zones import Cells, Zones, covering
 
@@ -111,7 +111,7 @@ def no_room(dock: Dock, outline: Floats, surfaces: Floats, resolution: float) ->
     poses = poses_to(dock)
     reach = dock.approach + dock.margin + float(np.hypot(*outline.T).max())
     near = np.hypot(surfaces[:, 0] - dock.pose.x, surfaces[:, 1] - dock.pose.y) < reach
-    gaps = swept(surfaces[near], outline, poses)
+    gaps = swept_clearances(surfaces[near], outline, poses)
     if gaps[-1] <= 0.0:
         return "the docked robot would stand in a wall"
     tight = int(np.argmin(gaps))

@@ -15,7 +15,7 @@ from cohelm.plan.course import Course, window
 from cohelm.plan.evasion.params import EvasionParams
 from cohelm.plan.evasion.static_obstacles import (
     CELL,
-    DistanceField,
+    StaticDistances,
     distance_at,
     distance_field_around,
     outline_points,
@@ -34,7 +34,7 @@ class EvasionContext(NamedTuple):
     """(m, 13): x, y, vx, vy, radius, max_acceleration, growth rate of the position uncertainty,
     estimated acceleration ax, ay and its duration, speed that it may reach, time that the robot
     takes to get out of its way, and velocity_error."""
-    field: DistanceField
+    field: StaticDistances
     path: Floats
     """(k, 3): x, y, remaining length of the path from there [m]."""
     outline: Floats

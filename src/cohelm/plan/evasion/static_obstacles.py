@@ -17,7 +17,7 @@ _SIDE, _ACROSS = 0.95 * CELL, 0.95 * CELL * math.sqrt(2.0)
 _EDGE = 0.08  # between two points of the outline [m]
 
 
-class DistanceField(NamedTuple):
+class StaticDistances(NamedTuple):
     """Distance to static obstacles on a grid around the robot."""
 
     distance: Floats
@@ -28,7 +28,7 @@ class DistanceField(NamedTuple):
 
 
 @jit
-def distance_field_around(obstacles: Surroundings, pose: Pose, half: float) -> DistanceField:
+def distance_field_around(obstacles: Surroundings, pose: Pose, half: float) -> StaticDistances:
     """The distance field, by two sweeps over the grid (Borgefors 1986)."""
     n = int(2.0 * half / CELL) + 1
     x0, y0 = pose.x - half, pose.y - half
@@ -58,7 +58,7 @@ def distance_field_around(obstacles: Surroundings, pose: Pose, half: float) -> D
                 _mark(d, disc[X] + r * math.cos(a) - x0, disc[Y] + r * math.sin(a) - y0)
     _spread(d, 0, n, 1)
     _spread(d, n - 1, -1, -1)
-    return DistanceField(d, x0, y0)
+    return StaticDistances(d, x0, y0)
 
 
 @jit
@@ -89,7 +89,7 @@ def _mark(d: Floats, x: float, y: float) -> None:
 
 
 @jit_inline
-def distance_at(f: DistanceField, x: float, y: float) -> float:
+def distance_at(f: StaticDistances, x: float, y: float) -> float:
     """Distance of a point to static obstacles, of its cell or the nearest one [m]."""
     n = len(f.distance)
     i, j = int((y - f.y) / CELL), int((x - f.x) / CELL)
