@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from cohelm.core.frames import between, compose
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.map.glimpses import glimpses
-from cohelm.perceive.map.mapper import Survey, Surveyed
+from cohelm.perceive.map.mapper import Mapper, MappingResult
+from cohelm.perceive.map.mapping_scans import mapping_scans
 from cohelm.scenario.worlds.carmen import read_log, read_relations
 
 LOG = Path(__file__).resolve().parents[2] / "shared" / "data" / "lidar" / "intel.gfs.log"
@@ -40,12 +40,12 @@ class _Line(NamedTuple):
     pose: Pose
 
 
-def surveyed(raw: bool = False) -> Surveyed:
+def surveyed(raw: bool = False) -> MappingResult:
     """The log mapped from the poses in its scans, which are a solution by others, or from the raw
     odometry between its scans alone."""
     drive = read_log(LOG)
-    seen = glimpses(drive.lidar.lidar(), drive.odometry, drive.scans)
-    survey, odometry = Survey(drive.lidar.lidar()), seen[0].odometry
+    seen = mapping_scans(drive.lidar.lidar(), drive.odometry, drive.scans)
+    survey, odometry = Mapper(drive.lidar.lidar()), seen[0].odometry
     for glimpse, segment in zip(seen, [None, *_segments()], strict=False):
         if segment is not None:
             odometry = compose(odometry, between(segment[0].pose, segment[-1].pose))

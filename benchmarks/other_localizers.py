@@ -18,7 +18,7 @@ from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.match.odometry_covariance import inverted
 from cohelm.perceive.match.scan_matching import MatchParams, align
 from cohelm.perceive.match.surfaces import facing, normals
-from cohelm.perceive.scan.deskew import DeskewedScan, sweep
+from cohelm.perceive.scan.deskew import DeskewedScan, deskew
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
 from cohelm.robot.port import Readings
 from cohelm.robot.sensors import Lidar
@@ -52,7 +52,7 @@ class Other(ABC):
         scan = readings.scan
         if scan is not None and scan.number != self._scan:
             self._scan = scan.number
-            seen = sweep(self.lidar, scan.ranges, scan.stamp, scan.duration, self._trail)
+            seen = deskew(self.lidar, scan.ranges, scan.stamp, scan.duration, self._trail)
             odometry = pose_at(self._trail, scan.stamp + scan.duration)
             self.pose = compose(self._map_odom, odometry) if self._last is None else self.pose
             step = between(self._last, odometry) if self._last else Pose(0.0, 0.0, 0.0)

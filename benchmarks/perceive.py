@@ -32,8 +32,8 @@ from cohelm.perceive.localize.localization_map import (  # noqa: E402
     gap_at,
     map_from_occupancy,
 )
-from cohelm.perceive.map.glimpses import glimpses  # noqa: E402
-from cohelm.perceive.map.mapper import Survey, Surveyed  # noqa: E402
+from cohelm.perceive.map.mapper import Mapper, MappingResult  # noqa: E402
+from cohelm.perceive.map.mapping_scans import mapping_scans  # noqa: E402
 from cohelm.perceive.map.raster import raster  # noqa: E402
 from cohelm.perceive.pipeline import Perception, Seen, rehearse  # noqa: E402
 from cohelm.robot.kinematics import arc  # noqa: E402
@@ -104,9 +104,9 @@ def surveyed() -> tuple[LocalizationMap, list[Row]]:
             true[round(moment.now, 2)] = moment.truth
             if moment.readings.scan is not None:
                 scans[moment.readings.scan.number] = moment.readings.scan
-        seen = glimpses(LIDAR.lidar(), odometry, list(scans.values()))
+        seen = mapping_scans(LIDAR.lidar(), odometry, list(scans.values()))
         begun = time.process_time()
-        survey = Survey(LIDAR.lidar())
+        survey = Mapper(LIDAR.lidar())
         for glimpse in seen:
             survey.add(glimpse)
         found = survey.finished()
@@ -124,7 +124,7 @@ def surveyed() -> tuple[LocalizationMap, list[Row]]:
     return made, rows
 
 
-def fitted(found: Surveyed, truth: list[Pose]) -> tuple[Floats, Floats, Pose]:
+def fitted(found: MappingResult, truth: list[Pose]) -> tuple[Floats, Floats, Pose]:
     """Errors after the best rigid fit, and that fit: the pose of the map in the world."""
     a, b = np.array(found.poses), np.array(truth)
     ma, mb = a[:, :2].mean(axis=0), b[:, :2].mean(axis=0)
@@ -384,12 +384,12 @@ def court() -> Iterator[Row]:
 
 
 @functools.cache
-def court_mapped(drifting: bool) -> tuple[Surveyed, float]:
+def court_mapped(drifting: bool) -> tuple[MappingResult, float]:
     """From the sequential edges, which drift, or the log's own poses; and processor time [s]."""
     assert killian.FILE is not None
     log = killian.read(killian.FILE)
     begun = time.process_time()
-    survey = Survey(log.lidar)
+    survey = Mapper(log.lidar)
     for glimpse, pose in zip(log.seen, log.odometry if drifting else log.poses, strict=True):
         survey.add(glimpse._replace(odometry=pose))
     return survey.finished(), time.process_time() - begun
@@ -411,7 +411,7 @@ def court_edges() -> Iterator[Row]:
             yield f"{what}, {name}", f"{len(one)}", cm(one[:, k].mean()), "", ""
 
 
-def against(log: killian.Log, name: str, found: Surveyed, took: str) -> Row:
+def against(log: killian.Log, name: str, found: MappingResult, took: str) -> Row:
     off, _, _ = fitted(found, log.poses)
     errors = [between(true, between(found.poses[a], found.poses[b])) for a, b, true in log.loops]
     gaps = np.array([math.hypot(e.x, e.y) for e in errors])

@@ -33,7 +33,7 @@ from scipy import ndimage  # noqa: E402
 from benchmarks.other_localizers import Other, ParticleFilter, PlainIcp  # noqa: E402
 from cohelm.core.frames import between, compose  # noqa: E402
 from cohelm.core.types import Floats, Pose, Twist, disc, discs  # noqa: E402
-from cohelm.perceive.map.mapper import Survey  # noqa: E402
+from cohelm.perceive.map.mapper import Mapper  # noqa: E402
 from cohelm.perceive.pipeline import Perception, rehearse  # noqa: E402
 from cohelm.robot.sensors import LidarModel  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
@@ -309,7 +309,7 @@ def mapping(first: int, last: int, alike: bool) -> None:
         lidar, seen, truth = surveying(seed, alike)
         way = float(np.hypot(*np.diff(np.array(truth)[:, :2], axis=0).T).sum())
         begun = time.process_time()
-        survey = Survey(lidar)
+        survey = Mapper(lidar)
         for glimpse in seen:
             survey.add(glimpse)
         found = survey.finished()

@@ -10,7 +10,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between
-from cohelm.perceive.map.mapper import Survey
+from cohelm.perceive.map.mapper import Mapper
 from cohelm.perceive.pipeline import Perception
 from cohelm.record.file import About, RecordWriter
 from cohelm.scenario import load
@@ -160,13 +160,13 @@ def test_interrupted_it_goes_on_with_resume_and_makes_the_same_map(folder, recor
 
 
 def test_ctrl_c_in_the_middle_of_a_scan_is_taken_after_it(folder, record, tmp_path, monkeypatch):
-    class Pressed(Survey):
+    class Pressed(Mapper):
         def add(self, glimpse):
             super().add(glimpse)
             if self.scans == 60:
                 signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(mapping, "Survey", Pressed)
+    monkeypatch.setattr(mapping, "Mapper", Pressed)
     with pytest.raises(mapping.Interrupted):
         mapping.mapped(record, tmp_path, 0.05, silent)
     assert MappingSession.read(tmp_path).complete
@@ -206,7 +206,7 @@ def test_another_drive_goes_on_where_the_last_one_ended(folder, tmp_path):
 def test_a_drive_that_begins_elsewhere_is_not_put_where_the_last_one_ended(folder):
     survey = MappingSession.read(folder).survey
     survey.set_down()
-    (seen,) = mapping.glimpses(LIDAR.lidar(), *scanned(along(TOUR[8:10])))
+    (seen,) = mapping.mapping_scans(LIDAR.lidar(), *scanned(along(TOUR[8:10])))
     with pytest.raises(CohelmError, match="not what was seen where the last one ended"):
         survey.add(seen)
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Twist
-from cohelm.perceive.map.glimpses import Glimpse, glimpses
+from cohelm.perceive.map.mapping_scans import MappingScan, mapping_scans
 from cohelm.robot.port import Odometry
 from cohelm.robot.sensors import Lidar
 from cohelm.scenario.worlds.carmen import read_log
@@ -24,7 +24,7 @@ class Log(NamedTuple):
     edges in a row. loops: pairs of scans and the pose of the second seen from the first."""
 
     lidar: Lidar
-    seen: list[Glimpse]
+    seen: list[MappingScan]
     poses: list[Pose]
     odometry: list[Pose]
     loops: list[tuple[int, int, Pose]]
@@ -55,4 +55,4 @@ def read(path: Path) -> Log:
         for scan, pose in zip(given.scans, chain, strict=True)
     ]
     lidar = given.lidar.lidar()
-    return Log(lidar, glimpses(lidar, odometry, given.scans), poses, chain, loops)
+    return Log(lidar, mapping_scans(lidar, odometry, given.scans), poses, chain, loops)

@@ -10,7 +10,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.localize.localization_map import MOST_BORDER, map_from_occupancy
-from cohelm.perceive.map.glimpses import glimpses
+from cohelm.perceive.map.mapping_scans import mapping_scans
 from cohelm.perceive.map.raster import raster
 from cohelm.perceive.match.surfaces import MOST_CELLS, surfaces
 from cohelm.robot.port import Odometry, Scan
@@ -70,4 +70,4 @@ def test_odometry_that_no_drive_can_have_is_refused_before_the_work():
     ]
     scans = [Scan(0.1 * k, k, np.full(180, 2.0), 0.0) for k in range(10)]
     with pytest.raises(CohelmError, match=r"the odometry spans 1e\+09 m"):
-        glimpses(lidar, path, scans)
+        mapping_scans(lidar, path, scans)

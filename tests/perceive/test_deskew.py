@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist
-from cohelm.perceive.scan.deskew import sweep
+from cohelm.perceive.scan.deskew import deskew
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
 from cohelm.robot.kinematics import arc
 from cohelm.robot.port import Odometry
@@ -50,15 +50,15 @@ def test_beams_measured_while_turning_end_on_the_walls(twist):
         trail = extended(trail, Odometry(k * 0.02, at, twist))
     lidar = CLEAN.lidar()
     end = pose_at(trail, scan.stamp + scan.duration)
-    compensated = off_wall(sweep(lidar, scan.ranges, scan.stamp, scan.duration, trail).points, end)
-    as_it_came = off_wall(sweep(lidar, scan.ranges, scan.stamp, 0.0, trail).points, end)
+    compensated = off_wall(deskew(lidar, scan.ranges, scan.stamp, scan.duration, trail).points, end)
+    as_it_came = off_wall(deskew(lidar, scan.ranges, scan.stamp, 0.0, trail).points, end)
     assert compensated.max() < 0.03  # the drive moves in eight pieces; the beams are 0.4 deg apart
     assert compensated.mean() < 0.4 * as_it_came.mean()
 
 
 def test_what_is_behind_the_new_view_is_told_as_nothing_seen_not_as_free():
     lidar = LIDAR.lidar()
-    seen = sweep(lidar, np.full(720, 3.0), 0.0, 0.5, trail_of(Twist(0.0, 1.5)))
+    seen = deskew(lidar, np.full(720, 3.0), 0.0, 0.5, trail_of(Twist(0.0, 1.5)))
     assert np.isnan(seen.ranges).any()
     assert np.isfinite(seen.ranges).sum() > 500
 
@@ -66,7 +66,7 @@ def test_what_is_behind_the_new_view_is_told_as_nothing_seen_not_as_free():
 def test_a_scan_of_one_instant_is_left_as_it_is():
     ranges = np.linspace(0.5, 11.0, 720)
     ranges[[3, 50, 99]] = math.inf, -math.inf, math.nan
-    seen = sweep(LIDAR.lidar(), ranges, 0.1, 0.0, trail_of(Twist(1.0, 1.0)))
+    seen = deskew(LIDAR.lidar(), ranges, 0.1, 0.0, trail_of(Twist(1.0, 1.0)))
     assert np.array_equal(seen.ranges, ranges, equal_nan=True)
     assert len(seen.points) == 717
     assert 50 not in seen.beams  # too near to be measured is no place

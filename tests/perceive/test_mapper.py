@@ -10,16 +10,16 @@ from benchmarks import intel
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose
 from cohelm.core.types import Pose, Twist
-from cohelm.perceive.map.glimpses import glimpses
 from cohelm.perceive.map.loop_closure import LoopClosure, distinct, revisits
-from cohelm.perceive.map.mapper import Survey, encounters
+from cohelm.perceive.map.mapper import Mapper, encounters
 from cohelm.perceive.map.mapper_params import MapperParams
+from cohelm.perceive.map.mapping_scans import mapping_scans
 from cohelm.perceive.map.place_graph import Place, PlaceGraph
 from cohelm.perceive.map.pose_graph import Link, consistent, solved, spread
 from cohelm.perceive.map.raster import raster
 from cohelm.perceive.match.odometry_covariance import (
     SCALE,
-    Wheels,
+    OdometryErrors,
     joined,
     moved as foretell,
     updated,
@@ -63,8 +63,8 @@ states = []  # of the tour's survey, before its loops are closed for good
 @pytest.fixture(scope="module")
 def tour():
     odometry, scans, truth = recorded(along(TOUR + HOME))
-    seen = glimpses(LIDAR.lidar(), odometry, scans)
-    survey = Survey(LIDAR.lidar())
+    seen = mapping_scans(LIDAR.lidar(), odometry, scans)
+    survey = Mapper(LIDAR.lidar())
     for glimpse in seen:
         survey.add(glimpse)
     states.append(survey.state())
@@ -90,7 +90,7 @@ def test_a_loop_that_somebody_takes_out_is_not_closed_again_and_the_others_are(t
     (state,) = states
     met = encounters(made)
     assert sum(map(len, met)) == len(made.loops)
-    survey = Survey.restored(LIDAR.lidar(), state)
+    survey = Mapper.restored(LIDAR.lidar(), state)
     survey.keep_apart(met[0])
     again = survey.finished()
     apart = {(a, b) for a, b in met[0]}
@@ -103,7 +103,7 @@ def test_a_loop_that_somebody_takes_out_is_not_closed_again_and_the_others_are(t
 @pytest.mark.slow
 def test_of_places_that_are_left_out_none_meets_others(tour):
     made, _, _ = tour
-    survey = Survey.restored(LIDAR.lidar(), states[0])
+    survey = Mapper.restored(LIDAR.lidar(), states[0])
     out = range(len(made.poses) - 150, len(made.poses))
     survey.leave_out(out)
     assert not {scan for pair in survey.finished().loops for scan in pair} & set(out)
@@ -111,11 +111,11 @@ def test_of_places_that_are_left_out_none_meets_others(tour):
 
 def test_a_survey_that_goes_on_is_the_same_as_one_that_did_not_stop(tour):
     _, seen, _ = tour
-    whole, half = Survey(LIDAR.lidar()), Survey(LIDAR.lidar())
+    whole, half = Mapper(LIDAR.lidar()), Mapper(LIDAR.lidar())
     for k, glimpse in enumerate(seen[:200]):
         whole.add(glimpse)
         if k == 120:
-            half = Survey.restored(LIDAR.lidar(), half.state())
+            half = Mapper.restored(LIDAR.lidar(), half.state())
         half.add(glimpse)
     for name, values in whole.state().items():
         assert np.array_equal(values, half.state()[name]), name
@@ -152,8 +152,8 @@ def test_free_cells_are_where_nothing_is(tour):
 def test_a_robot_that_stands_makes_one_place():
     still = [Pose(3.0, -1.0, 0.0)] * 101
     odometry, scans, _ = recorded((still, [Twist(0.0, 0.0)] * 100), drift=0.0)
-    survey = Survey(LIDAR.lidar())
-    for glimpse in glimpses(LIDAR.lidar(), odometry, scans):
+    survey = Mapper(LIDAR.lidar())
+    for glimpse in mapping_scans(LIDAR.lidar(), odometry, scans):
         survey.add(glimpse)
     assert len(survey.finished().places) == 1
 
@@ -190,7 +190,7 @@ def test_views_of_two_places_count_together_only_where_the_way_between_these_is_
         graph.add(Place(k, np.empty((0, 2)), np.empty((0, 2))), pose, step)
 
     def seen(lap: int, k: int) -> None:
-        graph.doubt(Link(10 * lap + k, 20 + k, Pose(0.0, 0.0, 0.0), firm, True))
+        graph.add_contradicting(Link(10 * lap + k, 20 + k, Pose(0.0, 0.0, 0.0), firm, True))
 
     seen(0, 2)
     seen(0, 4)
@@ -222,14 +222,14 @@ def test_places_are_unsure_by_the_way_to_them_and_no_more_than_a_loop_allows():
 def test_what_wheels_measure_wrongly_is_learnt_from_matches(scale, bend):
     """The last are those of the Intel log."""
     prior = np.diag([SCALE, MapperParams().bend]) ** 2
-    wheels, pose, joint = Wheels(), Pose(0.0, 0.0, 0.0), joined(1e-6 * np.eye(3), prior)
+    wheels, pose, joint = OdometryErrors(), Pose(0.0, 0.0, 0.0), joined(1e-6 * np.eye(3), prior)
     sure, true = np.diag([1e6, 1e6, 1e6]), pose
     for _ in range(600):
         true = compose(true, Pose(0.1, 0.0, 0.0))
         step = wheels.corrected(Pose(0.1 / (1.0 + scale), 0.0, -0.1 * bend))
         foretold, joint = foretell(pose, joint, step)
         off = np.array(between(foretold, true))
-        wheels, joint, pose = wheels.learnt(joint, off), updated(joint, sure), true
+        wheels, joint, pose = wheels.updated_by(joint, off), updated(joint, sure), true
     assert wheels.scale == pytest.approx(scale, abs=0.003)
     assert wheels.bend == pytest.approx(bend * (1.0 + scale), abs=0.0008)
 
@@ -237,7 +237,7 @@ def test_what_wheels_measure_wrongly_is_learnt_from_matches(scale, bend):
 @pytest.mark.slow
 def test_a_building_whose_loops_drift_has_torn_apart_by_metres_lies_on_itself():
     lidar, seen, truth = surveying(4)
-    survey = Survey(lidar)
+    survey = Mapper(lidar)
     for glimpse in seen:
         survey.add(glimpse)
     off = loop_errors(survey.finished().poses, truth)
@@ -279,8 +279,8 @@ def test_a_loop_is_closed_though_the_robot_slid_metres_unnoticed():
     way = along([(3, 2.5), (12, 2.5), (21, 2.5), (21, 13.5), (3, 13.5), (3, 2.5), (14, 2.5)], 1.0)
     slid = [(30.0, (-2.2, -1.2, 0.0))]
     odometry, scans, truth = recorded(way, walls=RING, around=CONES[:0], pushes=slid)
-    survey = Survey(LIDAR.lidar())
-    seen = glimpses(LIDAR.lidar(), odometry, scans)
+    survey = Mapper(LIDAR.lidar())
+    seen = mapping_scans(LIDAR.lidar(), odometry, scans)
     for glimpse in seen:
         survey.add(glimpse)
     made = survey.finished()
@@ -409,9 +409,9 @@ def test_how_far_drift_strays_is_learnt_from_loops_and_a_false_one_hardly_counts
     closure = LoopClosure(PlaceGraph())
     assert closure.variance_factor() == 1.0
     squared = np.random.default_rng(0).chisquare(3, 400)
-    closure.strayed = [*(0.1 * squared), *[2500.0] * 8]
+    closure.drift_errors = [*(0.1 * squared), *[2500.0] * 8]
     assert closure.variance_factor() == pytest.approx(0.1, rel=0.15)
-    closure.strayed = [2500.0]
+    closure.drift_errors = [2500.0]
     assert closure.variance_factor() == 1.0
 
 
@@ -437,7 +437,7 @@ def test_the_laps_of_the_intel_lab_lie_on_each_other(raw):
 def test_two_kilometres_of_mit_are_put_together_right():
     """From odometry that is 12 m wrong, rms; every place where the way met itself is closed."""
     log = killian.read(killian.FILE)
-    survey = Survey(log.lidar)
+    survey = Mapper(log.lidar)
     for glimpse in log.seen:
         survey.add(glimpse)
     made = survey.finished()
@@ -458,9 +458,9 @@ def test_a_drive_whose_scans_and_odometry_never_meet_is_refused():
     odometry = [Odometry(0.02 * k, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)) for k in range(10)]
     scans = [Scan(100.0, 0, np.full(720, 3.0), 0.0)]
     with pytest.raises(CohelmError, match="no scan came while there was odometry"):
-        glimpses(LIDAR.lidar(), odometry, scans)
+        mapping_scans(LIDAR.lidar(), odometry, scans)
 
 
 def test_nothing_but_open_space_can_not_be_mapped():
     with pytest.raises(CohelmError, match="nothing to map"):
-        Survey(LIDAR.lidar()).finished()
+        Mapper(LIDAR.lidar()).finished()

@@ -11,7 +11,7 @@ from cohelm.perceive.localize.localization_map import on_walls
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception
 from cohelm.perceive.scan.clusters import CX, CY, clusters
-from cohelm.perceive.scan.deskew import sweep
+from cohelm.perceive.scan.deskew import deskew
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended
 from cohelm.robot.port import Odometry
 from cohelm.scenario import load
@@ -164,7 +164,7 @@ def test_who_stands_against_a_thing_of_the_map_is_a_thing_of_its_own():
     post, person = disc(3.0, 0.3, 0.3), disc(2.9, -0.25, 0.25)
     sight(AT, lidar, discs(post, person), np.empty((0, 4)), NO_GRID, ranges)
     trail = extended(EMPTY, Odometry(0.0, AT, Twist(0.0, 0.0)))
-    seen = sweep(lidar, ranges, 0.0, 0.0, trail)
+    seen = deskew(lidar, ranges, 0.0, 0.0, trail)
     one = clusters(lidar, seen, AT, 12.0, np.zeros(len(seen.points), np.bool_))
     assert len(one) == 1
     assert math.hypot(one[0, CX] - 2.9, one[0, CY] + 0.25) > 0.2

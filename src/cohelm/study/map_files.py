@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.map.mapper import Surveyed, encounters
+from cohelm.perceive.map.mapper import MappingResult, encounters
 from cohelm.perceive.map.raster import Raster
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, write_map
 from cohelm.study.mapping_session import MappingSession, Mark
@@ -53,25 +53,20 @@ def occupancy(drawn: Raster) -> OccupancyMap:
     return OccupancyMap(cells, drawn.resolution, drawn.origin, from_start=True)
 
 
-def outcome(session: MappingSession, made: Surveyed, drawn: Raster, seconds: float) -> MapResult:
+def outcome(
+    session: MappingSession, made: MappingResult, drawn: Raster, seconds: float
+) -> MapResult:
     """Of what was mapped and drawn, in so many seconds."""
     path = np.array([pose[:2] for pose in made.poses])
     rows, columns = drawn.hits.shape
     return MapResult(
-        scans=len(made.poses),
-        empty_scans=session.empty,
-        record_whole=session.whole,
-        places=len(made.places),
-        loops=len(made.loops),
-        encounters=len(encounters(made)),
-        marks=tuple(_said(mark) for mark in session.marks),
-        odometry_scale=made.scale,
+        scans=len(made.poses), empty_scans=session.empty, record_whole=session.whole,
+        places=len(made.places), loops=len(made.loops), encounters=len(encounters(made)),
+        marks=tuple(_said(mark) for mark in session.marks), odometry_scale=made.scale,
         travelled_m=float(np.hypot(*np.diff(path, axis=0).T).sum()),
-        width_m=columns * drawn.resolution,
-        height_m=rows * drawn.resolution,
-        resolution_m=drawn.resolution,
-        seconds=seconds,
-    )
+        width_m=columns * drawn.resolution, height_m=rows * drawn.resolution,
+        resolution_m=drawn.resolution, seconds=seconds,
+    )  # fmt: skip
 
 
 def _said(mark: Mark) -> str:
@@ -83,7 +78,7 @@ def _said(mark: Mark) -> str:
 
 
 def write(
-    folder: Path, session: MappingSession, made: Surveyed, drawn: Raster, result: MapResult
+    folder: Path, session: MappingSession, made: MappingResult, drawn: Raster, result: MapResult
 ) -> None:
     """All but the session itself. CohelmError where the folder can not be written."""
     try:

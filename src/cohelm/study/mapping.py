@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
 from cohelm.core.types import Floats, Pose, Progress
-from cohelm.perceive.map.glimpses import Glimpse, glimpses
-from cohelm.perceive.map.mapper import Survey, Surveyed, encounters
+from cohelm.perceive.map.mapper import Mapper, MappingResult, encounters
+from cohelm.perceive.map.mapping_scans import MappingScan, mapping_scans
 from cohelm.perceive.map.raster import Raster, cropped, raster
 from cohelm.record.replay import Replayed
 from cohelm.robot.model import RobotModel
@@ -119,7 +119,7 @@ def mapped(
     session = MappingSession.read(folder) if resume else None
     given = _begun(path, robot) if live else drive(path, robot)
     if session is None:
-        session = MappingSession(given.lidar, Survey(given.lidar.lidar()), resolution or RESOLUTION)
+        session = MappingSession(given.lidar, Mapper(given.lidar.lidar()), resolution or RESOLUTION)
     else:
         session.resolution = resolution or session.resolution
         _go_on(session, given, path)
@@ -204,10 +204,10 @@ def _go_on(session: MappingSession, given: RecordedDrive, path: Path) -> None:
         session.last = -math.inf
 
 
-def _marked(session: MappingSession) -> tuple[Survey, NDArray[np.bool_]]:
+def _marked(session: MappingSession) -> tuple[Mapper, NDArray[np.bool_]]:
     """The survey with the corrections, and which of its scans are not drawn. The session's own is
     left as it is, so that it can go on, and marks be taken back."""
-    survey = Survey.restored(session.lidar.lidar(), session.survey.state())
+    survey = Mapper.restored(session.lidar.lidar(), session.survey.state())
     for mark in session.marks:
         if mark.kind == "remove-loop":
             survey.keep_apart([(int(a), int(b)) for a, b in mark.values])
@@ -245,19 +245,19 @@ def _begun(path: Path, robot: RobotModel | None) -> RecordedDrive:
         time.sleep(_LOOK_AGAIN)
 
 
-def _new(given: RecordedDrive, session: MappingSession, live: bool) -> list[Glimpse]:
+def _new(given: RecordedDrive, session: MappingSession, live: bool) -> list[MappingScan]:
     later = [s for s in given.scans if s.stamp + s.duration > session.last + _SAME]
     if session.stamps and not later:
         return []
     try:
-        return glimpses(given.lidar.lidar(), given.odometry, later)
+        return mapping_scans(given.lidar.lidar(), given.odometry, later)
     except CohelmError:
         if session.stamps or live:
             return []
         raise
 
 
-def _drawn(session: MappingSession, made: Surveyed, out: NDArray[np.bool_]) -> Raster:
+def _drawn(session: MappingSession, made: MappingResult, out: NDArray[np.bool_]) -> Raster:
     mount = session.lidar.lidar().mount
     reach = min(_NO_RETURN * session.lidar.range_max_m, _FARTHEST)
     poses: list[Pose] = []

@@ -16,8 +16,8 @@ from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
-from cohelm.perceive.map.glimpses import Glimpse
-from cohelm.perceive.map.mapper import Survey
+from cohelm.perceive.map.mapper import Mapper
+from cohelm.perceive.map.mapping_scans import MappingScan
 from cohelm.robot.sensors import LidarModel
 
 NAME = "survey.npz"
@@ -43,7 +43,7 @@ class MappingSession:
     """A survey before its loops are closed, so that it can be continued, and corrections undone."""
 
     lidar: LidarModel
-    survey: Survey
+    survey: Mapper
     resolution: float
     whole: bool = True
     """Whether the records were finished, and not damaged."""
@@ -57,7 +57,7 @@ class MappingSession:
     """(m, 2), of those that are drawn [m]."""
     marks: list[Mark] = field(default_factory=list[Mark])
 
-    def add(self, glimpse: Glimpse) -> None:
+    def add(self, glimpse: MappingScan) -> None:
         """The next scan."""
         self.survey.add(glimpse)
         k = len(self.stamps)
@@ -134,7 +134,7 @@ class MappingSession:
             }  # fmt: skip
             points = np.split(given["points"], np.cumsum(given["size"])[:-1])
             return cls(
-                lidar, Survey.restored(lidar.lidar(), state), about["resolution"], about["whole"],
+                lidar, Mapper.restored(lidar.lidar(), state), about["resolution"], about["whole"],
                 given["stamps"].tolist(), about["last"], about["empty"],
                 dict(zip(given["drawn"].tolist(), points, strict=True)),
                 [Mark(mark["kind"], mark["values"]) for mark in about["marks"]],

@@ -1,1 +1,1 @@
-"""Where the robot is on a map, and that it is lost; what a map is for that."""
+"""Localization on a map, and detection of and recovery from being lost."""

@@ -27,7 +27,7 @@ from cohelm.perceive.localize.pose_check import PoseCheck
 from cohelm.perceive.localize.scan_judge import ScanJudge
 from cohelm.perceive.match.odometry_covariance import (
     UNKNOWN,
-    Wheels,
+    OdometryErrors,
     inverted,
     joined,
     moved,
@@ -76,7 +76,7 @@ class Localizer:
         lost = self.start is None
         wide = np.diag([0.1, 0.1, 0.05]) ** 2 if self.start else np.diag([1e3, 1e3, 10.0])
         reason = "looking for the robot on the map" if lost else ""
-        self._wheels = Wheels()
+        self._wheels = OdometryErrors()
         self._joint: Floats = joined(wide, UNKNOWN)
         self._reported_joint: Floats = self._joint  # of independent errors only: reported
         self.located = Localization(pose, wide, 0.0, lost, reason)
@@ -185,7 +185,7 @@ class Localizer:
             self._joint, self._reported_joint = joint, reported
             self.located = Localization(predicted, reported[:3, :3].copy(), judged.agree, False, "")
         else:
-            self._wheels = self._wheels.learnt(joint, innovation)
+            self._wheels = self._wheels.updated_by(joint, innovation)
             self._judge.learn_surfaces(fit, distance)
             self._joint = updated(joint, fit.information)
             new = 1.0 if self._pose_set else min(1.0, max(distance / match_params.correlated, 0.02))

@@ -1,1 +1,1 @@
-"""Maps from drives: scans put together, loops closed."""
+"""Mapping (SLAM): maps from drives, with loop closure."""

@@ -1,9 +1,9 @@
-"""Finds loop closures: where the newest part of a map fits an old one, over a wide search.
+"""Loop closure: where the newest submap fits an old part of the map, over a wide search.
 
-Places and headings are tried on a coarse raster, the best of it on a fine one, and the best of that
-are matched. More than one scan is asked for, because one scan of a corridor fits many. A loop that
-moves the drive is believed where drift explains it better than a place that looks alike would
-(`distinct`); how far drift leads astray is learnt from the loops of the drive.
+Places and headings are scored on a coarse raster, the best of it on a fine one, and the best of
+that are matched. A submap is used because one scan of a corridor fits many places. A loop that
+moves the drive is accepted if drift explains it better than a look-alike (`distinct`); the
+magnitude of the drift is estimated from the loops of the drive.
 """
 
 from __future__ import annotations
@@ -26,43 +26,43 @@ from cohelm.perceive.match.surfaces import Surfaces
 
 _SIDE, _STEP = 0.3, math.radians(3.0)  # the fine raster of places and headings
 _NEAR = 0.25  # of a point from its surface, at that raster [m]
-_COARSE = 2  # the coarse one is so much wider, and less is asked of it
+_COARSE = 2  # factor of the coarse raster
 _BROAD = 0.55  # [m]
-_PEAKS = 24  # of the coarse raster, that are looked at finely
-BESIDE = 1.2  # a robot comes back within this of where it drove before [m]
+_PEAKS = 24  # of the coarse raster that are refined
+BESIDE = 1.2  # a revisit is within this of an earlier path [m]
 _POINTS = 150
-_STRETCH = 150  # old places that are searched at once for another likeness
+_STRETCH = 150  # places in one search for look-alikes
 _MEDIAN = 2.366  # of chi square, 3
-_ODDS = 99.0  # drift must be so much likelier than a chance likeness
-_AREA = 2.0 * BESIDE  # around a way, where it is looked for a likeness [m]
+_ODDS = 99.0  # required odds of drift against a look-alike
+_AREA = 2.0 * BESIDE  # around a path, searched for look-alikes [m]
 _BEST = 8  # that are matched
-_APART, _TURNED = 1.0, 0.3  # what is nearer to each other than both is one [m, rad]
+_APART, _TURNED = 1.0, 0.3  # poses nearer to each other than both are the same [m, rad]
 _PRECISE = np.diag(1.0 / ROUGH)
 _LOOSE = np.diag([1.0, 1.0, 4.0])  # information of the raster
 
 
 @dataclass
 class LoopClosure:
-    """Of one drive: looks now and then whether its end is where it was before."""
+    """Loop closure of one drive."""
 
     graph: PlaceGraph
 
     def __post_init__(self) -> None:
-        # ways at which loops were looked for, far and wide, and one was found
+        # distances driven at the last search, the last wide search, and the last loop
         self.looked = self.wide = self.met = 0.0
-        # squared sigmas of the drift at each loop, by the model of it
-        self.strayed: list[float] = []
+        # squared Mahalanobis distance of the drift at each loop
+        self.drift_errors: list[float] = []
 
     def look(self) -> None:
-        """After a new place: close loops, if it is time to."""
-        k, c = len(self.graph) - 1, self.graph.care
+        """After a new place: search for loops, if due."""
+        k, c = len(self.graph) - 1, self.graph.params
         if k > c.again and self.graph.ways[k] - self.looked >= c.every:
             self.looked = self.graph.ways[k]
             self._close(k)
 
     def look_again(self) -> None:
-        """When all is known: where the way comes by again, and nothing there was linked."""
-        graph, c = self.graph, self.graph.care
+        """At the end: search where the path is revisited and nothing was linked."""
+        graph, c = self.graph, self.graph.params
         linked = {end for link in graph.links if link.loop for end in (link.a, link.b)}
         xy = np.array(graph.poses)[:, :2]
         looked = -math.inf
@@ -75,74 +75,74 @@ class LoopClosure:
                 self._close(k)
 
     def variance_factor(self) -> float:
-        """By which the covariance of this drive's drift differs from that of the model.
+        """Factor between the covariance of this drive's drift and the model's.
 
-        Robust, from the median at loops: a match that slid and a wrong loop are far off. The model
-        counts as much as the loops along two submaps; within one, loops are not independent.
+        Robust, from the median at loops, since a match that slid and a wrong loop are outliers. The
+        model counts as much as the loops along two submaps; within one they are dependent.
         """
-        c = self.graph.care
+        c = self.graph.params
         model = round(2.0 * c.submap * c.apart / c.every) * [_MEDIAN]
-        return float(np.median([*self.strayed, *model])) / _MEDIAN
+        return float(np.median([*self.drift_errors, *model])) / _MEDIAN
 
     def _close(self, k: int) -> None:
-        """Close loops where the newest submap fits old places, and nowhere else among them.
+        """Close loops where the newest submap fits old places uniquely.
 
-        Places that drift has hardly torn from here are looked at for themselves, so that what
-        looks alike far off does not put them in doubt.
+        Places near by drift are searched separately, so that look-alikes far off do not make them
+        ambiguous.
         """
-        graph, c = self.graph, self.graph.care
-        foretold = spread(graph.poses, graph.links, k)[: k - c.again]
-        unsure = self.variance_factor() * foretold
+        graph, c = self.graph, self.graph.params
+        drift = spread(graph.poses, graph.links, k)[: k - c.again]
+        covariance = self.variance_factor() * drift
         far = graph.ways[k] - max(self.met, self.wide) > c.lonely
         self.wide = graph.ways[k] if far else self.wide
         reach = c.search + (9.0 if far else 3.0) * np.sqrt(
-            np.linalg.eigvalsh(unsure[:, :2, :2])[:, -1]
+            np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1]
         )
         close = reach < 2.0 * c.search
-        newest = graph.around(range(max(0, k + 1 - c.submap), k + 1), graph.poses[k])
+        newest = graph.surfaces_around(range(max(0, k + 1 - c.submap), k + 1), graph.poses[k])
         new: list[Link] = []
-        for among in (close, ~close):
-            link, share = _found_again(graph, k, newest, unsure, reach, among)
+        for subset in (close, ~close):
+            link, share = _search_loop(graph, k, newest, covariance, reach, subset)
             if link is None:
                 continue
             agrees = agree(graph.there(link), graph.poses[k])
-            closed, strayed = agrees, _strayed(graph, link, foretold)
+            closed, drift_errors = agrees, _drift_error(graph, link, drift)
             if agrees:
                 new.append(link)
-            elif share >= c.whole and distinct(graph, link, newest, share, unsure):
-                closed = graph.doubt(link)
+            elif share >= c.whole and distinct(graph, link, newest, share, covariance):
+                closed = graph.add_contradicting(link)
             if closed:
-                self.strayed.append(strayed)
+                self.drift_errors.append(drift_errors)
             if agrees and share >= c.whole:
                 self.met = graph.ways[k]
         torn = any(np.abs(off(graph.poses, link) @ _PRECISE).max() > 2.0 for link in new)
-        graph.believe(new, torn)
+        graph.add_loops(new, torn)
 
 
-def _found_again(
-    graph: PlaceGraph, k: int, newest: Surfaces, unsure: Floats, reach: Floats,
-    among: NDArray[np.bool_],
+def _search_loop(
+    graph: PlaceGraph, k: int, newest: Surfaces, covariance: Floats, reach: Floats,
+    subset: NDArray[np.bool_],
 ) -> tuple[Link | None, float]:  # fmt: skip
-    """Place k seen from an old one among some, where its submap fits there alone, and the share
-    of it that does."""
-    here, c, poses = graph.poses[k], graph.care, graph.poses
+    """The link of place k to an old place of a subset, if its submap fits uniquely there, and the
+    share of the submap that fits."""
+    here, c, poses = graph.poses[k], graph.params, graph.poses
     trail = np.array(poses[: len(reach)])[:, :2]
     gaps = np.hypot(trail[:, 0] - here.x, trail[:, 1] - here.y)
-    near = among & (gaps < reach + BESIDE)
+    near = subset & (gaps < reach + BESIDE)
     if not near.any():
         return None, 0.0
-    old = np.flatnonzero(among & (gaps < reach[near].max() + c.behind))
-    known = graph.around(old.tolist(), None)
-    turn = 0.1 + 3.0 * math.sqrt(float(unsure[near, 2, 2].max()))
+    old = np.flatnonzero(subset & (gaps < reach[near].max() + c.behind))
+    known = graph.surfaces_around(old.tolist(), None)
+    turn = 0.1 + 3.0 * math.sqrt(float(covariance[near, 2, 2].max()))
     found: list[tuple[float, ScanFit, int]] = []
     for fit in revisits(known, newest.points, newest.normals, trail[near], reach[near], here, turn):
         a = int(old[np.hypot(trail[old, 0] - fit.pose.x, trail[old, 1] - fit.pose.y).argmin()])
-        if graph.parted(a, k):
+        if graph.separated(a, k):
             continue
-        # what drift makes unlikely has to fit better
-        whole = unsure[a] + np.diag(ROUGH**2)
-        odd = _odd(poses[a], compose(here, between(fit.pose, poses[a])), whole)
-        found.append((fit.share - c.alone * min(odd / 9.0, 1.0), fit, a))
+        # a place that drift makes unlikely has to fit better
+        total = covariance[a] + np.diag(ROUGH**2)
+        distance = _mahalanobis(poses[a], compose(here, between(fit.pose, poses[a])), total)
+        found.append((fit.share - c.alone * min(distance / 9.0, 1.0), fit, a))
     found.sort(key=lambda one: -one[0])
     if not found or (len(found) > 1 and found[1][0] > found[0][0] - c.alone):
         return None, 0.0
@@ -155,70 +155,76 @@ def _found_again(
     return link, fit.share
 
 
-def distinct(graph: PlaceGraph, link: Link, newest: Surfaces, share: float, unsure: Floats) -> bool:
-    """Whether the robot came back, rather than to a place that looks alike.
+def distinct(
+    graph: PlaceGraph, link: Link, newest: Surfaces, share: float, covariance: Floats
+) -> bool:
+    """Whether a loop is a true revisit, and no look-alike.
 
-    The density of the drift at the loop [1/(m^2 rad)] is compared with that of places that look
-    alike: how many others of the whole way the newest submap fits as well, over the area that was
-    searched. What has no likeness is a landmark, however far off: raw odometry may be worse than
-    any model of it.
+    The density of the drift at the loop [1/(m^2 rad)] is compared with that of look-alikes: how
+    many other places of the whole drive the newest submap fits as well, over the area searched. A
+    place without a look-alike is accepted however far off: raw odometry may be worse than its
+    model.
     """
-    c, here, there = graph.care, graph.poses[link.b], graph.there(link)
+    c, here, there = graph.params, graph.poses[link.b], graph.there(link)
     trail = np.array(graph.poses[: link.b - c.again])[:, :2]
     cells = np.unique(np.round(trail / _AREA).astype(np.int64), axis=0)
     searched = 2.0 * math.pi * _AREA**2 * len(cells)
-    most = _drift_density(graph, link, unsure) * searched / _ODDS
-    alike: list[Pose] = []
+    most = _drift_density(graph, link, covariance) * searched / _ODDS
+    lookalikes: list[Pose] = []
     nearest_first = sorted(
         range(0, len(trail), _STRETCH),
         key=lambda k: float(np.hypot(*(trail[k : k + _STRETCH] - there[:2]).T).min()),
     )
     for first in nearest_first:
         last = min(first + _STRETCH, len(trail))
-        known = graph.around(range(max(0, first - c.submap), min(last + c.submap, link.b)), None)
+        known = graph.surfaces_around(
+            range(max(0, first - c.submap), min(last + c.submap, link.b)), None
+        )
         reach = np.full(last - first, math.inf)
         fits = revisits(
             known, newest.points, newest.normals, trail[first:last], reach, here, math.pi
         )  # fmt: skip
         for fit in fits:
-            counted = any(_same(fit.pose, one) for one in (there, *alike))
+            counted = any(_same(fit.pose, one) for one in (there, *lookalikes))
             if fit.share > share - c.alone and not counted:
-                alike.append(fit.pose)
-        if len(alike) > most:
+                lookalikes.append(fit.pose)
+        if len(lookalikes) > most:
             return False
     return True
 
 
-def _drift_density(graph: PlaceGraph, link: Link, unsure: Floats) -> float:
-    """Of the place where a loop puts the robot, as drift alone tells it [1/(m^2 rad)]."""
+def _drift_density(graph: PlaceGraph, link: Link, covariance: Floats) -> float:
+    """Probability density of the drift at a loop [1/(m^2 rad)]."""
     seen = compose(graph.poses[link.b], inverse(link.pose))
-    whole = unsure[link.a] + np.diag(ROUGH**2)
-    odd = _odd(graph.poses[link.a], seen, whole)
-    return math.exp(-0.5 * odd) / math.sqrt((2.0 * math.pi) ** 3 * float(np.linalg.det(whole)))
+    total = covariance[link.a] + np.diag(ROUGH**2)
+    distance = _mahalanobis(graph.poses[link.a], seen, total)
+    return math.exp(-0.5 * distance) / math.sqrt((2.0 * math.pi) ** 3 * float(np.linalg.det(total)))
 
 
-def _strayed(graph: PlaceGraph, link: Link, foretold: Floats) -> float:
-    """How far drift led astray at a loop, as squared sigmas of what the links foretell."""
+def _drift_error(graph: PlaceGraph, link: Link, drift: Floats) -> float:
+    """Squared Mahalanobis distance of the drift at a loop from the prediction by the links."""
     here = graph.poses[link.b]
     match = into_axes(Pose(0.0, 0.0, -here.psi), inverted(link.information))
-    return _odd(graph.poses[link.a], compose(here, inverse(link.pose)), foretold[link.a] + match)
+    return _mahalanobis(
+        graph.poses[link.a], compose(here, inverse(link.pose)), drift[link.a] + match
+    )
 
 
-def _odd(there: Pose, seen: Pose, unsure: Floats) -> float:
-    """How far an old place, seen from the newest one, is from where it is, as squared sigmas."""
+def _mahalanobis(there: Pose, seen: Pose, covariance: Floats) -> float:
+    """Squared Mahalanobis distance of an old place seen from the newest one from its pose."""
     d = np.array([seen.x - there.x, seen.y - there.y, wrap(seen.psi - there.psi)])
-    return float(d @ inverted(unsure) @ d)
+    return float(d @ inverted(covariance) @ d)
 
 
 def revisits(
     known: Surfaces, points: Floats, across: Floats, trail: Floats, reach: Floats, here: Pose,
     turn: float,
 ) -> list[ScanFit]:  # fmt: skip
-    """Fits of points (n, 2) with normals, in the frame of the robot, best first, each some way
-    from all better ones.
+    """Fits of points (n, 2) with normals, in the frame of the robot, best first, each apart from
+    all better ones.
 
-    trail: (k, 2), where the robot was before, and reach: (k,), how far off it may be if it is
-    there again instead of `here` [m]. turn: how far it may be turned [rad].
+    trail: (k, 2), earlier positions, and reach: (k,), search radius of each around `here` [m].
+    turn: largest heading difference [rad].
     """
     chosen = np.linspace(0, len(points) - 1, min(_POINTS, len(points))).astype(int)
     few, sides = points[chosen], across[chosen]
@@ -244,19 +250,19 @@ def revisits(
             break
         near = np.hypot(*(places - places[place]).T) < _APART
         beside = np.abs(headings - headings[heading]) < _TURNED
-        starts.append(_finest(known, few, sides, places[place], headings[heading]))
+        starts.append(_refine(known, few, sides, places[place], headings[heading]))
         scores[np.ix_(near, beside)] = 0.0
     starts.sort(key=lambda start: -start[0])
-    care = MatchParams(reach=0.6, rounds=30)
-    fits = [align(known, points, across, start, _LOOSE, care) for _, start in starts[:_BEST]]
+    params = MatchParams(reach=0.6, rounds=30)
+    fits = [align(known, points, across, start, _LOOSE, params) for _, start in starts[:_BEST]]
     fits.sort(key=lambda fit: -fit.share)
     return [f for i, f in enumerate(fits) if not any(_same(f.pose, g.pose) for g in fits[:i])]
 
 
-def _finest(
+def _refine(
     known: Surfaces, points: Floats, across: Floats, place: Floats, heading: float
 ) -> tuple[float, Pose]:
-    """The best of the fine raster around a place and heading of the coarse one, and its score."""
+    """The best score and pose of the fine raster around a place and heading of the coarse one."""
     near = range(-_COARSE, _COARSE + 1)
     places = place + _SIDE * np.array([(i, j) for i in near for j in near], dtype=np.float64)
     headings = heading + _STEP * np.array(near, dtype=np.float64)

@@ -1,10 +1,9 @@
-"""Mapping (SLAM): puts a drive's scans together step by step, and closes loops.
+"""Mapping (SLAM): matches a drive's scans to submaps, and closes loops.
 
 A scan is matched against the *submap* of the last places; every 0.3 m or rad it becomes a place
-itself. As far around as drift may have led astray, the submap is looked for among old places
-(`loop_closure`), and where it fits alone, a link of the pose graph says so: at once if that agrees
-with the drive, else when it has held for a while (`place_graph`). At the end every place is linked
-with all that see the same walls.
+itself. Within the possible drift the submap is searched among old places (`loop_closure`). Where it
+fits uniquely, a loop is added to the pose graph: at once if it agrees with the drive, else after
+confirmation (`place_graph`). At the end every place is linked with all that see the same walls.
 """
 
 from __future__ import annotations
@@ -22,29 +21,29 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.map.glimpses import Glimpse
 from cohelm.perceive.map.loop_closure import LoopClosure, revisits
 from cohelm.perceive.map.mapper_params import MapperParams
+from cohelm.perceive.map.mapping_scans import MappingScan
 from cohelm.perceive.map.place_graph import Place, PlaceGraph
 from cohelm.perceive.map.pose_graph import ROUGH, Link, into_axes, library
 from cohelm.perceive.match.odometry_covariance import (
     SCALE,
-    Wheels,
+    OdometryErrors,
     inverted,
     joined,
-    moved as foretell,
+    moved as predict,
     updated,
 )
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit, align
 from cohelm.perceive.match.surfaces import Surfaces, normals, thinned
 from cohelm.robot.sensors import Lidar
 
-_SET_DOWN = 0.5  # a robot is put back by hand within this of where it stood [m]
+_SET_DOWN = 0.5  # a robot is put back by hand within this of its last position [m]
 
 
-class Surveyed(NamedTuple):
+class MappingResult(NamedTuple):
     """poses: of all scans, the first at the origin. places: numbers of the scans that became
-    places. loops: pairs of scans that met. scale: what the odometry's ways are multiplied by."""
+    places. loops: pairs of scans that were linked. scale: factor of odometry distances."""
 
     poses: list[Pose]
     places: list[int]
@@ -53,33 +52,33 @@ class Surveyed(NamedTuple):
 
 
 @dataclass
-class Survey:
-    """Takes glimpses in order; `finished` puts the last hand to it."""
+class Mapper:
+    """Mapper of one drive: takes its scans in order; `finished` optimizes all of it."""
 
     lidar: Lidar
-    care: MapperParams = field(default_factory=MapperParams)
+    params: MapperParams = field(default_factory=MapperParams)
     matching: MatchParams = field(default_factory=MatchParams)
 
     def __post_init__(self) -> None:
-        library()  # said before the work, not after
-        self._graph = PlaceGraph(self.care, self.matching)
+        library()  # raises if it is missing, before the work
+        self._graph = PlaceGraph(self.params, self.matching)
         self._closure = LoopClosure(self._graph)
         self._scans: list[tuple[int, Pose]] = []  # of each scan: its place, and its pose there
         self._pose = Pose(0.0, 0.0, 0.0)
         self._odometry: Pose | None = None
-        wheels = np.diag([SCALE, self.care.bend]) ** 2
+        wheels = np.diag([SCALE, self.params.bend]) ** 2
         self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), wheels)
-        self._wheels = Wheels()
+        self._wheels = OdometryErrors()
         self._submap: Surfaces | None = None
 
     @property
     def scans(self) -> int:
-        """So many were added."""
+        """Number of scans added."""
         return len(self._scans)
 
     @property
     def places(self) -> int:
-        """So many of them became places."""
+        """Number of places."""
         return len(self._graph)
 
     @property
@@ -87,109 +86,109 @@ class Survey:
         """Of the newest scan."""
         return self._pose
 
-    def add(self, glimpse: Glimpse) -> None:
-        """The next scan of the drive."""
-        points, across = self._surfaces(glimpse)
+    def add(self, scan: MappingScan) -> None:
+        """Add the next scan of the drive."""
+        points, across = self._surfaces(scan)
         if self._submap is None:
-            self._odometry = glimpse.odometry
-            self._found(points, across, None)
+            self._odometry = scan.odometry
+            self._add_place(points, across, None)
             return
         if self._odometry is None:
-            self._pose, self._odometry = self._where(points, across), glimpse.odometry
+            self._pose, self._odometry = self._start_pose(points, across), scan.odometry
             self._joint = joined(np.diag(ROUGH**2), self._joint[3:, 3:])
-        step = self._wheels.corrected(between(self._odometry, glimpse.odometry))
-        self._odometry = glimpse.odometry
-        foretold, joint = foretell(self._pose, self._joint, step, self.care.mount)
+        step = self._wheels.corrected(between(self._odometry, scan.odometry))
+        self._odometry = scan.odometry
+        predicted, joint = predict(self._pose, self._joint, step, self.params.mount)
         prior = inverted(joint[:3, :3])
-        fit = align(self._submap, points, across, foretold, prior, self.matching)
+        fit = align(self._submap, points, across, predicted, prior, self.matching)
         if len(points) < 20 or fit.share < 0.3:
-            fit = ScanFit(foretold, np.zeros((3, 3)), 0.0, math.inf, False)
+            fit = ScanFit(predicted, np.zeros((3, 3)), 0.0, math.inf, False)
         shift = np.array([
-            fit.pose.x - foretold.x, fit.pose.y - foretold.y, wrap(fit.pose.psi - foretold.psi)
+            fit.pose.x - predicted.x, fit.pose.y - predicted.y, wrap(fit.pose.psi - predicted.psi)
         ])  # fmt: skip
-        self._wheels = self._wheels.learnt(joint, shift)
+        self._wheels = self._wheels.updated_by(joint, shift)
         self._joint = updated(joint, fit.information)
         self._pose = fit.pose
         since = between(self._graph.poses[-1], fit.pose)
-        if math.hypot(since.x, since.y) > self.care.apart or abs(since.psi) > self.care.apart:
-            self._found(points, across, since)
+        if math.hypot(since.x, since.y) > self.params.apart or abs(since.psi) > self.params.apart:
+            self._add_place(points, across, since)
         else:
             self._scans.append((len(self._graph) - 1, since))
 
     def set_down(self) -> None:
-        """The next glimpse begins another drive, about where the last one ended; its odometry may
-        begin anywhere. `add` raises CohelmError where that is not so."""
+        """The next scan begins another drive, near the end of the last one; its odometry may begin
+        anywhere. `add` raises CohelmError if it does not."""
         self._odometry = None
 
-    def finished(self, tell: Callable[[float], None] = lambda share: None) -> Surveyed:
-        """Link all places that see the same, twice, the second time from where the first put them,
+    def finished(self, progress: Callable[[float], None] = lambda share: None) -> MappingResult:
+        """Link all places that see the same walls, twice, the second time from the optimized poses,
         and place every scan."""
         graph = self._graph
         if not graph.places:
             raise CohelmError("there is no scan with a wall in it: nothing to map")
         if any(link.loop for link in graph.links):
-            graph.agree_again()
-        graph.link_all(lambda share: tell(0.5 * share), torn=True)
+            graph.select_consistent()
+        graph.link_all(lambda share: progress(0.5 * share), move=True)
         self._closure.look_again()
-        graph.link_all(lambda share: tell(0.5 + 0.5 * share), torn=False)
+        graph.link_all(lambda share: progress(0.5 + 0.5 * share), move=False)
         poses = [compose(graph.poses[place], pose) for place, pose in self._scans]
         self._pose = poses[-1]
         places = [place.scan for place in graph.places]
-        return Surveyed(poses, places, graph.met(), 1.0 + self._wheels.scale)
+        return MappingResult(poses, places, graph.loop_pairs(), 1.0 + self._wheels.scale)
 
     def keep_apart(self, pairs: Sequence[tuple[int, int]]) -> None:
-        """Pairs of scans that were taken to have met, as `Surveyed.loops` has them, and did not:
-        no place around the one of a pair is linked any more with one around the other."""
+        """Remove wrong loops, pairs of scans as in `MappingResult.loops`: no place around the one
+        is linked any more with one around the other."""
         self._graph.keep_apart(pairs)
-        self._come_along()
+        self._update_pose()
 
     def leave_out(self, scans: Sequence[int]) -> None:
         """No place among these scans is linked with any but those just before and after it."""
         self._graph.leave_out(scans)
-        self._come_along()
+        self._update_pose()
 
-    def _come_along(self) -> None:
-        """Where the newest scan is, now that the places may have moved."""
+    def _update_pose(self) -> None:
+        """Update the newest pose, after the places may have moved."""
         if self._scans:
             place, since = self._scans[-1]
             self._pose = compose(self._graph.poses[place], since)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All that `restored` goes on from but what was told by `keep_apart` and `leave_out`, as
-        arrays of numbers."""
-        seen = self._closure
+        """State for `restored`, without that of `keep_apart` and `leave_out`, as arrays of
+        numbers."""
+        closure = self._closure
         return {
             **self._graph.state(),
             "scans": np.array([(k, *p) for k, p in self._scans], dtype=np.float64).reshape(-1, 4),
             "pose": np.array(self._pose), "joint": self._joint, "wheels": np.array(self._wheels),
             "odometry": np.array(self._odometry or ()),
-            "looked": np.array([seen.looked, seen.wide, seen.met]),
-            "strayed": np.array(seen.strayed),
+            "looked": np.array([closure.looked, closure.wide, closure.met]),
+            "strayed": np.array(closure.drift_errors),
         }  # fmt: skip
 
     @classmethod
     def restored(cls, lidar: Lidar, state: Mapping[str, NDArray[Any]]) -> Self:
-        """One that goes on where another was when it told its `state`. KeyError, ValueError,
-        IndexError or TypeError where that is none."""
+        """A mapper that continues from a `state`. KeyError, ValueError, IndexError or TypeError if
+        it is invalid."""
         made = cls(lidar)
         made._graph.restore(state)
         made._scans = [(int(k), Pose(*pose)) for k, *pose in state["scans"].tolist()]
         made._pose, made._joint = Pose(*state["pose"].tolist()), state["joint"]
-        made._wheels = Wheels(*state["wheels"].tolist())
+        made._wheels = OdometryErrors(*state["wheels"].tolist())
         made._odometry = Pose(*state["odometry"].tolist()) if len(state["odometry"]) else None
-        seen = made._closure
-        seen.looked, seen.wide, seen.met = state["looked"].tolist()
-        seen.strayed = state["strayed"].tolist()
+        closure = made._closure
+        closure.looked, closure.wide, closure.met = state["looked"].tolist()
+        closure.drift_errors = state["strayed"].tolist()
         if made._graph.places:
-            made._renew()
+            made._update_submap()
         return made
 
-    def _where(self, points: Floats, across: Floats) -> Pose:
-        """Where a drive begins that goes on where the last one ended: within _SET_DOWN of it and
-        turned by a right angle at most, for a corridor looks alike both ways."""
-        c, here = self.care, self._pose
+    def _start_pose(self, points: Floats, across: Floats) -> Pose:
+        """Start pose of a drive that continues where the last one ended: within _SET_DOWN of it and
+        turned by a right angle at most, since a corridor looks alike both ways."""
+        c, here = self.params, self._pose
         gaps = np.hypot(*(np.array(self._graph.poses)[:, :2] - here[:2]).T)
-        known = self._graph.around(np.flatnonzero(gaps < c.behind).tolist(), None)
+        known = self._graph.surfaces_around(np.flatnonzero(gaps < c.behind).tolist(), None)
         near, trail = np.array([_SET_DOWN]), np.array([here[:2]])
         fits = [
             fit for fit in revisits(known, points, across, trail, near, here, 0.5 * math.pi)
@@ -203,15 +202,15 @@ class Survey:
             )
         return fits[0].pose
 
-    def _surfaces(self, glimpse: Glimpse) -> tuple[Floats, Floats]:
+    def _surfaces(self, scan: MappingScan) -> tuple[Floats, Floats]:
         gaps = np.hypot(
-            glimpse.points[:, 0] - self.lidar.mount.x, glimpse.points[:, 1] - self.lidar.mount.y
+            scan.points[:, 0] - self.lidar.mount.x, scan.points[:, 1] - self.lidar.mount.y
         )
-        near = gaps < self.care.far
-        return normals(glimpse.points[near], glimpse.beams[near], self.lidar.step)
+        near = gaps < self.params.far
+        return normals(scan.points[near], scan.beams[near], self.lidar.step)
 
-    def _found(self, points: Floats, across: Floats, since: Pose | None) -> None:
-        """A new place; `since`: its pose seen from the last one."""
+    def _add_place(self, points: Floats, across: Floats, since: Pose | None) -> None:
+        """Add a place; `since`: its pose seen from the last one."""
         graph, k = self._graph, len(self._graph)
         kept, sides = thinned(points, across, 0.04)
         step = self._step(k, since) if since is not None else None
@@ -219,26 +218,28 @@ class Survey:
         self._scans.append((k, Pose(0.0, 0.0, 0.0)))
         self._closure.look()
         self._pose = graph.poses[-1]
-        self._renew()
-        # what follows is measured from here on
+        self._update_submap()
+        # covariance from here on
         self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), self._joint[3:, 3:])
 
     def _step(self, k: int, since: Pose) -> Link:
         """From the last place to place k."""
-        way = math.hypot(since.x, since.y)
-        sigma = (0.004 + 0.01 * way, 0.004 + 0.01 * way, 0.002 + 0.01 * abs(since.psi))
+        distance = math.hypot(since.x, since.y)
+        sigma = (0.004 + 0.01 * distance, 0.004 + 0.01 * distance, 0.002 + 0.01 * abs(since.psi))
         weak = into_axes(self._pose, inverted(self._joint[:3, :3]))
         information = inverted(inverted(weak) + np.diag(sigma) ** 2)
         return Link(k - 1, k, since, information, False)
 
-    def _renew(self) -> None:
+    def _update_submap(self) -> None:
         k = len(self._graph)
-        self._submap = self._graph.around(range(max(0, k - self.care.submap), k), None)
+        self._submap = self._graph.surfaces_around(range(max(0, k - self.params.submap), k), None)
 
 
-def encounters(made: Surveyed, near: int = MapperParams().submap) -> list[list[tuple[int, int]]]:
-    """The loops, put together where both ends are within so many places of those of another: one
-    list of pairs of scans, the earlier one first, for each time that the robot came back."""
+def encounters(
+    made: MappingResult, near: int = MapperParams().submap
+) -> list[list[tuple[int, int]]]:
+    """The loops in groups, one for each revisit: a list of pairs of scans, the earlier one first.
+    Loops whose ends are within `near` places of each other's are one group."""
     if not made.loops:
         return []
     pairs = np.sort(np.array(made.loops, dtype=np.int64), axis=1)

@@ -1,4 +1,4 @@
-"""How a drive is put together to a map: the numbers."""
+"""Parameters of mapping."""
 
 from __future__ import annotations
 
@@ -6,40 +6,40 @@ from typing import NamedTuple
 
 
 class MapperParams(NamedTuple):
-    """How a drive is put together."""
+    """Parameters of mapping."""
 
     bend: float = 0.02
-    """A straight line may be bent by this, one sigma, for robots are mapped with before anybody
-    calibrates them: by wheels 1 % unequal, half a metre apart [rad/m]."""
+    """Prior standard deviation of the bend of straight lines, of an uncalibrated robot: wheels 1 %
+    unequal, half a metre apart [rad/m]."""
     mount: float = 0.05
-    """And the LiDAR's place on the robot be unsure by this: many logs do not say it [m]."""
+    """Uncertainty of the LiDAR's position on the robot, which many logs do not have [m]."""
     apart: float = 0.3
-    """A place is this far, or has turned as much, from the last [m, rad]."""
+    """Distance or angle between two places [m, rad]."""
     submap: int = 15
-    """Places that the next scan is matched against."""
+    """Number of places that a scan is matched against."""
     again: int = 35
-    """A place is met again if so many lie between."""
+    """Number of places between that make it a revisit."""
     search: float = 1.0
-    """Old places are looked for within this and three sigma of where they are [m];"""
+    """Search radius for old places, beside three sigma [m];"""
     lonely: float = 5.0
-    """within nine, each time that no loop was closed for so much way [m]."""
+    """nine sigma after this distance without a loop [m]."""
     behind: float = 8.0
-    """What was seen from so much farther counts as well, for the submap is as long [m]."""
+    """Places so much farther are included, as the submap is as long [m]."""
     every: float = 0.9
-    """After so much way a loop is looked for [m]."""
+    """Distance between two searches for loops [m]."""
     fits: float = 0.65
-    """A loop is closed if this share of the points lies on surfaces,"""
+    """A loop needs this share of the points on surfaces,"""
     rms: float = 0.05
-    """so near [m],"""
+    """this rms distance [m],"""
     alone: float = 0.1
-    """no other place comes as near to that share,"""
+    """this lead of the share over any other place,"""
     firm: float = 5e3
-    """and the weaker direction has this information [1/m^2]."""
+    """and this information in the weaker direction [1/m^2]."""
     whole: float = 0.8
-    """What disagrees with the drive must explain this share: a corridor explains 0.7 of another;"""
+    """One that contradicts the drive needs this share: a corridor explains 0.7 of another;"""
     holds: float = 2.0
-    """and it is believed where views so far apart say the same [m]."""
+    """and confirmation by views so far apart [m]."""
     others: float = 6.0
-    """At the end, places are linked if so near to each other [m]."""
+    """At the end, places so near to each other are linked [m]."""
     far: float = 15.0
-    """Points farther from the LiDAR than this are left out [m]."""
+    """Points farther from the LiDAR than this are ignored [m]."""

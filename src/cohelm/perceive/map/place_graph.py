@@ -1,7 +1,7 @@
-"""Places of a drive, the links between them, and which of the loops among these are believed.
+"""Places of a drive, the links between them, and the selection of loops.
 
-No loop is believed for ever: where one comes to contradict others, those that can be true together
-are found among all that ever were believed.
+No loop is accepted for good: when one contradicts others, a consistent subset of all loops that
+were ever accepted is selected.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from cohelm.perceive.map.pose_graph import (
 from cohelm.perceive.match.scan_matching import MatchParams, align
 from cohelm.perceive.match.surfaces import Surfaces, moved, surfaces, thinned
 
-_SAME = 0.5  # a graph moves places by less, in the main [m]
-_CLOSED = 0.25  # and once all that see the same are linked, they are not farther off [m]
+_SAME = 0.5  # typical correction of a place by the graph [m]
+_CLOSED = 0.25  # the same after all places were linked [m]
 
 
 class Place(NamedTuple):
@@ -47,26 +47,26 @@ class Place(NamedTuple):
 
 @dataclass
 class PlaceGraph:
-    """Of one drive, or of some that go on from each other."""
+    """The graph of one drive, or of several that continue each other."""
 
-    care: MapperParams = field(default_factory=MapperParams)
+    params: MapperParams = field(default_factory=MapperParams)
     matching: MatchParams = field(default_factory=MatchParams)
 
     def __post_init__(self) -> None:
         self.places: list[Place] = []
         self.poses: list[Pose] = []
-        self.ways: list[float] = []  # driven until there [m]
+        self.ways: list[float] = []  # distances driven [m]
         self.links: list[Link] = []
-        self._maybe: list[list[Link]] = []  # loops that say the same, not yet believed
-        self._outvoted: list[Link] = []
-        self._apart: list[tuple[int, int]] = []  # places that somebody says are not the same,
-        self._out: set[int] = set()  # and those that are to be left out
+        self._candidates: list[list[Link]] = []  # groups of loops that agree, not yet accepted
+        self._rejected: list[Link] = []
+        self._apart: list[tuple[int, int]] = []  # pairs of places that the user separated,
+        self._left_out: set[int] = set()  # and places that the user left out
 
     def __len__(self) -> int:
         return len(self.places)
 
     def add(self, place: Place, pose: Pose, step: Link | None) -> None:
-        """One more. step: from the last one to it."""
+        """Add a place. step: link from the last one to it."""
         if step is not None:
             self.links.append(step)
             self.ways.append(self.ways[-1] + math.hypot(step.pose.x, step.pose.y))
@@ -75,8 +75,8 @@ class PlaceGraph:
         self.places.append(place)
         self.poses.append(pose)
 
-    def around(self, numbers: Sequence[int], origin: Pose | None) -> Surfaces:
-        """The surfaces of some places, in the frame of the map or of a pose in it."""
+    def surfaces_around(self, numbers: Sequence[int], origin: Pose | None) -> Surfaces:
+        """Surfaces of some places, in the frame of the map or of a pose in it."""
         points: list[Floats] = []
         across: list[Floats] = []
         for i in numbers:
@@ -87,120 +87,122 @@ class PlaceGraph:
         return surfaces(kept, sides, 0.05, 0.65)
 
     def solve(self) -> None:
-        """Make the places agree with all links."""
+        """Optimize the poses by all links."""
         self.poses = solved(self.poses, self.links)
 
-    def believe(self, loops: Sequence[Link], torn: bool) -> None:
-        """Loops that agree with the drive. torn: whether the places are to be moved for them."""
+    def add_loops(self, loops: Sequence[Link], move: bool) -> None:
+        """Add loops that agree with the drive. move: whether to optimize for them."""
         self.links += loops
-        if torn:
+        if move:
             self.solve()
 
-    def doubt(self, link: Link) -> bool:
-        """A loop that disagrees with the drive: believed with others that say the same. Whether
-        it is.
+    def add_contradicting(self, link: Link) -> bool:
+        """Add a loop that contradicts the drive: accepted once others agree with it. Returns
+        whether it is.
 
-        A scan in between that fits nowhere is no evidence against them. What says the same of an
-        old place whose way from theirs is not known says it by chance.
+        A scan in between that fits nowhere is no evidence against them. A loop to an old place
+        whose relative pose is not well known agrees by chance only.
         """
         there = self.there(link)
         held = [link]
-        for one in self._maybe:
-            since = between(self.poses[one[-1].b], self.poses[link.b])
-            same = agree(compose(self.there(one[-1]), since), there)
-            if same and self._known(one[-1].a, link.a):
-                self._maybe = [other for other in self._maybe if other is not one]
-                held = [*one, link]
+        for group in self._candidates:
+            since = between(self.poses[group[-1].b], self.poses[link.b])
+            same = agree(compose(self.there(group[-1]), since), there)
+            if same and self._well_known(group[-1].a, link.a):
+                self._candidates = [other for other in self._candidates if other is not group]
+                held = [*group, link]
                 break
-        if self.ways[link.b] - self.ways[held[0].b] < self.care.holds:
-            self._maybe.append(held)
+        if self.ways[link.b] - self.ways[held[0].b] < self.params.holds:
+            self._candidates.append(held)
             return False
-        # far off, a robust kernel hardly pulls: first without, then all together with it
-        sure = [one._replace(loop=False) for one in held]
-        self.poses = solved(self.poses, [*self.links, *sure])
+        # a robust kernel hardly pulls from far: first without it, then all with it
+        certain = [group._replace(loop=False) for group in held]
+        self.poses = solved(self.poses, [*self.links, *certain])
         self.links += held
         self.solve()
-        loops = [one for one in self.links if one.loop]
-        if any(contradicted(self.poses, one) for one in loops) or self._outvoted:
-            self.agree_again()
-        return any(one is link for one in self.links)
+        loops = [group for group in self.links if group.loop]
+        if any(contradicted(self.poses, group) for group in loops) or self._rejected:
+            self.select_consistent()
+        return any(group is link for group in self.links)
 
-    def _known(self, a: int, b: int) -> bool:
-        """Whether the links tell where place b is as seen from place a, to what `agree` asks."""
-        unsure = spread(self.poses, self.links, a)[b, :2, :2]
-        return math.sqrt(float(np.linalg.eigvalsh(unsure)[-1])) < _SAME
+    def _well_known(self, a: int, b: int) -> bool:
+        """Whether the relative pose of places a and b is known to the tolerance of `agree`."""
+        covariance = spread(self.poses, self.links, a)[b, :2, :2]
+        return math.sqrt(float(np.linalg.eigvalsh(covariance)[-1])) < _SAME
 
-    def agree_again(self) -> None:
-        """Sort out which of all loops that ever were believed can be true together."""
-        every = [*self.links, *self._outvoted]
+    def select_consistent(self) -> None:
+        """Select a consistent subset of all loops that were ever accepted."""
+        every = [*self.links, *self._rejected]
         if not any(link.loop for link in every):
             return
         self.links = consistent(self.poses, every)
         kept = {id(link) for link in self.links}
-        self._outvoted = [link for link in every if id(link) not in kept]
-        sure = [link._replace(loop=False) for link in self.links]
-        self.poses = solved(self.poses, sure)
+        self._rejected = [link for link in every if id(link) not in kept]
+        certain = [link._replace(loop=False) for link in self.links]
+        self.poses = solved(self.poses, certain)
         self.solve()
 
     def there(self, link: Link) -> Pose:
-        """Where a link puts its second place."""
+        """The pose of a link's second place by the link."""
         return compose(self.poses[link.a], link.pose)
 
-    def link_all(self, tell: Callable[[float], None], torn: bool) -> None:
-        """Link all places that see the same. torn: two laps may lie beside each other, and the
-        loops from before still count."""
-        links = self.links if torn else [link for link in self.links if not link.loop]
-        others, reach = np.array(self.poses)[:, :2], _SAME if torn else _CLOSED
+    def link_all(self, progress: Callable[[float], None], move: bool) -> None:
+        """Link all places that see the same walls. move: two laps may lie beside each other, and
+        earlier loops still count."""
+        links = self.links if move else [link for link in self.links if not link.loop]
+        others, reach = np.array(self.poses)[:, :2], _SAME if move else _CLOSED
         found: list[Link] = []
         for i in range(len(self.places)):
             found += self._neighbours(i, others, reach)
-            tell(i / len(self.places))
+            progress(i / len(self.places))
         self.links = links + found
-        if torn:  # first, what lies far off is pulled as well
+        if move:  # first with a wide kernel, so that distant places are pulled too
             self.poses = solved(self.poses, self.links, _SAME / float(ROUGH[0]))
         self.solve()
 
     def _neighbours(self, k: int, others: Floats, reach: float) -> list[Link]:
-        """Links of a place with up to three groups of others that are near, but not in time; at
-        first, surfaces are looked for within `reach` [m]."""
+        """Links of a place with up to three groups of others near by, but not in time; `reach`:
+        association distance of the first iteration [m]."""
         here = self.poses[k]
         gaps = np.hypot(others[:, 0] - here.x, others[:, 1] - here.y)
-        gaps[max(0, k - self.care.submap) : k + self.care.submap] = math.inf
+        gaps[max(0, k - self.params.submap) : k + self.params.submap] = math.inf
         links: list[Link] = []
         for _ in range(3):
             i = int(gaps.argmin())
-            if gaps[i] > self.care.others:
+            if gaps[i] > self.params.others:
                 break
             numbers = range(max(0, i - 5), min(len(self.poses), i + 6))
             gaps[max(0, i - 20) : i + 20] = math.inf
-            around = self.around(numbers, self.poses[i])
-            link = self._linked(i, k, around, between(self.poses[i], here), reach)
+            surfaces_around = self.surfaces_around(numbers, self.poses[i])
+            link = self._linked(i, k, surfaces_around, between(self.poses[i], here), reach)
             if link is not None:
                 links.append(link)
         return links
 
-    def _linked(self, a: int, b: int, around: Surfaces, guess: Pose, reach: float) -> Link | None:
-        """Place b matched against the surroundings of a, if it fits."""
+    def _linked(
+        self, a: int, b: int, surfaces_around: Surfaces, guess: Pose, reach: float
+    ) -> Link | None:
+        """The link of place b matched against the surfaces around a, if it fits."""
         points, across = self.places[b].points, self.places[b].across
-        if len(points) < 30 or len(around.points) < 30 or self.parted(a, b):
+        if len(points) < 30 or len(surfaces_around.points) < 30 or self.separated(a, b):
             return None
         loose = np.diag([100.0, 100.0, 400.0])
-        care = self.matching._replace(reach=reach, rounds=30)
-        fit = align(around, points, across, guess, loose, care)
-        if fit.share < self.care.fits or fit.rms > self.care.rms:
+        params = self.matching._replace(reach=reach, rounds=30)
+        fit = align(surfaces_around, points, across, guess, loose, params)
+        if fit.share < self.params.fits or fit.rms > self.params.rms:
             return None
         return loop_link(a, b, fit.pose, fit.information, fit.pose.psi)
 
-    def met(self) -> list[tuple[int, int]]:
-        """Pairs of scans that were linked, though not for having come one after the other."""
+    def loop_pairs(self) -> list[tuple[int, int]]:
+        """Pairs of scans that were linked by loops."""
         return [
             (self.places[k.a].scan, self.places[k.b].scan)
-            for k in self.links if k.loop and abs(k.b - k.a) > self.care.again
+            for k in self.links if k.loop and abs(k.b - k.a) > self.params.again
         ]  # fmt: skip
 
     def keep_apart(self, pairs: Sequence[tuple[int, int]]) -> None:
-        """Pairs of scans that did not meet: no place around the one of a pair is linked any more
-        with one around the other."""
+        """Remove wrong loops, pairs of scans: no place around the one is linked any more with one
+        around the other."""
         scans = [place.scan for place in self.places]
         for pair in pairs:
             a, b = (bisect.bisect_right(scans, scan) - 1 for scan in sorted(pair))
@@ -210,45 +212,45 @@ class PlaceGraph:
     def leave_out(self, scans: Sequence[int]) -> None:
         """No place among these scans is linked with any but those just before and after it."""
         chosen = set(scans)
-        self._out |= {k for k, place in enumerate(self.places) if place.scan in chosen}
+        self._left_out |= {k for k, place in enumerate(self.places) if place.scan in chosen}
         self._unlink()
 
     def _unlink(self) -> None:
-        every = [*self.links, *self._outvoted]
-        kept = [link for link in every if not (link.loop and self.parted(link.a, link.b))]
+        every = [*self.links, *self._rejected]
+        kept = [link for link in every if not (link.loop and self.separated(link.a, link.b))]
         if len(kept) == len(every):
             return
-        self.links, self._outvoted = kept, []
+        self.links, self._rejected = kept, []
         if any(link.loop for link in kept):
-            self.agree_again()
+            self.select_consistent()
         else:
             self.solve()
 
-    def parted(self, a: int, b: int) -> bool:
-        """Whether somebody says that what is around place a is not what is around place b."""
-        if a in self._out or b in self._out:
+    def separated(self, a: int, b: int) -> bool:
+        """Whether the user separated the surroundings of two places."""
+        if a in self._left_out or b in self._left_out:
             return True
         if not self._apart:
             return False
         off = np.abs(np.array(self._apart) - (min(a, b), max(a, b)))
-        return bool((off <= self.care.submap).all(axis=1).any())
+        return bool((off <= self.params.submap).all(axis=1).any())
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All that `restore` goes on from, but what was told by `keep_apart` and `leave_out`."""
-        places, held = self.places, [link for one in self._maybe for link in one]
+        """State for `restore`, without that of `keep_apart` and `leave_out`."""
+        places, held = self.places, [link for group in self._candidates for link in group]
         return {
             "scan": np.array([p.scan for p in places], dtype=np.int64),
             "size": np.array([len(p.points) for p in places], dtype=np.int64),
             "points": np.vstack([np.empty((0, 2)), *(p.points for p in places)]),
             "across": np.vstack([np.empty((0, 2)), *(p.across for p in places)]),
             "poses": np.array(self.poses, dtype=np.float64).reshape(-1, 3),
-            "links": rows(self.links), "outvoted": rows(self._outvoted), "maybe": rows(held),
-            "held": np.array([len(one) for one in self._maybe], dtype=np.int64),
+            "links": rows(self.links), "outvoted": rows(self._rejected), "maybe": rows(held),
+            "held": np.array([len(group) for group in self._candidates], dtype=np.int64),
             "ways": np.array(self.ways),
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on where another was when it told its `state`."""
+        """Continue from a `state`."""
         ends = np.cumsum(state["size"])[:-1]
         self.places = [
             Place(int(scan), points, across) for scan, points, across in zip(
@@ -258,11 +260,11 @@ class PlaceGraph:
         ] if len(state["scan"]) else []  # fmt: skip
         self.poses = [Pose(*row) for row in state["poses"].tolist()]
         self.ways = state["ways"].tolist()
-        self.links, self._outvoted = from_rows(state["links"]), from_rows(state["outvoted"])
+        self.links, self._rejected = from_rows(state["links"]), from_rows(state["outvoted"])
         held = iter(from_rows(state["maybe"]))
-        self._maybe = [[next(held) for _ in range(n)] for n in state["held"].tolist()]
+        self._candidates = [[next(held) for _ in range(n)] for n in state["held"].tolist()]
 
 
 def agree(a: Pose, b: Pose) -> bool:
-    """Whether two poses are one, but for what a graph moves places by."""
+    """Whether two poses are the same, within a typical correction by the graph."""
     return math.hypot(a.x - b.x, a.y - b.y) < _SAME and abs(wrap(a.psi - b.psi)) < 0.1

@@ -15,16 +15,16 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.match.odometry_covariance import inverted
 
-_CHANCE = 0.999  # of right loops, so many are taken for right where they stand alone
+_CHANCE = 0.999  # share of right loops that pass the test alone
 CONTRADICTS = 16.3
-"""Squared sigmas that one right loop in a thousand exceeds (chi square, 3)."""
+"""99.9 % quantile of chi squared with three degrees of freedom."""
 ROUGH: Floats = np.array([0.01, 0.01, 0.004])
-"""A match of two submaps is no better [m, rad]."""
+"""Lower bound of the sigma of a match of two submaps [m, rad]."""
 
 
 class Link(NamedTuple):
     """Place `b` as seen from place `a`, with the information (3, 3) of that pose in the axes of
-    b. A loop may be wrong, and is then outvoted; a step from one place to the next is never."""
+    b. A loop may be wrong and is rejected then; a step from one place to the next never is."""
 
     a: int
     b: int
@@ -34,7 +34,7 @@ class Link(NamedTuple):
 
 
 def loop_link(a: int, b: int, pose: Pose, information: Floats, psi: float) -> Link:
-    """A loop as matched; information: in axes in which place b has heading psi."""
+    """The link of a match; information: in axes in which place b has heading psi."""
     rough = np.diag(ROUGH**2)
     weak = into_axes(Pose(0.0, 0.0, psi), information) + np.eye(3)
     return Link(a, b, pose, inverted(inverted(weak) + rough), True)
@@ -73,8 +73,7 @@ def library() -> Any:
 
 
 def solved(poses: list[Pose], links: list[Link], wide: float = 1.0) -> list[Pose]:
-    """The poses that agree best with all links; the first stays where it is. What is farther off
-    than so many sigmas (`wide`) hardly pulls."""
+    """The optimized poses; the first is fixed. `wide`: scale of the Cauchy kernel in sigmas."""
     g = library()
     cauchy = g.noiseModel.mEstimator.Cauchy.Create(wide)
     graph, values = _graph(poses, links, lambda noise: g.noiseModel.Robust.Create(cauchy, noise))
@@ -82,7 +81,7 @@ def solved(poses: list[Pose], links: list[Link], wide: float = 1.0) -> list[Pose
 
 
 def consistent(poses: list[Pose], links: list[Link]) -> list[Link]:
-    """Those links that can be true together: all steps, and most of the loops.
+    """A consistent subset of the links: all steps, and most of the loops.
 
     Graduated non-convexity (Yang et al. 2020) on truncated squares: it finds the false loops
     whatever the poses are to begin with, so that none is believed for having come first.
@@ -120,18 +119,19 @@ def _poses(result: Any, count: int) -> list[Pose]:
 
 
 def off(poses: Sequence[Pose], link: Link) -> Floats:
-    """(3,): how far a link puts its second place from where it is, in the axes of that [m, rad]."""
+    """(3,): error of a link at its second place, in the axes of that [m, rad]."""
     return np.array(between(poses[link.b], compose(poses[link.a], link.pose)))
 
 
 def contradicted(poses: Sequence[Pose], link: Link) -> bool:
-    """Whether a loop can hardly be right where the places are."""
+    """Whether a loop contradicts the current poses."""
     e = off(poses, link)
     return float(e @ link.information @ e) > CONTRADICTS
 
 
 def spread(poses: Sequence[Pose], links: Sequence[Link], k: int) -> Floats:
-    """(n, 3, 3): how unsure each place is as seen from place k, along the surest chain of links.
+    """(n, 3, 3): covariance of each place relative to place k, along the most certain chain of
+    links.
 
     Covariances of x, y and heading, in the axes of the map.
     """

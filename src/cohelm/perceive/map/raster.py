@@ -1,4 +1,4 @@
-"""An occupancy grid from scans whose poses are known."""
+"""An occupancy grid from scans with known poses."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.match.surfaces import MOST_CELLS
 
-_BEFORE = 0.07  # a beam says nothing about so much before its end [m]
-_SHARE = 0.35  # of the beams that met a cell, so many must have ended in it
-_CREST = 0.3  # and it has this share of the hits of the fullest cell beside it
-_BORDER = 0.5  # of the grid around all that was hit [m]
+_BEFORE = 0.07  # the last part of a beam is not counted as free [m]
+_SHARE = 0.35  # share of a cell's beams that must have ended in it
+_CREST = 0.3  # share of the hits of the fullest neighbour that it must have
+_BORDER = 0.5  # of the grid around all hits [m]
 
 
 class Raster(NamedTuple):
@@ -31,20 +31,20 @@ class Raster(NamedTuple):
     origin: Pose
 
     def occupied(self) -> NDArray[np.bool_]:
-        """Cells with a wall: of those where its hits scatter, the crest."""
+        """Occupied cells: the crest of the scattered hits of a wall."""
         crest = scipy.ndimage.maximum_filter(self.hits, 3)
         often = self.hits > _SHARE * (self.hits + self.misses)
         return often & (self.hits >= 2) & (self.hits >= _CREST * crest)
 
     def free(self) -> NDArray[np.bool_]:
-        """Cells that were seen through, or grazed by a scattered hit."""
+        """Free cells: passed by a beam, with scattered hits at most."""
         return (self.misses > 0) & ~self.occupied()
 
 
 def raster(poses: list[Pose], points: list[Floats], sensor: Pose, resolution: float) -> Raster:
     """From poses of the body and points (m, 2) in it [m]; sensor: mount of the LiDAR.
 
-    Raises CohelmError where that would be more than MOST_CELLS.
+    Raises CohelmError for more than MOST_CELLS.
     """
     low, high = np.full(2, math.inf), np.full(2, -math.inf)
     for pose, seen in zip(poses, points, strict=True):

@@ -1,1 +1,1 @@
-"""Scans against surfaces, and how sure a pose is that came of it."""
+"""Scan matching against surfaces, and the covariance of the pose."""

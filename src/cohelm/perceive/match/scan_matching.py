@@ -1,8 +1,8 @@
-"""Scan matching: the pose from which a scan lies on known surfaces, and its covariance.
+"""Scan matching: the pose at which a scan lies on known surfaces, and its covariance.
 
-Point-to-line ICP (Censi 2008 calls it PLICP) by Gauss-Newton, with Huber weights against what
-is not on the map and a prior from odometry: along a corridor without features the prior decides,
-and the information says so.
+Point-to-line ICP (PLICP, Censi 2008) by Gauss-Newton, with Huber weights against unmapped objects
+and a prior from odometry: along a featureless corridor the prior decides, and the information
+shows it.
 """
 
 from __future__ import annotations
@@ -19,29 +19,29 @@ from cohelm.perceive.match.surfaces import Surfaces
 
 
 class MatchParams(NamedTuple):
-    """How a sweep is matched."""
+    """Parameters of scan matching."""
 
     reach: float = 0.4
-    """At first, surfaces are looked for within this distance [m]; then nearer and nearer."""
+    """Association distance of the first iteration [m], which decreases"""
     least: float = 0.12
-    """And at last within this [m]."""
+    """to this [m]."""
     sigma: float = 0.03
     """Standard deviation of a point from its surface, sensor and map together [m]."""
     share: float = 0.15
-    """Neighbouring beams err alike (map, calibration): the share of them that counts as told
-    independently."""
+    """Errors of neighbouring beams are correlated (map, calibration): the share of them that counts
+    as independent."""
     rounds: int = 20
     correlated: float = 1.0
-    """A map errs alike along so much of a wall, and along so much of the way [m]."""
+    """Correlation length of map errors, along a wall and along the robot's path [m]."""
     offset: float = 0.0
-    """So far before their surface, to where it is seen from, points lie in truth [m]."""
+    """Distance of points in front of their surface, towards the sensor [m]."""
 
 
 class ScanFit(NamedTuple):
     """pose: where the sweep fits best. information: (3, 3) of the match alone, without the
     prior, in x, y, psi. share: of the points that lie within `least` of a surface of the same
-    direction. rms: of their distances [m]. converged: whether the last round changed nothing.
-    before: how far they lie before their surfaces, in the mean, beyond `MatchParams.offset` [m]."""
+    direction. rms: of their distances [m]. converged: whether the last iteration changed nothing.
+    before: their mean distance in front of the surfaces, beyond `MatchParams.offset` [m]."""
 
     pose: Pose
     information: Floats
@@ -53,32 +53,24 @@ class ScanFit(NamedTuple):
 
 @jit
 def align(
-    known: Surfaces, points: Floats, across: Floats, start: Pose, prior: Floats, care: MatchParams
+    known: Surfaces, points: Floats, across: Floats, start: Pose, prior: Floats, params: MatchParams
 ) -> ScanFit:
     """Match points (n, 2) with normals (n, 2), in the body frame, from a first guess.
 
-    Where the surfaces' normals say from where they are seen, those of the points must as well.
-    prior: (3, 3) information of the guess. Failure is in the numbers: a small share.
+    If the surfaces' normals face the visible side, those of the points must too. prior: (3, 3)
+    information of the guess. Failure shows as a small share.
     """
     x, y, psi = start.x, start.y, start.psi
-    reach = care.reach
+    reach = params.reach
     converged = False
     information, slope = np.empty((3, 3)), np.empty(3)
     share, rms, before = 0.0, math.inf, 0.0
-    weights = np.full(len(points), care.share)
-    for turn in range(care.rounds):
+    weights = np.full(len(points), params.share)
+    for turn in range(params.rounds):
         share, rms, before = _gather(
-            known,
-            points,
-            across,
-            Pose(x, y, psi),
-            reach,
-            care,
-            information,
-            slope,
-            weights,
-            care.sigma,
-        )
+            known, points, across, Pose(x, y, psi), reach, params, information, slope, weights,
+            params.sigma,
+        )  # fmt: skip
         ex, ey, epsi = x - start.x, y - start.y, wrap(psi - start.psi)
         full = information + prior
         b = np.empty(3)
@@ -89,24 +81,24 @@ def align(
         step = np.linalg.solve(full, b)
         x, y, psi = x - step[0], y - step[1], wrap(psi - step[2])
         small = abs(step[0]) + abs(step[1]) < 3e-4 and abs(step[2]) < 1e-4
-        if small and reach <= care.least:
+        if small and reach <= params.least:
             converged = True
             break
-        reach = max(care.least, 0.75 * reach) if turn > 0 else reach
+        reach = max(params.least, 0.75 * reach) if turn > 0 else reach
     pose = Pose(x, y, psi)
     share, rms, before = _gather(
-        known, points, across, pose, care.least, care, information, slope, weights, care.sigma
+        known, points, across, pose, params.least, params, information, slope, weights, params.sigma
     )
     return ScanFit(pose, information, share, rms, converged, before)
 
 
 @jit
 def _gather(
-    known: Surfaces, points: Floats, across: Floats, pose: Pose, reach: float, care: MatchParams,
+    known: Surfaces, points: Floats, across: Floats, pose: Pose, reach: float, params: MatchParams,
     information: Floats, slope: Floats, weights: Floats, sigma: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Normal equations of one round, written into `information` and `slope`; share, rms, and mean
-    of the distances, to where the surfaces are seen from.
+    """Normal equations of one iteration, written into `information` and `slope`; returns share,
+    rms, and mean of the distances towards the visible side.
 
     weights: (n,) of the points. sigma: standard deviation of a point from its surface [m].
     """
@@ -115,8 +107,8 @@ def _gather(
     rows, columns = known.nearest.shape
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     weight = 1.0 / (sigma * sigma)
-    sided = len(known.back) > 0
-    square, count, mean, whole = 0.0, 0, 0.0, 0.0
+    two_sided = len(known.back) > 0
+    square, count, mean, total_weight = 0.0, 0, 0.0, 0.0
     for k in range(len(points)):
         qx = c * points[k, 0] - s * points[k, 1]
         qy = s * points[k, 0] + c * points[k, 1]
@@ -130,22 +122,22 @@ def _gather(
         nx, ny = known.normals[i, 0], known.normals[i, 1]
         ax = c * across[k, 0] - s * across[k, 1]
         ay = s * across[k, 0] + c * across[k, 1]
-        same = ax * nx + ay * ny
-        if sided:
-            if same < -0.85:  # of a wall, the other side is nearer
+        alignment = ax * nx + ay * ny
+        if two_sided:
+            if alignment < -0.85:  # the other side of the wall is nearer
                 i = known.back[i]
                 if i < 0:
                     continue
                 nx, ny = known.normals[i, 0], known.normals[i, 1]
-                same = ax * nx + ay * ny
-            if same < 0.85:
+                alignment = ax * nx + ay * ny
+            if alignment < 0.85:
                 continue
-        elif abs(same) < 0.85:
+        elif abs(alignment) < 0.85:
             continue
         dx, dy = px - known.points[i, 0], py - known.points[i, 1]
         if dx * dx + dy * dy > reach * reach:
             continue
-        e = dx * nx + dy * ny - care.offset
+        e = dx * nx + dy * ny - params.offset
         w = weight * weights[k] * min(1.0, sigma / max(abs(e), 1e-9))
         turn = ny * qx - nx * qy
         information[0, 0] += w * nx * nx
@@ -160,33 +152,33 @@ def _gather(
         square += e * e
         count += 1
         mean += w * e
-        whole += w
+        total_weight += w
     information[1, 0] = information[0, 1]
     information[2, 0] = information[0, 2]
     information[2, 1] = information[1, 2]
     if count == 0:
         return 0.0, math.inf, 0.0
-    return count / len(points), math.sqrt(square / count), mean / max(whole, 1e-9)
+    return count / len(points), math.sqrt(square / count), mean / max(total_weight, 1e-9)
 
 
 @jit
 def independent(
-    known: Surfaces, points: Floats, across: Floats, pose: Pose, care: MatchParams, rms: float
+    known: Surfaces, points: Floats, across: Floats, pose: Pose, params: MatchParams, rms: float
 ) -> Floats:
-    """(3, 3) information of a match, as far as what it rests on errs independently.
+    """(3, 3) information of a match by independent errors only.
 
-    A map errs by walls, not by beams: each correlation length of wall tells once, and no better
-    than half a cell, or than the points lie off it.
+    Map errors are correlated along walls: each correlation length of wall counts once, and no
+    better than half a cell, or than the residual of its points.
     """
     information, slope = np.empty((3, 3)), np.empty(3)
     n = len(points)
     weights = np.empty(n)
     for k in range(n):
-        d = care.correlated
+        d = params.correlated
         if k > 0:
             gap = math.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
             d = min(gap, d)
-        weights[k] = d / care.correlated
+        weights[k] = d / params.correlated
     sigma = math.sqrt(0.25 * known.resolution * known.resolution + min(rms, 1.0) ** 2)
-    _gather(known, points, across, pose, care.least, care, information, slope, weights, sigma)
+    _gather(known, points, across, pose, params.least, params, information, slope, weights, sigma)
     return information

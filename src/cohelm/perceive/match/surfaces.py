@@ -1,7 +1,7 @@
-"""Surfaces as points with normals, with a lookup of the nearest one to any place.
+"""Surfaces as points with normals, with a grid to look up the nearest one.
 
-A wall is a row of points, each with the direction across it. `nearest` is a grid that knows the
-nearest surface of each cell, so that matching costs no search.
+A wall is a row of points, each with its normal. `nearest` is a grid of the nearest surface to each
+cell, so that matching needs no search.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints, Pose
 
-_HALF = 0.15  # neighbours this near tell the direction of a surface [m]
-_MOST = 16  # and no more beams than these on either side
-_FLAT = 0.04  # how far, rms, they may lie from their common line [m]
+_HALF = 0.15  # neighbourhood of a normal [m]
+_MOST = 16  # beams on either side at most
+_FLAT = 0.04  # largest rms distance from the fitted line [m]
 MOST_CELLS = 64_000_000
-"""Of a map, or of an index of surfaces: 400 m x 400 m at 5 cm, which takes half a GB."""
+"""Limit of a map, or of an index of surfaces: 400 m x 400 m at 5 cm, which takes half a GB."""
 
 
 class Surfaces(NamedTuple):
-    """points: (n, 2) [m]. normals: (n, 2), unit, of either sign, or to where they are seen from.
+    """points: (n, 2) [m]. normals: (n, 2), unit, of either sign, or towards the visible side.
     nearest: (rows, columns), row of the nearest surface to a cell's centre, -1 where none is
     within reach; rows run along y. resolution: side of a cell [m]. (x, y): outer corner of cell
     (0, 0) [m]. back: (n,), row of the nearest surface that faces the other way, as the other
@@ -41,16 +41,16 @@ class Surfaces(NamedTuple):
 
 
 _NO_BACK: Ints = np.empty(0, np.int64)
-_THICK = 0.3  # of a wall whose other side is looked for, at most [m]
+_THICK = 0.3  # largest thickness of a wall with two sides [m]
 
 
 @jit
 def normals(points: Floats, beams: Ints, step: float) -> tuple[Floats, Floats]:
-    """The points of a sweep that lie on something flat, and the direction across it there.
+    """The points of a sweep that lie on a flat surface, and its normal there.
 
     points: (m, 2) body frame, in the order of the beams; step: angle between beams [rad]. The
-    line is fitted to neighbours within 15 cm, at least to the next beam on either side, so a
-    scanner with 1 degree between beams still tells walls. Returns (k, 2), (k, 2).
+    line is fitted to neighbours within 15 cm, at least to the next beam on either side, so that
+    1 degree between beams is enough for walls. Returns (k, 2), (k, 2).
     """
     m = len(points)
     kept, across = np.empty((m, 2)), np.empty((m, 2))
@@ -60,10 +60,10 @@ def normals(points: Floats, beams: Ints, step: float) -> tuple[Floats, Floats]:
         jump = max(0.12, 4.0 * r * step)
         count, sx, sy, sxx, sxy, syy = 1, 0.0, 0.0, 0.0, 0.0, 0.0
         sides = 0
-        for way in (-1, 1):
+        for direction in (-1, 1):
             before = i
             for far in range(1, _MOST + 1):
-                j = i + way * far
+                j = i + direction * far
                 if not 0 <= j < m or abs(beams[j] - beams[before]) > 3:
                     break
                 gap = math.hypot(points[j, 0] - points[before, 0], points[j, 1] - points[before, 1])
@@ -81,9 +81,9 @@ def normals(points: Floats, beams: Ints, step: float) -> tuple[Floats, Floats]:
         a, b, c = sxx - sx * sx / count, sxy - sx * sy / count, syy - sy * sy / count
         half, middle = 0.5 * (a - c), 0.5 * (a + c)
         root = math.hypot(half, b)
-        thin = max(middle - root, 0.0) / count
+        thickness = max(middle - root, 0.0) / count
         long = (middle + root) / count
-        if thin > _FLAT * _FLAT or long < 9.0 * thin or long <= 0.0:
+        if thickness > _FLAT * _FLAT or long < 9.0 * thickness or long <= 0.0:
             continue
         turn = 0.5 * math.atan2(2.0 * b, a - c)
         kept[k, 0], kept[k, 1] = points[i, 0], points[i, 1]
@@ -94,7 +94,7 @@ def normals(points: Floats, beams: Ints, step: float) -> tuple[Floats, Floats]:
 
 @jit
 def facing(points: Floats, across: Floats, x: float, y: float) -> Floats:
-    """The directions across (n, 2), each to the side that a place looks at its point from."""
+    """The normals (n, 2), each turned towards the place (x, y)."""
     out = across.copy()
     for i in range(len(points)):
         if (points[i, 0] - x) * across[i, 0] + (points[i, 1] - y) * across[i, 1] > 0.0:
@@ -104,7 +104,7 @@ def facing(points: Floats, across: Floats, x: float, y: float) -> Floats:
 
 @jit
 def moved(pose: Pose, vectors: Floats, place: bool) -> Floats:
-    """Vectors (n, 2) of a body frame in that of its pose; directions if not `place`d."""
+    """Vectors (n, 2) of a body frame in that of its pose; only rotated if not `place`."""
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     x, y = (pose.x, pose.y) if place else (0.0, 0.0)
     out = np.empty_like(vectors)
@@ -119,9 +119,9 @@ def surfaces(
 ) -> Surfaces:
     """Index points with normals; places farther than `reach` from all have no nearest [m].
 
-    back: normals say from where a surface is seen.
+    back: normals face the visible side.
 
-    Raises CohelmError where that would take more than MOST_CELLS.
+    Raises CohelmError for more than MOST_CELLS.
     """
     if len(points) == 0:
         nothing = np.empty((0, 0), np.int32)
@@ -136,13 +136,13 @@ def surfaces(
         )
     size = size.astype(int)
     nearest = np.full((int(size[1]), int(size[0])), -1, np.int32)
-    other = _backs(points, across) if back else _NO_BACK
+    other = _opposite_sides(points, across) if back else _NO_BACK
     made = Surfaces(points, across, nearest, resolution, float(low[0]), float(low[1]), other)
     _spread(made, reach)
     return made
 
 
-def _backs(points: Floats, across: Floats) -> Ints:
+def _opposite_sides(points: Floats, across: Floats) -> Ints:
     count = min(24, len(points))
     nearest = range(1, count + 1)
     near = scipy.spatial.cKDTree(points).query(points, list(nearest), distance_upper_bound=_THICK)
@@ -156,7 +156,7 @@ def _backs(points: Floats, across: Floats) -> Ints:
 
 @jit
 def _spread(made: Surfaces, reach: float) -> None:
-    """Fill in the nearest of every cell."""
+    """Fill in the nearest surface of every cell."""
     rows, columns = made.nearest.shape
     square = np.full((rows, columns), reach * reach)
     wide = math.ceil(reach / made.resolution)

@@ -1,1 +1,1 @@
-"""One scan: deskewed, without stray ranges, in clusters; the odometry that goes with it."""
+"""One scan: deskewing, range filter, clustering; and the odometry buffer."""

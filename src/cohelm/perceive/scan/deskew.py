@@ -1,4 +1,4 @@
-"""Deskews a scan: beams measured one after the other, as if all had been at its last."""
+"""Deskews a scan: motion compensation of its beams to the time of the last one."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from cohelm.robot.sensors import Lidar
 
 
 class DeskewedScan(NamedTuple):
-    """What one turn of the LiDAR saw, at the instant of its last beam.
+    """One sweep of the LiDAR, at the time of its last beam.
 
-    points: (m, 2) in the body frame of that instant [m], in the order of the beams; only real
+    points: (m, 2) in the body frame of that time [m], in the order of the beams; only real
     returns. beams: (m,) which beam each came from. ranges: (n,) what the sensor would have
-    measured, had all beams been at that instant: inf and -inf as in the scan, NaN where the
-    turning of the robot left no beam to tell. duration: of the turn [s]; what moves by itself is
-    where it was when its own beam was measured.
+    measured with all beams at that time: inf and -inf as in the scan, NaN where the robot's
+    turning left no beam. duration: of the sweep [s]; a mover is where it was at its own beam's
+    time.
     """
 
     points: Floats
@@ -32,8 +32,8 @@ class DeskewedScan(NamedTuple):
 
 @jit_inline
 def beam_at(lidar: Lidar, x: float, y: float) -> int:
-    """The beam nearest in direction to a point of the sensor's frame; where none looks, the number
-    is none of theirs. A beam has half a step to either side, the first one too."""
+    """The beam nearest in direction to a point of the sensor's frame; a number out of range where
+    there is none. Each beam covers half a step to either side."""
     bearing = math.atan2(y, x) - lidar.first
     if bearing < -0.5 * lidar.step:
         bearing += 2.0 * math.pi
@@ -42,22 +42,22 @@ def beam_at(lidar: Lidar, x: float, y: float) -> int:
 
 @jit_inline
 def all_round(lidar: Lidar) -> bool:
-    """Whether it looks everywhere: its last beam and its first are neighbours."""
+    """Whether the field of view is 360 degrees: its last beam and its first are neighbours."""
     return lidar.step * len(lidar.beams) > 2.0 * math.pi - 1.5 * lidar.step
 
 
 @jit
-def sweep(
-    lidar: Lidar, ranges: Floats, stamp: float, duration: float, trail: Floats
+def deskew(
+    lidar: Lidar, ranges: Floats, stamp: float, duration: float, buffer: Floats
 ) -> DeskewedScan:
     """Motion compensation: beam i was measured at stamp + duration i / (n - 1) [s].
 
-    The robot's motion meanwhile is that of the trail. Surfaces too near to be measured (-inf)
-    are no points, but stay in `ranges`.
+    The robot's motion is that of the odometry buffer. Ranges below the minimum (-inf) give no
+    points, but stay in `ranges`.
     """
     n = len(ranges)
     mount = lidar.mount
-    end = pose_at(trail, stamp + duration)
+    end = pose_at(buffer, stamp + duration)
     still = duration <= 0.0 or n < 2
     points, beams = np.empty((n, 2)), np.empty(n, np.int64)
     made = np.full(n, math.nan)
@@ -74,7 +74,7 @@ def sweep(
         bx, by = mount.x + mc * sx - ms * sy, mount.y + ms * sx + mc * sy
         beam, seen = i, r
         if not still:
-            then = pose_at(trail, stamp + duration * i / (n - 1))
+            then = pose_at(buffer, stamp + duration * i / (n - 1))
             moved = between(end, then)
             c, s = math.cos(moved.psi), math.sin(moved.psi)
             bx, by = moved.x + c * bx - s * by, moved.y + s * bx + c * by

@@ -1,4 +1,4 @@
-"""Buffer of odometry poses, to place what was measured a moment ago."""
+"""Buffer of odometry poses, to look up the pose at the time of a measurement."""
 
 from __future__ import annotations
 
@@ -13,55 +13,56 @@ from cohelm.robot.kinematics import arc
 from cohelm.robot.port import Odometry
 
 KEPT = 512
-"""Rows of a trail: ten seconds at 50 Hz, one at 500."""
-_AHEAD = 0.5  # a pose is not foreseen farther than this [s]
+"""Rows of a buffer: ten seconds at 50 Hz, one at 500."""
+_AHEAD = 0.5  # largest extrapolation of a pose [s]
 
 EMPTY: Floats = np.empty((0, 6))
-"""A trail with nothing on it; rows of stamp, x, y, psi, v, omega, in the order of time."""
+"""An empty buffer; rows of stamp, x, y, psi, v, omega, in the order of time."""
 
 
-def extended(trail: Floats, odometry: Odometry) -> Floats:
-    """The trail with a reading more, as a new array; one that is not newer, or is NaN, adds none.
+def extended(buffer: Floats, odometry: Odometry) -> Floats:
+    """The buffer with one more reading, as a new array; one that is not newer, or is NaN, is
+    ignored.
 
-    A clock that jumped back by more than a second starts a new trail.
+    A clock that jumped back by more than a second starts a new buffer.
     """
     row = (odometry.stamp, *odometry.pose, *odometry.twist)
     if not all(map(math.isfinite, row)):
-        return trail
-    if len(trail) and odometry.stamp <= trail[-1, 0]:
-        return trail if trail[-1, 0] - odometry.stamp < 1.0 else np.array([row])
-    kept = trail[-(KEPT - 1) :]
-    longer = np.empty((len(kept) + 1, len(row)))
-    longer[:-1], longer[-1] = kept, row
-    return longer
+        return buffer
+    if len(buffer) and odometry.stamp <= buffer[-1, 0]:
+        return buffer if buffer[-1, 0] - odometry.stamp < 1.0 else np.array([row])
+    kept = buffer[-(KEPT - 1) :]
+    extended_buffer = np.empty((len(kept) + 1, len(row)))
+    extended_buffer[:-1], extended_buffer[-1] = kept, row
+    return extended_buffer
 
 
 @jit
-def pose_at(trail: Floats, t: float) -> Pose:
-    """The odometry pose at a time: between two readings, or foreseen from the last one.
+def pose_at(buffer: Floats, t: float) -> Pose:
+    """The odometry pose at a time: interpolated, or predicted from the last reading.
 
-    Before the first reading it is that one's. A trail has at least one row.
+    Before the first reading it is that one's. The buffer has at least one row.
     """
-    last = len(trail) - 1
-    if t >= trail[last, 0]:
-        ahead = min(t - trail[last, 0], _AHEAD)
-        pose = Pose(trail[last, 1], trail[last, 2], trail[last, 3])
-        return arc(pose, Twist(trail[last, 4], trail[last, 5]), ahead)
-    if t <= trail[0, 0]:
-        return Pose(trail[0, 1], trail[0, 2], trail[0, 3])
+    last = len(buffer) - 1
+    if t >= buffer[last, 0]:
+        duration = min(t - buffer[last, 0], _AHEAD)
+        pose = Pose(buffer[last, 1], buffer[last, 2], buffer[last, 3])
+        return arc(pose, Twist(buffer[last, 4], buffer[last, 5]), duration)
+    if t <= buffer[0, 0]:
+        return Pose(buffer[0, 1], buffer[0, 2], buffer[0, 3])
     low, high = 0, last
     while high - low > 1:
         middle = (low + high) // 2
-        if trail[middle, 0] <= t:
+        if buffer[middle, 0] <= t:
             low = middle
         else:
             high = middle
-    share = (t - trail[low, 0]) / (trail[high, 0] - trail[low, 0])
-    turn = wrap(trail[high, 3] - trail[low, 3])
+    share = (t - buffer[low, 0]) / (buffer[high, 0] - buffer[low, 0])
+    turn = wrap(buffer[high, 3] - buffer[low, 3])
     return Pose(
-        trail[low, 1] + share * (trail[high, 1] - trail[low, 1]),
-        trail[low, 2] + share * (trail[high, 2] - trail[low, 2]),
-        wrap(trail[low, 3] + share * turn),
+        buffer[low, 1] + share * (buffer[high, 1] - buffer[low, 1]),
+        buffer[low, 2] + share * (buffer[high, 2] - buffer[low, 2]),
+        wrap(buffer[low, 3] + share * turn),
     )
 
 

@@ -1,4 +1,4 @@
-"""What bumpers and cliff sensors have met, as standing points: where one was on, something is."""
+"""Contacts of bumpers and cliff sensors, remembered as static points."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from cohelm.robot.contacts import ContactModel
 from cohelm.robot.port import Contact
 
 KEPT = 30.0
-"""For so long after a sensor was on there it is driven around [s]: nothing else may see it."""
-_APART = 0.05  # from one point across a bumper to the next [m]
-_SAME = 0.02  # where the robot has moved no more, it is the same place [m]
+"""How long a contact is remembered [s]: no other sensor may see the obstacle."""
+_APART = 0.05  # spacing of points across a bumper [m]
+_SAME = 0.02  # displacement up to which it is the same contact [m]
 
 
 class ContactMemory:
-    """Of one robot."""
+    """The contacts of one robot."""
 
     def __init__(self, models: Sequence[ContactModel]) -> None:
         self._places: dict[str, Floats] = {}
@@ -31,7 +31,7 @@ class ContactMemory:
         self._met: list[tuple[float, str, Floats]] = []
 
     def take(self, now: float, contacts: Sequence[Contact], pose: Pose) -> bool:
-        """What they say now, and the `odom` pose; whether `points` are others than before."""
+        """Take their readings at an `odom` pose. Returns whether `points` have changed."""
         before = len(self._met)
         self._met = [one for one in self._met if now - one[0] <= KEPT]
         changed = len(self._met) != before

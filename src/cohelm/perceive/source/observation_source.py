@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.scan.clusters import PosedScan, posed_scan
-from cohelm.perceive.scan.deskew import DeskewedScan, sweep
+from cohelm.perceive.scan.deskew import DeskewedScan, deskew
 from cohelm.perceive.scan.odometry_buffer import pose_at
 from cohelm.perceive.scan.range_filter import filtered_ranges
 from cohelm.perceive.space.free_space_memory import with_possibly_occupied
@@ -51,16 +51,16 @@ class ObservationSource:
         """Whether a scan is not the last one."""
         return scan.number != self._number
 
-    def take(self, scan: Scan, trail: Floats, on_map: OnMap) -> tuple[DeskewedScan, Pose] | None:
+    def take(self, scan: Scan, buffer: Floats, on_map: OnMap) -> tuple[DeskewedScan, Pose] | None:
         """Take a new scan. Returns its deskewed scan without movers, and the `odom` pose of it;
         None for what is no scan of this LiDAR."""
         self._number = scan.number
         if len(scan.ranges) != len(self.lidar.beams) or not math.isfinite(scan.stamp):
             return None
         ranges = np.asarray(scan.ranges, dtype=np.float64)
-        scan_points = deskewed = sweep(self.lidar, ranges, scan.stamp, scan.duration, trail)
+        scan_points = deskewed = deskew(self.lidar, ranges, scan.stamp, scan.duration, buffer)
         self.stamp = scan.stamp + scan.duration
-        pose = pose_at(trail, self.stamp)
+        pose = pose_at(buffer, self.stamp)
         if self.stamp - self.movers.stamp > _APART:
             may_move = np.ones(len(scan_points.points), dtype=np.bool_)
             trackable = scan_points

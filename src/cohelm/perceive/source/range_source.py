@@ -1,5 +1,5 @@
-"""What one sonar or infrared range sensor has shown: it measures one range for all of its cone, so
-something counts as standing all across the cone at that range."""
+"""Observation source of one sonar or infrared range sensor: it measures one range for its cone, so
+points across the whole cone at that range are static."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from cohelm.perceive.track.tracker import EMPTY_STATE
 from cohelm.robot.port import Scan
 from cohelm.robot.sensors import LidarModel
 
-_SURE = 3.0  # a thing may be nearer by so many standard deviations: there is one measurement only
-_BEHIND = 0.10  # what is remembered so far behind what is measured now is hidden, not gone [m]
+_SURE = 3.0  # standard deviations by which an obstacle may be nearer, by a single measurement
+_BEHIND = 0.10  # a remembered point so far behind a measurement is occluded, not gone [m]
 _NOTHING: Floats = np.empty((0, 2))
 
 
 class RangeSource:
-    """One range sensor and its memory. Of movers it can tell nothing, and it vouches for no ground.
+    """One range sensor and its memory. It detects no movers, and observes no ground.
 
-    What is in its cone now replaces what was there; what it does not see any more counts for
+    Points in its cone are replaced by a measurement; points outside of it are kept for
     `forget_s`.
     """
 
     def __init__(self, model: LidarModel) -> None:
         self._model, self.lidar, self.sensor = model, model.lidar(), model.name
         self.points = _NOTHING
-        """Standing things, (p, 2), in `odom` [m]."""
+        """Static points, (p, 2), in `odom` [m]."""
         self._seen: Floats = np.empty(0)
-        """When each was seen, (p,) [s]."""
+        """When each was measured, (p,) [s]."""
         self.movers = EMPTY_STATE
         self.stamp = -math.inf
         """Of the newest measurement [s]."""
         self._number: int | None = None
 
     def new(self, scan: Scan) -> bool:
-        """Whether it is another one than the last."""
+        """Whether a scan is not the last one."""
         return scan.number != self._number
 
-    def take(self, scan: Scan, trail: Floats) -> None:
-        """A new measurement, as a scan of its beams: the nearest of them counts for all."""
+    def take(self, scan: Scan, buffer: Floats) -> None:
+        """Take a measurement, as a scan of its beams: the nearest of them counts for all."""
         self._number = scan.number
         lidar, stamp = self.lidar, scan.stamp + scan.duration
         if len(scan.ranges) != len(lidar.beams) or not math.isfinite(stamp):
@@ -52,14 +52,14 @@ class RangeSource:
         if math.isnan(reach):
             return
         self.stamp = stamp
-        pose = pose_at(trail, stamp)
+        pose = pose_at(buffer, stamp)
         stays = (stamp - self._seen <= self._model.forget_s) & ~self._looked_at(pose, reach)
         made = placed(placed(self._arcs(reach), lidar.mount), pose)
         self.points = np.vstack((self.points[stays], made))
         self._seen = np.concatenate((self._seen[stays], np.full(len(made), stamp)))
 
     def _looked_at(self, pose: Pose, reach: float) -> NDArray[np.bool_]:
-        """Which of the points are in the cone, and not hidden by what is measured now, (p,)."""
+        """Which of the points are in the cone, and not occluded by the measurement, (p,)."""
         lidar = self.lidar
         there = placed(placed(self.points, inverse(pose)), inverse(lidar.mount))
         half = -lidar.first + 0.5 * lidar.step
@@ -67,8 +67,8 @@ class RangeSource:
         return near & (np.abs(np.arctan2(there[:, 1], there[:, 0])) <= half)
 
     def _arcs(self, reach: float) -> Floats:
-        """What a measurement shows, (n, 2), in the sensor's frame [m]; too near to be measured
-        (-inf) is between the sensor and its least range, and stands at both."""
+        """Points of a measurement, (n, 2), in the sensor's frame [m]; one below the minimum range
+        (-inf) is put at the sensor and at the minimum."""
         if reach == math.inf:
             return _NOTHING
         lidar = self.lidar

@@ -1,1 +1,1 @@
-"""Ground near the robot: seen free, remembered, or not observed."""
+"""Memory of the ground near the robot: static points, free and unobserved space."""
