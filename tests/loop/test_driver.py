@@ -41,8 +41,8 @@ def test_the_planner_is_handed_the_unseen_ground_apart_from_what_stands_and_from
     driver.zones = SimpleNamespace(points=lambda pose: zones)
     for now, blind in ((0.0, 2), (1.0, 0)):
         seen = SimpleNamespace(
-            points=np.vstack((stands, unseen)), unobserved=blind, map_odom=HERE, pose=HERE, lost=False,
-            mobile=np.empty((0, 6)), mobile_max_acceleration=np.empty(0),
+            points=np.vstack((stands, unseen)), unobserved=blind, map_odom=HERE, pose=HERE,
+            lost=False, mobile=np.empty((0, 6)), mobile_max_acceleration=np.empty(0),
             mobile_velocity_error=np.empty(0),
         )  # fmt: skip
         driver.follow(now, HERE, Stick(0.0, 0.0), driver.obstacles(seen))
