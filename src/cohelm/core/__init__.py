@@ -1,1 +1,1 @@
-"""The words every room shares: poses, twists, discs, traces, errors."""
+"""Types that every room shares: poses, twists, discs, traces, errors."""

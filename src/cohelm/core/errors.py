@@ -1,4 +1,4 @@
-"""What a user can get wrong, as one class of error: a sentence that names the cure."""
+"""The class of user errors: one sentence that names the cure."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 
 class CohelmError(Exception):
-    """Something the user gave can not be used; the message says what, where and how to mend it.
+    """An input can not be used; the message says what, where and how to mend it.
 
     >>> import cohelm
     >>> cohelm.SafetyFilter(cohelm.load_robot("sally"), period=0.0)

@@ -1,4 +1,4 @@
-"""Names what to install for a feature that few need, in the one sentence used everywhere."""
+"""The error for a missing optional dependency, with the command to install it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cohelm.core.errors import CohelmError
 
 
 def requirements(extra: str) -> list[str]:
-    """What an extra of cohelm installs on this machine, as pip takes it.
+    """The requirements of an extra of cohelm on this machine, as pip takes them.
 
     The packages themselves and not `cohelm[extra]`: that works from a checkout, from a wheel and
     before any release alike.
@@ -39,6 +39,6 @@ def missing(purpose: str, *extras: str) -> CohelmError:
 
 
 def pip_line(*extras: str) -> str:
-    """What to type to install the packages of some extras."""
+    """The command to install the packages of some extras."""
     named = (f"'{one}'" for extra in extras for one in requirements(extra))
     return f"pip install {' '.join(named)}"

@@ -1,8 +1,8 @@
-"""Cosine and sine of a heading: the same function for one robot's step and for many.
+"""Cosine and sine of a heading, vectorizable and identical on every machine.
 
-The C library's own can not be run on several robots at once, and their last digit differs between
-machines. These are sums and products alone, which a compiler can spread over the lanes of a
-processor, and which IEEE arithmetic makes the same everywhere.
+Those of the C library can not be vectorized, and differ in the last digit between machines. These
+are sums and products only, which a compiler vectorizes, and which IEEE arithmetic makes the same
+everywhere.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Facing(NamedTuple):
 NEAR = 524288.0
 """Up to this angle [rad], 2^19, `facing_near` is exact to the last digit or the one before."""
 
-_ROUND = 1.5 * 2.0**52  # adding and taking it off rounds to a whole number
+_ROUND = 1.5 * 2.0**52  # adding and subtracting it rounds to an integer
 _PER_QUARTER = 2.0 / math.pi
 # pi/2 in pieces of 33 bits, so that the product with a whole number below 2^19 is exact.
 _QUARTER = 1.57079632673412561417
@@ -42,7 +42,7 @@ _C = (
 
 @jit_inline
 def facing(psi: float) -> Facing:
-    """cos psi and sin psi for any angle [rad]; not numbers for one that is not finite."""
+    """cos psi and sin psi for any angle [rad]; NaN for one that is not finite."""
     if abs(psi) <= NEAR:
         return facing_near(psi)
     return Facing(math.cos(psi), math.sin(psi))

@@ -18,7 +18,7 @@ _GZIP = b"\x1f\x8b"
 
 
 def check_regular(path: Path | str) -> None:
-    """CohelmError where this is a device, a pipe or a socket; what is not there passes."""
+    """CohelmError if this is a device, a pipe or a socket; a missing file passes."""
     try:
         mode = Path(path).stat().st_mode
     except OSError:
@@ -54,7 +54,7 @@ def read_bytes(path: Path | str, most: int, what: str, unpack: bool = False) -> 
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and those above it; CohelmError where that is not possible."""
+    """Make a folder and its parents; CohelmError if that is not possible."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -62,7 +62,7 @@ def make_folder(folder: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """CohelmError where a folder can not be made, before the work that is to be written there."""
+    """CohelmError if a folder can not be made, before the work to be written there."""
     there = folder.exists()
     make_folder(folder)
     if not there:

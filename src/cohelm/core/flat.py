@@ -24,7 +24,7 @@ T = TypeVar("T", bound=tuple[Any, ...])
 
 @cache
 def names(of: type) -> tuple[str, ...]:
-    """The numbers of a kind of named tuple, in order, as dotted names: `clock.tau`."""
+    """Dotted names of the numbers of a class of named tuples, in order: `clock.tau`."""
     found: list[str] = []
     for field, kind in typing.get_type_hints(of).items():
         if _is_tuple(kind):
@@ -35,12 +35,12 @@ def names(of: type) -> tuple[str, ...]:
 
 
 def numbers(value: tuple[Any, ...]) -> Floats:
-    """All of them, as `names` has them."""
+    """The numbers of a named tuple, in the order of `names`."""
     return np.array(_getter(type(value))(value), dtype=np.float64)
 
 
 def made(of: type[T], row: Sequence[float], first: int = 0, arrays: tuple[Floats, ...] = ()) -> T:
-    """The named tuple of a row, from row[first] on. arrays: what in it is none of the numbers, in
+    """The named tuple of a row, from row[first] on. arrays: its fields that are arrays, in
     order."""
     return _maker(of)(of, row, first, arrays)
 
@@ -51,7 +51,7 @@ def read(of: type[T], row: Floats, first: int, arrays: tuple[Floats, ...] = ()) 
 
 
 def write(value: tuple[Any, ...], row: Floats, first: int) -> None:
-    """The numbers of a named tuple into row[first] and what follows; for compiled code too."""
+    """Write the numbers of a named tuple to a row from row[first] on; for compiled code too."""
     row[first : first + len(names(type(value)))] = _getter(type(value))(value)
 
 
@@ -82,7 +82,7 @@ def _maker(of: type) -> Callable[..., Any]:
 
 
 def _reader(of: type) -> tuple[str, dict[str, type]]:
-    """The source of a function that makes one, and the classes that it names."""
+    """The source of a function that makes one, and the classes it needs."""
     classes: dict[str, type] = {}
     counts = [0, 0]  # numbers, arrays
 

@@ -13,32 +13,32 @@ from cohelm.core.types import Floats, Pose
 
 @jit_inline
 def compose(a: Pose, b: Pose) -> Pose:
-    """The pose that is b when seen from a, in the frame that a is in; heading wrapped."""
+    """a * b: the pose b, given relative to a, in the frame of a; heading wrapped."""
     c, s = math.cos(a.psi), math.sin(a.psi)
     return Pose(a.x + c * b.x - s * b.y, a.y + s * b.x + c * b.y, wrap(a.psi + b.psi))
 
 
 @jit_inline
 def inverse(a: Pose) -> Pose:
-    """The frame that a is in, seen from a."""
+    """a^-1: the frame of a, relative to a."""
     c, s = math.cos(a.psi), math.sin(a.psi)
     return Pose(-c * a.x - s * a.y, s * a.x - c * a.y, wrap(-a.psi))
 
 
 @jit_inline
 def between(a: Pose, b: Pose) -> Pose:
-    """b seen from a: compose(a, between(a, b)) = b."""
+    """a^-1 * b, b relative to a: compose(a, between(a, b)) = b."""
     c, s = math.cos(a.psi), math.sin(a.psi)
     dx, dy = b.x - a.x, b.y - a.y
     return Pose(c * dx + s * dy, -s * dx + c * dy, wrap(b.psi - a.psi))
 
 
 def turned(points: Floats, psi: float) -> Floats:
-    """Points, or directions, (p, 2), turned by an angle [rad]."""
+    """Points or directions (p, 2), rotated by an angle [rad]."""
     c, s = math.cos(psi), math.sin(psi)
     return points @ np.array([[c, s], [-s, c]])
 
 
 def placed(points: Floats, pose: Pose) -> Floats:
-    """Points (p, 2) of the frame at this pose, in the frame that the pose is in."""
+    """Points (p, 2) of the frame at this pose, in the frame of the pose."""
     return turned(points, pose.psi) + pose[:2]

@@ -1,4 +1,4 @@
-"""One typed door to numba, with an on-disk cache that can not go stale.
+"""Typed wrapper of numba, with an on-disk cache that can not go stale.
 
 numba's own cache notices an edit of the file that holds a function, but not an edit of a
 function it calls in another file: after changing `law/track.py` a cached `sim` kernel would
@@ -161,7 +161,7 @@ def jit(function: F) -> F:
 
 
 def jit_inline(function: F) -> F:
-    """As `jit`, melted into its compiled callers: for what runs in every step.
+    """As `jit`, inlined into its compiled callers: for what runs in every step.
 
     It may read and slice arrays but not make any: it is compiled without numba's reference
     counts, whose atomic updates at every array argument cost an inner loop more than a tenth.

@@ -1,4 +1,4 @@
-"""What the robot must not touch, as a caller in Python gives it: points, discs, segments."""
+"""Obstacles as a caller in Python gives them: points, discs, segments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
 
 _CENTRE = Pose(0.0, 0.0, 0.0)
 _MOST_ACCELERATION = 1.0
-"""Of a disc whose velocity is given, unless said otherwise: a person who walks [m/s^2]."""
+"""Default max_acceleration of a disc with a velocity: a walking person [m/s^2]."""
 
 
 class Obstacles:
@@ -51,14 +51,10 @@ class Obstacles:
     points: Floats
 
     def __init__(
-        self,
-        points: ArrayLike | None = None,
-        discs: ArrayLike | None = None,
-        segments: ArrayLike | None = None,
-        *,
-        max_acceleration: ArrayLike | None = None,
+        self, points: ArrayLike | None = None, discs: ArrayLike | None = None,
+        segments: ArrayLike | None = None, *, max_acceleration: ArrayLike | None = None,
         velocity_error: ArrayLike | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.points = _NO_POINTS if points is None else _rows("points", points, 2)
         self.segments = _NO_SEGMENTS if segments is None else _rows("segments", segments, 4)
         if discs is None and max_acceleration is None and velocity_error is None:
@@ -124,7 +120,7 @@ class Obstacles:
 
 
 _TURN = 2.0 * math.pi * 1.01
-"""Once round, and the rounding of drivers that say the increment in float32 [rad]."""
+"""A full turn, with the rounding of drivers that report the increment in float32 [rad]."""
 _TURNS = 4.0 * math.pi
 _NO_POINTS, _NO_SEGMENTS, _NO_DISCS = np.empty((0, 2)), np.empty((0, 4)), np.empty((0, 6))
 _NOTHING = np.empty(0)
@@ -132,7 +128,7 @@ _DISC_ROWS = "discs need rows x, y, radius, or x, y, radius, v_x, v_y in metres 
 
 
 def _array(name: str, given: ArrayLike) -> Floats:
-    """As compiled code takes it without being compiled again: float64, in one piece, writable."""
+    """As compiled code takes it without a new specialization: float64, contiguous, writable."""
     try:
         made: Floats = np.ascontiguousarray(given, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Finds what others have written, by `package:name` or by an installed package's entry point."""
+"""Loads plugins by `package:name` or by an installed package's entry point."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def plugins(group: str) -> dict[str, EntryPoint]:
 
 
 def plugin(group: str, name: str) -> Any:
-    """What `package:name` means, also in the working folder, or the entry point of that name.
+    """The object of `package:name`, also in the working folder, or the entry point of that name.
 
     Raises CohelmError where there is no such thing, or importing it fails.
     """

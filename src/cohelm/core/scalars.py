@@ -1,4 +1,4 @@
-"""Angles and single numbers, compiled: wrapping, and whether one is a number at all."""
+"""Angle wrapping and the test for finite numbers, compiled."""
 
 from __future__ import annotations
 
@@ -23,5 +23,5 @@ def wrap(angle: float) -> float:
 
 @jit_inline
 def is_finite(x: float) -> bool:
-    """Whether x is a number: not NaN, not infinite."""
+    """Whether x is finite."""
     return -math.inf < x < math.inf

@@ -1,4 +1,4 @@
-"""The record of one run: what every room that writes, reads, plots or scores runs agrees on."""
+"""The record of one run, for all rooms that write, read, plot or score runs."""
 
 from __future__ import annotations
 
@@ -35,8 +35,5 @@ class Trace:
         return Trace(
             np.concatenate([part.rows for part in parts]),
             np.concatenate([part.h for part in parts]),
-            np.concatenate([part.discs for part in parts]),
-            self.names,
-            self.dt,
-            self.scenario,
-        )
+            np.concatenate([part.discs for part in parts]), self.names, self.dt, self.scenario,
+        )  # fmt: skip

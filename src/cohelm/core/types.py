@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 Progress = Callable[[str, float], None]
-"""Is called with what is being done, and which share of the whole is behind [0, 1]."""
+"""Progress callback: what is being done, and the share that is done [0, 1]."""
 
 X, Y, VX, VY, RADIUS, SAFE = range(6)
 """Columns of a disc array, shape (n, 6): centre [m], velocity [m/s] in the world frame,

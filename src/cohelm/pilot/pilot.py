@@ -1,4 +1,4 @@
-"""The pilot for a caller in Python: a fast `step`, a slow `plan`, and `take` between them."""
+"""The pilot for callers in Python: a fast `step`, a slow `plan`, and `take` to adopt a plan."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from cohelm.plan.path_planner import PathParams
 from cohelm.plan.recovery import kind
 
 NOTHING_NEAR = surroundings()
-"""For a robot that sees nothing, and knows of nothing."""
+"""No obstacles."""
 
 
 class Planner(NamedTuple):
-    """Everything `plan` needs beside the snapshot; to be sent once to where plans are made."""
+    """Everything `plan` needs beside the snapshot; sent once to where plans are made."""
 
     route: Route
     settings: Settings
@@ -71,9 +71,9 @@ class Pilot:
         self.behavior = FOLLOWING
         self._safe: Twist | None = None
         self.refused_for = 0.0
-        """How long nothing has come of what was asked for since it last moved, by `applied` [s]."""
+        """How long gate and monitors have refused all commands, by `applied` [s]."""
         self._refused = 0
-        """Kinds of moves of which nothing came either."""
+        """Kinds of recovery moves that they refused."""
         self._now = -math.inf
         self._taken = 0.0
         self._step: Flat = step_of(settings, self.planner.route.line)
@@ -82,15 +82,15 @@ class Pilot:
         self, now: float, pose: Pose, twist: Twist, stick: Stick | None, seen: Surroundings,
         fastest: float = math.inf,
     ) -> Decision:  # fmt: skip
-        """The command for now, and why. now: monotonic [s]. twist: what the robot does now.
+        """The command for now, and why. now: monotonic [s]. twist: measured now.
 
-        seen: as of now. fastest: what is asked for is slowed down to this, beside what the
-        settings say [m/s]. Never raises on numbers, see `pilot_step`.
+        seen: obstacles as of now. fastest: speed limit beside that of the settings [m/s]. Never
+        raises on numbers, see `pilot_step`.
         """
         dt = self.settings.rules.dt
         passed = now - self._now
         if math.isfinite(passed):
-            dt = min(max(passed, 0.0), 3.0 * dt)  # a late step lets the reference jump no farther
+            dt = min(max(passed, 0.0), 3.0 * dt)  # a late step must not make the reference jump
         self._now = now
         self.state, decision = self._step(
             self.state, pose, twist, stick or CENTRED, seen, self.course, dt, self.sent,
@@ -101,8 +101,8 @@ class Pilot:
         return decision
 
     def applied(self, command: Twist) -> None:
-        """What gate and monitors let through in this period. A move of which they let nothing
-        through is given up."""
+        """The command that gate and monitors passed in this period. A recovery move of which they
+        pass nothing is given up."""
         safe, self._safe = self._safe, None
         left = self.state.left
         if safe is None or not still(command):
@@ -117,14 +117,14 @@ class Pilot:
             self.state = self.state._replace(left=NO_MOVE)
 
     def reshape(self, outline: Floats) -> None:
-        """The robot has another outline from the next step on, (k, 2), as in the settings."""
+        """Use another outline from the next step on, (k, 2), as in the settings."""
         self.settings = self.settings._replace(outline=outline)
         self._step = step_of(self.settings, self.planner.route.line)
 
     def task(
         self, pose: Pose, twist: Twist, seen: Surroundings, unseen: Floats = NOTHING_NEAR.points
     ) -> Task:  # fmt: skip
-        """A snapshot to plan from. unseen: beside what is seen, see there."""
+        """A snapshot to plan from. unseen: border of unobserved space, see `Task`."""
         since = self.state.time - self._taken
         led = self.behavior == LED
         state = self.state._replace(refused=self.state.refused | self._refused)
@@ -140,7 +140,7 @@ class Pilot:
         return self.planner(self.task(pose, twist, seen, unseen))
 
     def take(self, made: Plan, pose: Pose, twist: Twist) -> None:
-        """Follow a plan from now on; pose and twist are those of now, not those of its making."""
+        """Follow a plan from now on; pose and twist are those of now, not of the snapshot."""
         before = self.state.left
         self.state = taken(self.state, made, self.planner, pose, twist)
         if self.state.left != before:
@@ -151,15 +151,15 @@ class Pilot:
 
     @property
     def arrived(self) -> bool:
-        """Whether the clock is at the end of the last course: nothing more is to come."""
+        """Whether the clock is at the end of the last path."""
         return self.course.last and self.state.clock.tau >= self.course.reference.duration
 
 
 def taken(state: PilotState, made: Plan, planner: Planner, pose: Pose, twist: Twist) -> PilotState:
-    """The state with which a plan is taken up.
+    """The state with which a plan is adopted.
 
-    How long the robot has been held up is not forgotten, unless it was for long enough to be acted
-    upon: what was made then gets its time.
+    The time for which the robot has been held up is kept, unless it was long enough to be acted
+    upon: a plan made for that gets its time.
     """
     clock, waited = state.clock, state.clock.waited
     if made.new:
