@@ -196,7 +196,7 @@ def test_what_ends_where_the_map_knows_nothing_speaks_for_no_place():
     ranges = np.empty(len(lidar.beams))
     cast(here, lidar, NO_DISCS, NO_WALLS, grid(stands, cell, Pose(0.0, 0.0, 0.0)), 0, 0, ranges)
     right, beside = (judge(made, lidar, pose, ranges, 1, 0.0, 0.06) for pose in (here, there))
-    assert beside.told < 0.5 * right.told
+    assert beside.beam_count < 0.5 * right.beam_count
     assert right.weighed > beside.weighed + 6.0
 
 

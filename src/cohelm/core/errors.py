@@ -17,7 +17,7 @@ class CohelmError(Exception):
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`; did you mean X?`, to end a sentence with; nothing where no name is like the word."""
-    from difflib import get_close_matches  # only who mistypes waits for it
+    from difflib import get_close_matches  # imported only when needed
 
     names = {name.lower(): name for name in known}
     close = get_close_matches(word.lower(), names, n=1, cutoff=0.5)

@@ -74,7 +74,7 @@ class Obstacles:
         """The points of one LiDAR scan, in the body frame.
 
         ranges: (n,) [m], as REP-117 has them: inf for no return; what is nearer than range_min [m],
-        -inf and 0 too, is put there; NaN is left out. A driver that says 0 where nothing came back
+        -inf and 0 too, is put there; NaN is left out. A driver that reports 0 for no return
         needs inf there. angle_min: bearing of the first beam, angle_increment: to the next one,
         counter-clockwise [rad]; negative where it turns clockwise. mount: of the sensor in the
         body. Raises CohelmError where the angles are no scan's, as they are in degrees.

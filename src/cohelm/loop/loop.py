@@ -131,7 +131,7 @@ class Loop:
     @property
     def outline(self) -> Floats:
         """The robot's newest outline, (k, 2) [m]; the same array as long as it is unchanged."""
-        return self._shape.told
+        return self._shape.reported
 
     def set_driver(self, driver: Driver) -> None:
         """Use another driver from now on; the previous one is not closed."""

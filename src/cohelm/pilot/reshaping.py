@@ -26,7 +26,7 @@ class Shape:
         return self._now
 
     @property
-    def told(self) -> Floats:
+    def reported(self) -> Floats:
         """The outline that the robot reported last, which will be used alone."""
         return self._next
 

@@ -27,14 +27,14 @@ from cohelm.robot.limits import Limits, checked_braking, checked_limits
 from cohelm.robot.model import RobotModel
 
 _OFF_V, _OFF_OMEGA, _OFF_FOR = 0.2, 0.4, 0.16
-"""Wheels that do so much else than they were told [m/s, rad/s], for so long [s], are believed: more
-than the noise of wheel odometry, longer than a drive takes to follow a step."""
+"""Deviation of the measured twist from the command [m/s, rad/s], and its duration [s], after which
+the measurement is used: more than odometry noise, longer than the step response of a drive."""
 _RULES = Rules()
 _NONE = Obstacles()
 
 
 class _FilterSettings(NamedTuple):
-    """What stays the same from call to call, beside the outline."""
+    """What is constant between calls, beside the outline."""
 
     limits: Limits
     rules: Rules
@@ -55,7 +55,7 @@ class LimitingObstacle(NamedTuple):
 
 
 class FilterResult(NamedTuple):
-    """What the safety filter lets through, and why.
+    """The command that the safety filter passes, and why.
 
     >>> import cohelm
     >>> safe = cohelm.SafetyFilter(cohelm.load_robot("sally"), period=0.02)
@@ -86,10 +86,9 @@ class SafetyFilter:
         >>> safe(cohelm.Pose(0, 0, 0), cohelm.Twist(0, 0), cohelm.Twist(1, 0), seen).verdict.name
         'SHAPED'
 
-    Call it once per control period, and send `result.twist`. It remembers what it let through, so
-    one filter belongs to one robot; not to be called from two threads. What is promised, and under
-    which assumptions: docs/guard.md.
-    """
+    Call it once per control period, and send `result.twist`. It remembers the commands that it
+    passed, so one filter belongs to one robot; not to be called from two threads. What is promised,
+    and under which assumptions: docs/guard.md."""
 
     def __init__(
         self, robot: RobotModel, period: float, *, delay: float | None = None, lag: float = 0.0,
@@ -102,8 +101,8 @@ class SafetyFilter:
 
         robot: footprint, limits, delay, sensors. period: between two calls [s]. delay: from
         sending a command to its first effect [s]; by default the robot's. lag: time constant with
-        which the drives follow [s]. position_error: how far obstacles and robot may be from where
-        they are said to be [m]; by default 8 mm and the standard deviation of the LiDAR's ranges;
+        which the drives follow [s]. position_error: error bound of the positions of
+        obstacles and robot [m]; by default 8 mm and the standard deviation of the LiDAR's ranges;
         both margins grow by twice that. hard_margin: clearance that every certified stop keeps, of
         which half is the promise. soft_margin: clearance that commands are shaped to keep [m].
         deceleration_fraction: of the full deceleration, that shaping counts on. steer_weight:

@@ -49,7 +49,7 @@ class Hypothesis:
     @property
     def explained(self) -> float:
         """Number of beams that agree with the map."""
-        return self.judged.agree * self.judged.told
+        return self.judged.agree * self.judged.beam_count
 
 
 def same(a: Pose, b: Pose) -> bool:

@@ -67,8 +67,8 @@ def _appeared(lidar: Lidar, seen: Floats, free: Floats, step: Pose) -> float:
                 first, last = min(first, b), b
                 least = min(least, free[b])
         # on both sides: a wall along the last beam continues beyond the view
-        told = first < beam < last
-        new = told and d < 0.9 * lidar.range_max and least > d + _NEAR + _TURNED * d
+        bracketed = first < beam < last
+        new = bracketed and d < 0.9 * lidar.range_max and least > d + _NEAR + _TURNED * d
         if new:
             run += 1
             wide += r * lidar.step

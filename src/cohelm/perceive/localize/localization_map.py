@@ -213,7 +213,7 @@ class Judgement(NamedTuple):
     agree: ends at a wall. short: blocked by an object, perhaps a person. through: passed a mapped
     wall, or did not return from one. log: log likelihood of the scan, by the number of
     contradicting objects, not of their beams: one wide wall is one error of the map, three are a
-    wrong place. told: number of beams. weighed: log for comparison with other places: in unknown
+    wrong place. beam_count: their number. weighed: log for comparison with other places: in unknown
     space a wall is as likely as none, by the metre. closer: log likelihood of beam ends closer to
     their surfaces than is usual, which separates two places that fit. passed: number of mapped
     walls that beams passed, which no walker explains.
@@ -223,7 +223,7 @@ class Judgement(NamedTuple):
     short: float
     through: float
     log: float
-    told: int
+    beam_count: int
     weighed: float
     closer: float
     passed: int = 0
@@ -276,13 +276,14 @@ def judge(
         before, run = verdict, 1
     log += _cost(before, run, every)
     passed += before == BEHIND and run * every >= RUN
-    told = counts[AGREE] + counts[IN_FRONT] + counts[BEHIND]
-    if told == 0:
+    beam_count = counts[AGREE] + counts[IN_FRONT] + counts[BEHIND]
+    if beam_count == 0:
         return Judgement(0.0, 0.0, 0.0, -1e3, 0, -1e3, 0.0, 0)
-    better = (near_log + USUAL * counts[AGREE]) / told * INDEPENDENT
+    better = (near_log + USUAL * counts[AGREE]) / beam_count * INDEPENDENT
     log += min(better, 0.0)
     return Judgement(
-        counts[AGREE] / told, counts[IN_FRONT] / told, counts[BEHIND] / told, log, told,
+        counts[AGREE] / beam_count, counts[IN_FRONT] / beam_count, counts[BEHIND] / beam_count,
+        log, beam_count,
         log + UNDRAWN * beyond, better, passed,
     )  # fmt: skip
 

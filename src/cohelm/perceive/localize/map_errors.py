@@ -79,13 +79,13 @@ class MapErrorCosts:
     """Log likelihood of narrow errors, in the mean over the views of the last metre."""
     views: int = 0
 
-    def take(self, told: tuple[float, float, float, float]) -> None:
+    def take(self, view: tuple[float, float, float, float]) -> None:
         """Add one more view (`new_errors`)."""
-        self.errors += told[0]
-        self.in_view = told[1]
-        self.closer += told[2]
+        self.errors += view[0]
+        self.in_view = view[1]
+        self.closer += view[2]
         self.views += 1
-        self.edges += (told[3] - self.edges) / min(self.views, _VIEWS)
+        self.edges += (view[3] - self.edges) / min(self.views, _VIEWS)
 
     @property
     def log(self) -> float:

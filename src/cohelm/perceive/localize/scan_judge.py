@@ -72,7 +72,11 @@ class ScanJudge:
         """Whether at least this share of the unblocked beams agrees, and enough are unblocked."""
         unblocked = 1.0 - judged.short
         c = self.caution
-        return judged.told >= 10 and judged.agree >= least * unblocked and judged.short < c.blocked
+        return (
+            judged.beam_count >= 10
+            and judged.agree >= least * unblocked
+            and judged.short < c.blocked
+        )
 
     def learn(self, judged: Judgement, may_have_moved: bool) -> bool:
         """Update the usual likelihood by the newest scan at the tracked pose, unless it is odd
@@ -92,9 +96,9 @@ class ScanJudge:
         from hits, at their edge on one of filled cells. It is observable with walls on both sides.
         distance: since the scan before [m]."""
         most = self.known.resolution
-        learnt = min(distance / self.caution.drawn, 0.1)
-        new = self.match_params.offset + learnt * fit.before
+        gain = min(distance / self.caution.drawn, 0.1)
+        new = self.match_params.offset + gain * fit.before
         self.match_params = self.match_params._replace(offset=min(max(new, -most), most))
         if math.isfinite(fit.rms):
-            scatter = self._scatter + learnt * (fit.rms - self._scatter)
+            scatter = self._scatter + gain * (fit.rms - self._scatter)
             self._scatter = max(scatter, _LEAST_SCATTER)

@@ -118,7 +118,7 @@ class Belief:
             self.judge.fair(judged, c.poor if poor else c.good)
             and judged.agree >= (c.whole if far else c.poor if poor else c.seen)
             and (judged.log >= c.least or stayed or (not strange and lead >= 3.0 * c.margin))
-            and (judged.told >= 0.5 * self.beams or stayed)
+            and (judged.beam_count >= 0.5 * self.beams or stayed)
             # a map may miss a wall, and people occlude; no error shows what is behind two walls
             and (judged.passed < 2 or not context.cold)
         )
