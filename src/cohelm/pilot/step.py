@@ -158,9 +158,8 @@ def pilot_step(
     evasion = NO_EVASION
     if s.guarded and s.evasion.horizon > 0.0 and not operator_leads:
         evasion = evade(
-            state.evasion, pose_ahead, twist_ahead, obstacles_ahead, course, state.clock,
-            s.outline, s.limits, s.gains,
-            s.rules, s.pace, _speed_limited(s.evasion, s.fastest), mover_history,
+            state.evasion, pose_ahead, twist_ahead, obstacles_ahead, course, state.clock, s.outline,
+            s.limits, s.gains, s.rules, s.pace, _speed_limited(s.evasion, s.fastest), mover_history,
         )  # fmt: skip
     clock, target = _reference(
         state, pose_ahead, course, operator_leads or evasion.on, recovering, s, dt

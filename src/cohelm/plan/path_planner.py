@@ -147,8 +147,7 @@ def _distance_to(field: DistanceField, cells: Ints) -> Floats:
 
 def cheapest_path(
     field: DistanceField, cell_costs: Floats, cells: Ints, start: Pose, line: Floats, here: int,
-    aim: int,
-    min_clearance: float, turning_clearance: float, path_params: PathParams,
+    aim: int, min_clearance: float, turning_clearance: float, path_params: PathParams,
 ) -> tuple[Floats, int] | None:  # fmt: skip
     """Cell centres of the cheapest path from the robot to the line, (m, 2) [m].
 

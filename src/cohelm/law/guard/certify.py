@@ -144,10 +144,8 @@ def _travelled(m: Manoeuvre, t: float) -> float:
 
 @jit
 def _clears_mover(
-    m: Manoeuvre, outline: Floats, reach: float,
-    x0: float, y0: float, vx: float, vy: float, radius: float, max_acceleration: float,
-    velocity_error: float,
-    hard_margin: float,
+    m: Manoeuvre, outline: Floats, reach: float, x0: float, y0: float, vx: float, vy: float,
+    radius: float, max_acceleration: float, velocity_error: float, hard_margin: float,
 ) -> bool:  # fmt: skip
     """A moving disc, until the robot stands: it is within velocity_error t + max_acceleration
     t^2 / 2 of its course.
@@ -186,10 +184,9 @@ def _clears_mover(
 
 @jit
 def _moves_away(
-    m: Manoeuvre, outline: Floats,
-    x0: float, y0: float, vx: float, vy: float, radius: float, max_acceleration: float,
-    velocity_error: float,
-    hard_margin: float, allowed: float, closing: float,
+    m: Manoeuvre, outline: Floats, x0: float, y0: float, vx: float, vy: float, radius: float,
+    max_acceleration: float, velocity_error: float, hard_margin: float, allowed: float,
+    closing: float,
 ) -> bool:  # fmt: skip
     """Whether a moving disc whose clearance `allowed` is below hard_margin comes no nearer at any
     step.

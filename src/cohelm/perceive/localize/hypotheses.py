@@ -305,8 +305,7 @@ class Hypotheses:
         driven = since.way >= c.travelled or since.turned >= 2.0 * c.travelled
         about = SearchContext(
             self.cold_start, self._whole, bool(kept) and self._complete(kept), self.whole_map,
-            self.moved, since.views, driven, self.left,
-            self.before.pose if self.before else None,
+            self.moved, since.views, driven, self.left, self.before.pose if self.before else None,
         )  # fmt: skip
         found = self._belief.verdict(kept, about)
         if found.best is None and self._searched is None:

@@ -282,9 +282,8 @@ def judge(
     better = (near_log + USUAL * counts[AGREE]) / beam_count * INDEPENDENT
     log += min(better, 0.0)
     return Judgement(
-        counts[AGREE] / beam_count, counts[IN_FRONT] / beam_count, counts[BEHIND] / beam_count,
-        log, beam_count,
-        log + UNDRAWN * beyond, better, passed,
+        counts[AGREE] / beam_count, counts[IN_FRONT] / beam_count, counts[BEHIND] / beam_count, log,
+        beam_count, log + UNDRAWN * beyond, better, passed,
     )  # fmt: skip
 
 

@@ -278,8 +278,7 @@ def _same(a: Pose, b: Pose) -> bool:
 
 @jit
 def _scores(
-    known: Surfaces, points: Floats, across: Floats, places: Floats, headings: Floats,
-    near: float,
+    known: Surfaces, points: Floats, across: Floats, places: Floats, headings: Floats, near: float,
 ) -> Floats:  # fmt: skip
     """(places, headings): share of the points as near as that [m] to a surface of the same
     direction."""

@@ -152,8 +152,7 @@ def _seen_again(track: Floats, clusters: Floats) -> bool:
 @jit
 def _reappeared(
     departed_tracks: Floats, kept: NDArray[np.bool_], new_movers: Floats, lidar: Lidar,
-    stamps: Floats,
-    sensors: Floats, dt: float,
+    stamps: Floats, sensors: Floats, dt: float,
 ) -> int:  # fmt: skip
     """The index of the mover out of view that a new mover is taken for: the nearest within its
     bound, if the new one was first seen at the edge of the view, or came into view as the robot

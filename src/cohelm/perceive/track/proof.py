@@ -30,8 +30,7 @@ _ENDS_KEPT = 1.2  # how long the reference ends are kept [s]
 @jit
 def update_proof(
     track: Floats, cluster: Floats, seen: Floats, lidar: Lidar, now: PosedScan, slowest: float,
-    proof: int,
-    calm: float, max_acceleration: float,
+    proof: int, calm: float, max_acceleration: float,
 ) -> None:  # fmt: skip
     """Update the proof that a track moves: it is where space was free, or where it was is free."""
     moves = math.hypot(track[TVX], track[TVY]) > slowest

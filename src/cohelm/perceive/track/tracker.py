@@ -136,8 +136,7 @@ EMPTY_STATE = TrackerState(
 
 def update_tracker(
     before: TrackerState, lidar: Lidar, sweep: DeskewedScan, pose: Pose, stamp: float,
-    params: TrackerParams,
-    fixed: NDArray[np.bool_] | None = None,
+    params: TrackerParams, fixed: NDArray[np.bool_] | None = None,
 ) -> TrackerState:  # fmt: skip
     """The state after a sweep from an `odom` pose at `stamp` [s].
 

@@ -80,8 +80,7 @@ def _extra_cost(v: float, omega: float) -> float:
 
 @jit
 def lower_bounds(
-    context: EvasionContext, pose: Pose, twist: Twist, motions: Floats, firsts: Ints,
-    keeps: bool,
+    context: EvasionContext, pose: Pose, twist: Twist, motions: Floats, firsts: Ints, keeps: bool,
     limits: Limits, e: EvasionParams,
 ) -> Floats:  # fmt: skip
     """Lower bound of each motion's cost, with nothing in its way [m]; -inf for the current motion,

@@ -42,8 +42,7 @@ _COST_GAP = 0.4  # a motion worse than the best by this is abandoned [m]
 def evade(
     last: Evasion, pose: Pose, twist: Twist, obstacles: Surroundings, course: Course,
     clock: CourseClock, outline: Floats, limits: Limits, gains: Gains, rules: Rules,
-    pace: PaceParams, e: EvasionParams,
-    history: Floats,
+    pace: PaceParams, e: EvasionParams, history: Floats,
 ) -> Evasion:  # fmt: skip
     """The evasion for the next `e.period`.
 
@@ -78,8 +77,7 @@ def _steps_per_period(e: EvasionParams, rules: Rules) -> int:
 @jit
 def _path_is_clear(
     ahead: Floats, movers: Floats, pose: Pose, twist: Twist, course: Course, clock: CourseClock,
-    outline: Floats, reach: float, limits: Limits, gains: Gains, pace: PaceParams,
-    e: EvasionParams,
+    outline: Floats, reach: float, limits: Limits, gains: Gains, pace: PaceParams, e: EvasionParams,
 ) -> bool:  # fmt: skip
     """Whether following the path keeps clear of all movers within the horizon."""
     t, k = 0.0, 0
@@ -141,8 +139,7 @@ def _cheapest(
 @jit
 def _certified(
     costs: Floats, motions: Floats, pose: Pose, twist: Twist, context: EvasionContext,
-    obstacles: Surroundings,
-    limits: Limits, rules: Rules,
+    obstacles: Surroundings, limits: Limits, rules: Rules,
 ) -> int:  # fmt: skip
     """The cheapest of the best few motions whose first step the filter certifies, else the
     cheapest of all. Overwrites the costs."""

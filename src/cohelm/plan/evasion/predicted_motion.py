@@ -34,8 +34,7 @@ class PredictedMotion(NamedTuple):
 @jit
 def roll_out_piece(
     context: EvasionContext, motion: PredictedMotion, command: Twist, until: float, limits: Limits,
-    e: EvasionParams,
-    max_risk: float,
+    e: EvasionParams, max_risk: float,
 ) -> PredictedMotion:  # fmt: skip
     """The motion continued with a commanded twist until `until`; it ends with a contact, where it
     is blocked, or where its risk exceeds `max_risk`."""

@@ -78,8 +78,7 @@ def clearance_at(
 @jit_inline
 def spare_at(
     movers_then: Floats, movers: Floats, outline: Floats, reach: float, pose: Pose, twist: Twist,
-    t: float,
-    limits: Limits, e: EvasionParams,
+    t: float, limits: Limits, e: EvasionParams,
 ) -> float:  # fmt: skip
     """Clearance left to the movers after a stop from there, by the filter's assumptions [m]."""
     braking_time = brake_steps(twist, limits, STEP) * STEP
