@@ -12,7 +12,7 @@ from cohelm.perceive.localize import global_search as search, localization_map a
 from cohelm.perceive.localize.localization_map import map_from_occupancy
 from cohelm.perceive.match import scan_matching as match
 from cohelm.perceive.pipeline import Perception, in_odom, rehearse
-from cohelm.perceive.scan import deskew as sweep
+from cohelm.perceive.scan import deskew as deskewing
 from cohelm.perceive.track import tracker as movers
 from cohelm.robot.kinematics import arc
 from cohelm.robot.port import Readings
@@ -121,7 +121,7 @@ def test_a_rehearsal_leaves_nothing_to_compile(lab, mapped):
         search._score_blocks,
         search._separated,
         movers._updated_tracks,
-        sweep.sweep,
+        deskewing.deskew,
     )
     before = [len(part.signatures) for part in parts]
     assert all(before) or not mapped
