@@ -325,13 +325,13 @@ def apart(graph):
 
 def test_laps_that_lie_beside_each_other_are_put_together_at_the_end():
     """Less than a loop would be needed for: no loop was closed where they see the same."""
-    graph = two_laps(move=0.42)
+    graph = two_laps(torn=0.42)
     graph.link_all(lambda share: None, move=True)
     assert apart(graph) < 0.02
 
 
 def test_where_the_way_came_by_again_and_nothing_was_linked_a_loop_is_looked_for_once_more():
-    graph = two_laps(move=1.0)
+    graph = two_laps(torn=1.0)
     LoopClosure(graph).look_again()
     assert apart(graph) < 0.05
     before = len(graph.links)
