@@ -81,7 +81,7 @@ def test_with_the_printed_sign_an_approaching_obstacle_counts_as_receding(row):
 
 
 @given(states.poses, states.twists, states.gains(barrier=True), st.data())
-def test_a_wish_that_B_tolerates_passes_untouched(pose, nominal, gains, data):
+def test_a_nominal_command_that_B_tolerates_passes_untouched(pose, nominal, gains, data):
     scene = data.draw(states.scenes(pose))
     out = barrier(pose, nominal, scene, gains)
     if out.I <= out.J:
@@ -193,7 +193,7 @@ def test_the_filters_answer_comes_back_after_half_a_turn_of_the_whole_scene(pose
 
 
 @given(states.poses, states.twists, st.data())
-def test_the_culprit_is_the_obstacle_that_asks_most(pose, nominal, data):
+def test_the_limiting_obstacle_has_the_largest_part(pose, nominal, data):
     scene = data.draw(states.scenes(pose, least=2))
     out = barrier(pose, nominal, scene, PAPER)
     if out.verdict == UNTOUCHED:
@@ -210,7 +210,7 @@ def test_the_culprit_is_the_obstacle_that_asks_most(pose, nominal, data):
     assert named == pytest.approx(most, rel=1e-9, abs=1e-9 * (1 + abs(most)))
 
 
-def test_the_culprit_is_found_wherever_it_is_in_the_list():
+def test_the_limiting_obstacle_is_found_wherever_it_is_in_the_list():
     near, far = disc(0.4, 0.0, 0.1), disc(3.0, 3.0, 0.1)
     for k in range(4):
         rows = [far] * 4

@@ -22,7 +22,7 @@ EMPTY = discs()
 
 
 @given(inside, inside)
-def test_inside_the_dead_band_the_person_has_no_wish_and_no_intent(x, psi):
+def test_inside_the_dead_band_there_is_no_command_and_no_intent(x, psi):
     hand = limited(Stick(x, psi), PAPER)
     assert human(hand, PAPER) == (0.0, 0.0)
     assert intent(hand, PAPER) == (0.0, 0.0)
@@ -30,12 +30,12 @@ def test_inside_the_dead_band_the_person_has_no_wish_and_no_intent(x, psi):
 
 
 @given(outside, inside)
-def test_fore_aft_alone_asks_for_speed_in_proportion(x, psi):
+def test_fore_aft_alone_commands_speed_in_proportion(x, psi):
     assert human(limited(Stick(x, psi), PAPER), PAPER) == (PAPER.k_hx * x * PAPER.u_d, 0.0)
 
 
 @given(inside, outside)
-def test_left_right_alone_also_asks_for_forward_speed(x, psi):
+def test_left_right_alone_also_commands_forward_speed(x, psi):
     v, omega = human(limited(Stick(x, psi), PAPER), PAPER)
     assert (v, omega) == (PAPER.k_hx * PAPER.u_d, PAPER.k_hpsi * psi)
 
@@ -82,7 +82,7 @@ unit = st.floats(0.0, 1.0)
 
 
 @given(states.twists, states.twists, st.builds(Authority, unit, unit))
-def test_each_axis_of_the_blend_lies_between_the_two_wishes(automatic, person, share):
+def test_each_axis_of_the_blend_lies_between_the_two_commands(automatic, person, share):
     for one, other, between in zip(automatic, person, blend(automatic, person, share), strict=True):
         slack = 1e-15 * (abs(one) + abs(other))
         assert min(one, other) - slack <= between <= max(one, other) + slack
@@ -94,7 +94,7 @@ def test_the_shares_add_up_to_one(nominal, share):
 
 
 @given(states.twists, states.twists)
-def test_full_authority_on_either_side_is_that_sides_wish(automatic, person):
+def test_full_authority_on_either_side_is_that_sides_command(automatic, person):
     alone = blend(automatic, person, Authority(1.0, 1.0))
     assert alone == pytest.approx(automatic, rel=1e-15, abs=1e-15)
     alone = blend(automatic, person, Authority(0.0, 0.0))
@@ -102,7 +102,7 @@ def test_full_authority_on_either_side_is_that_sides_wish(automatic, person):
 
 
 @given(states.poses, states.desireds, states.gains(barrier=False), st.data())
-def test_the_shared_command_never_leaves_the_two_wishes(pose, desired, gains, data):
+def test_the_shared_command_never_leaves_the_two_commands(pose, desired, gains, data):
     s = step(pose, desired, data.draw(states.sticks(gains.dead_band)), EMPTY, gains)
     for a, b, shared in (
         (s.tracking_v, s.operator_v, s.nominal_v),

@@ -146,7 +146,7 @@ def test_the_last_instant_before_the_end_still_moves():
     assert desired(LAB, 0.0, False).u == 0.5
 
 
-def test_where_the_path_turns_on_the_spot_no_yaw_rate_is_asked():
+def test_where_the_path_turns_on_the_spot_the_yaw_rate_is_0():
     """A cusp: straight there and back stops at the far point, where ψ_d and r_d have no limit."""
     there_and_back = through([(0.0, 0.0), (1.0, 0.0), (0.0, 0.0)], 0.5)
     d = desired(there_and_back, 2.0, False)

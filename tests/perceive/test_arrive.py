@@ -123,7 +123,7 @@ def test_the_robot_backs_out_of_a_pocket_too_narrow_to_turn_in(mouth):
     assert least > 0.0
 
 
-def test_the_robot_stands_where_no_way_is_known():
+def test_the_robot_stands_where_no_path_is_known():
     world = discs(
         *fence(-1, -1, 1, -1), *fence(-1, 1, 1, 1), *fence(-1, -1, -1, 1), *fence(1, -1, 1, 1)
     )

@@ -30,7 +30,7 @@ def after(scans, every=0.1, lost=True):
     return alarm
 
 
-def test_while_scans_agree_nobody_carries_the_robot():
+def test_while_scans_agree_the_robot_is_not_carried():
     assert after([seen(HERE, k) for k in range(20)]).carried == 0.0
 
 
@@ -68,14 +68,14 @@ def at(x, log, agree=0.9, told=700):
     return Hypothesis(Pose(x, 0.0, 0.0), np.diag([0.02, 0.02, 0.01]) ** 2, 0.0, log, judged)
 
 
-def test_a_place_to_which_nobody_can_have_carried_it_is_unlikely():
+def test_a_place_too_far_to_be_carried_to_is_unlikely():
     found, far, near = lost_at(NOWHERE), at(9.0, -5.0), at(2.0, -5.0)
     assert [h.prior for h in found_ranked(found, far, near)] == [0.0, -C.unmoved]
     found.alarm.carried = 4.0  # at 1.6 m/s
     assert [h.prior for h in found_ranked(found, far, near)] == [0.0, 0.0]
 
 
-def test_who_did_not_know_where_it_was_may_be_anywhere():
+def test_a_robot_without_a_known_pose_may_be_anywhere():
     assert found_ranked(lost_at(NOWHERE, was_known=False), at(9.0, -5.0))[0].prior == 0.0
 
 
@@ -105,7 +105,7 @@ def along_a_wall(x, log):
     return one
 
 
-def test_along_a_wall_who_left_off_is_known_as_well_as_odometry_knows():
+def test_along_a_wall_the_last_pose_is_known_as_well_as_by_odometry():
     """A third of the map is gone, the match slides, and what is 0.6 m on is the same place. It
     stands, and no scan tells it more."""
     found = lost_at(NOWHERE, odds=C.unmoved, was_known=False)

@@ -67,7 +67,7 @@ def after(before: Floats, came: Floats, loose: Floats, sweeps: tuple[PosedScan, 
     return departed(before, NOBODY, came, loose, LIDAR, sweeps, DT, AGILE, WARY)
 
 
-def test_the_loose_points_of_one_body_are_one_who_may_be_out_of_view():
+def test_the_potentially_dynamic_points_of_one_body_are_one_mover_out_of_view():
     gone = after(NOBODY, NOBODY, rim(at(1.2, EDGE - 0.1)), looks(0.0))
     assert len(gone) == 1
     where = out_of_view(NOBODY, gone, AGILE)[0]
@@ -80,25 +80,27 @@ def test_two_bodies_are_two():
     assert len(after(NOBODY, NOBODY, both, looks(0.0))) == 2
 
 
-def test_what_is_loose_in_the_middle_of_the_view_has_not_left_it():
+def test_potentially_dynamic_points_amid_the_view_have_not_left_it():
     assert not len(after(NOBODY, NOBODY, rim(at(1.2, 0.0)), looks(0.0)))
 
 
-def test_loose_points_go_with_whom_they_belong_to_once_he_is_found_to_move():
+def test_potentially_dynamic_points_are_deleted_with_the_mover_they_belong_to():
     """He has been in view all along: his points were loose, until it was proved that he moves."""
     place = at(1.2, EDGE - 0.1)
     gone = after(NOBODY, NOBODY, rim(place), looks(0.0))
     assert not len(after(gone, track(place, seen=10), NOTHING, looks(0.0, 0.0)))
 
 
-def test_loose_points_of_somebody_else_stay():
+def test_potentially_dynamic_points_of_another_object_stay():
     gone = after(NOBODY, NOBODY, rim(at(1.2, EDGE - 0.1)), looks(0.0))
     assert len(after(gone, track(at(1.2, 0.0), seen=10), NOTHING, looks(0.0, 0.0))) == 1
 
 
 @pytest.mark.parametrize("turn", [0.1, 0.16, 0.2])
 @pytest.mark.parametrize("far", [1.0, 5.0])
-def test_who_comes_into_view_as_the_robot_turns_is_no_longer_out_of_view(turn: float, far: float):
+def test_a_mover_that_comes_into_view_as_the_robot_turns_is_no_longer_out_of_view(
+    turn: float, far: float
+):
     """As far within the view as it turns in one sweep. He is found to move two sweeps later."""
     place = at(far, EDGE + 0.05 * turn)
     gone = track(place, missed=1.5)
@@ -106,6 +108,6 @@ def test_who_comes_into_view_as_the_robot_turns_is_no_longer_out_of_view(turn: f
     assert not len(after(gone, track(place, seen=2), NOTHING, sweeps))
 
 
-def test_who_was_in_view_all_along_is_not_the_one_who_left_it():
+def test_a_mover_that_was_in_view_all_along_is_not_the_one_that_left_it():
     gone = track(at(3.0, EDGE + 0.2), missed=1.5)
     assert len(after(gone, track(at(3.0, EDGE - 0.5), seen=2), NOTHING, looks(*[0.0] * 5))) == 1

@@ -56,7 +56,7 @@ def test_beams_measured_while_turning_end_on_the_walls(twist):
     assert compensated.mean() < 0.4 * as_it_came.mean()
 
 
-def test_what_is_behind_the_new_view_is_told_as_nothing_seen_not_as_free():
+def test_ranges_outside_the_new_view_are_unknown_not_free():
     lidar = LIDAR.lidar()
     seen = deskew(lidar, np.full(720, 3.0), 0.0, 0.5, trail_of(Twist(0.0, 1.5)))
     assert np.isnan(seen.ranges).any()

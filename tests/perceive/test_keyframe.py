@@ -57,7 +57,7 @@ def test_along_a_corridor_without_features_nothing_contradicts():
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_a_wall_that_goes_on_where_the_scan_before_told_nothing_is_no_contradiction(side):
+def test_a_wall_that_continues_where_the_scan_before_had_no_beam_is_no_contradiction(side):
     """Who turns leaves the scan's first beams, or its last, untold (`DeskewedScan.ranges`): the
     wall along which they look goes on there, much nearer than where the next beam ended."""
     walls = np.array([[-50.0, -1.0, 50.0, -1.0], [-50.0, 1.0, 50.0, 1.0]])

@@ -63,14 +63,14 @@ def charge(ranges, pose, charges=None, model=LIDAR, every=1, stamp=0.0, made=Non
     return told
 
 
-def test_where_the_map_is_right_nothing_is_charged():
+def test_where_the_map_is_right_nothing_costs():
     log, in_view, closer, narrow = charge(seen(standing(), AT), AT)
     assert log == in_view == narrow == 0.0
     assert closer > 0.0
 
 
 @pytest.mark.parametrize("how", [{"more": True}, {"less": True}])
-def test_a_wall_that_the_map_has_wrong_is_charged_once_however_often_it_is_seen(how):
+def test_a_wrong_wall_of_the_map_costs_once_however_often_it_is_seen(how):
     world, charges, logs = standing(**how), MapErrorCosts(), []
     for k in range(5):
         there = Pose(AT.x + 0.05 * k, AT.y + 0.02 * k, AT.psi + 0.02 * k)
@@ -80,7 +80,7 @@ def test_a_wall_that_the_map_has_wrong_is_charged_once_however_often_it_is_seen(
 
 
 @pytest.mark.parametrize("how", [{"more": True}, {"less": True}])
-def test_it_is_charged_by_its_length_not_by_the_beams_that_fall_on_it(how):
+def test_it_costs_by_its_length_not_by_the_beams_that_fall_on_it(how):
     few = LIDAR.model_copy(update={"beams": LIDAR.beams // 4})
     world = standing(**how)
     whole = charge(seen(world, AT), AT)
@@ -89,7 +89,7 @@ def test_it_is_charged_by_its_length_not_by_the_beams_that_fall_on_it(how):
     assert fourth[2] == pytest.approx(whole[2], rel=0.2)
 
 
-def test_what_may_be_an_edge_that_is_seen_past_is_charged_to_nobody():
+def test_a_possible_edge_costs_nothing():
     ranges = seen(standing(post=True), AT)
     assert (ranges < 1.2).sum() >= 10
     assert charge(ranges, AT)[:2] == (0.0, 0.0)
@@ -117,7 +117,7 @@ def test_a_wall_on_no_map_is_as_rare_as_one_that_is_gone_and_a_box_is_not():
     assert -3.0 < box[0] + box[1] < -1.5
 
 
-def test_what_may_be_a_person_is_charged_for_good_once_it_has_stood():
+def test_a_possible_person_costs_for_good_once_it_has_stood():
     world, charges = standing(box=True), MapErrorCosts()
     logs = []
     for k in range(10):
@@ -128,7 +128,7 @@ def test_what_may_be_a_person_is_charged_for_good_once_it_has_stood():
     assert all(-3.0 < whole < -1.5 for _, whole in logs)  # it speaks against the place all along
 
 
-def test_who_walks_past_is_charged_to_nobody_for_longer_than_he_is_in_view():
+def test_a_passer_by_costs_no_longer_than_it_is_in_view():
     """A person of 0.4 m, who crosses the room at 0.7 m/s."""
     charges, drawn = MapErrorCosts(), standing()
     for k in range(12):
@@ -154,7 +154,7 @@ def test_a_map_that_is_wrong_once_is_likelier_wrong_again():
     assert steps[0] > 3.5 > 2.5 > steps[1] > steps[2] > 2.0
 
 
-def test_a_wall_where_nobody_has_looked_is_no_error_as_a_wall_that_is_gone_is():
+def test_a_wall_in_unknown_space_is_no_error_as_a_missing_wall_is():
     """What was not drawn may stand or not; what was drawn stood."""
     drawn, free = room(CELL)
     blank = drawn.copy()
@@ -189,7 +189,7 @@ def test_each_wall_that_comes_into_view_tells_how_closely_it_fits():
     assert told[2] > 1.2 * told[1]
 
 
-def test_a_place_that_has_everything_wrong_is_charged_without_end():
+def test_a_place_where_all_is_wrong_accumulates_cost_without_end():
     charges, rng = MapErrorCosts(), np.random.default_rng(1)
     for _ in range(60):
         there = Pose(*rng.uniform(0.5, 5.5, 2), rng.uniform(-math.pi, math.pi))

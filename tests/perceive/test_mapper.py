@@ -85,7 +85,7 @@ def test_coming_home_closes_loops_with_the_beginning(tour):
     assert any(a < 50 and b > len(made.poses) - 150 for a, b in made.loops)
 
 
-def test_a_loop_that_somebody_takes_out_is_not_closed_again_and_the_others_are(tour):
+def test_a_loop_that_was_removed_is_not_closed_again_and_the_others_are(tour):
     made, _, truth = tour
     (state,) = states
     met = encounters(made)
@@ -109,7 +109,7 @@ def test_of_places_that_are_left_out_none_meets_others(tour):
     assert not {scan for pair in survey.finished().loops for scan in pair} & set(out)
 
 
-def test_a_survey_that_goes_on_is_the_same_as_one_that_did_not_stop(tour):
+def test_a_mapping_that_is_resumed_is_the_same_as_one_that_did_not_stop(tour):
     _, seen, _ = tour
     whole, half = Mapper(LIDAR.lidar()), Mapper(LIDAR.lidar())
     for k, glimpse in enumerate(seen[:200]):
@@ -330,7 +330,7 @@ def test_laps_that_lie_beside_each_other_are_put_together_at_the_end():
     assert apart(graph) < 0.02
 
 
-def test_where_the_way_came_by_again_and_nothing_was_linked_a_loop_is_looked_for_once_more():
+def test_where_the_path_revisits_a_place_that_is_not_linked_a_loop_is_searched_once_more():
     graph = two_laps(torn=1.0)
     LoopClosure(graph).look_again()
     assert apart(graph) < 0.05
@@ -415,7 +415,7 @@ def test_how_far_drift_strays_is_learnt_from_loops_and_a_false_one_hardly_counts
     assert closure.variance_factor() == 1.0
 
 
-def test_nothing_is_looked_for_farther_than_drift_can_have_led():
+def test_nothing_is_searched_farther_than_the_possible_drift():
     trail = np.array([[3.0, 2.5]])
     seen = lined(RING, Pose(3.0, 2.5, 0.0))
     assert not revisits(known(RING), *seen, trail, np.array([2.0]), Pose(9.0, 2.5, 0.0), 0.2)

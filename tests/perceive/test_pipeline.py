@@ -113,7 +113,7 @@ def test_a_map_without_walls_is_refused():
 
 
 @pytest.mark.parametrize("mapped", [True, False])
-def test_a_rehearsal_leaves_nothing_to_compile(lab, mapped):
+def test_a_warm_up_leaves_nothing_to_compile(lab, mapped):
     rehearse(SALLY, mapped)
     parts = (
         match.align,
@@ -197,7 +197,7 @@ def test_moved_and_left_standing_the_robot_is_not_lost_for_ever(lab, tour, at, b
 
 @pytest.mark.parametrize("off", [(1.5, 0.0), (-1.0, 0.0), (0.3, -1.6)])
 @pytest.mark.parametrize("at", [0.0, 16.0, 27.0])
-def test_a_wrong_place_told_is_contradicted_by_the_lidar_within_3_seconds(lab, tour, at, off):
+def test_a_wrong_pose_that_is_set_is_contradicted_by_the_lidar_within_3_seconds(lab, tour, at, off):
     """At once, but where the corridor looks alike here and there."""
     first = round(at / DT)
     poses, twists = tour[0][first : first + 250], tour[1][first : first + 249]
@@ -216,7 +216,7 @@ def test_a_wrong_place_told_is_contradicted_by_the_lidar_within_3_seconds(lab, t
     assert errors(seen, moment.truth)[0] < 0.1
 
 
-def test_a_right_place_told_is_kept_and_corrects_a_wrong_one(lab, tour):
+def test_a_right_pose_that_is_set_is_kept_and_corrects_a_wrong_one(lab, tour):
     poses, twists = tour[0][650:850], tour[1][650:849]
     x, y, psi = poses[0]
     perception = Perception(SALLY, lab, Pose(x - 3.2, y, psi))

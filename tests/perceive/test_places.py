@@ -71,7 +71,7 @@ def dotted(seed=0, length=24.0, wide=1.8, cell=0.05):
     return occupied, free, cell, Pose(0.0, -0.5 - 0.5 * wide, 0.0)
 
 
-def test_on_a_ragged_corridor_nobody_is_taken_to_have_been_moved():
+def test_in_a_ragged_corridor_no_robot_is_taken_to_have_been_moved():
     """The map's errors along it make a place some metres off fit better from time to time."""
     occupied, free, cell, origin = dotted()
     poses, twists = along([(2.0 + 0.7 * k, 0.05 * (-1) ** k) for k in range(29)])
@@ -200,7 +200,7 @@ def test_what_ends_where_the_map_knows_nothing_speaks_for_no_place():
     assert right.weighed > beside.weighed + 6.0
 
 
-def test_told_its_start_beside_niches_that_are_on_no_map_it_is_not_turned_round():
+def test_with_a_start_beside_unmapped_niches_it_is_not_turned_round():
     """A quarter of the view ends where the map knows nothing. Turned round, the other wall explains
     that a little worse than not at all, and the told place contradicts nothing."""
     cell, origin = 0.05, Pose(0.0, 0.0, 0.0)
@@ -250,7 +250,7 @@ def test_pushed_along_a_long_corridor_it_does_not_stay_sure_of_its_old_place(sta
     assert not rows[-1, 1]
 
 
-def test_put_down_beside_the_start_that_was_told_it_is_never_sure_of_a_wrong_place():
+def test_put_down_beside_the_given_start_it_is_never_sure_of_a_wrong_place():
     """A metre along a corridor and half of one across, turned by 20 deg."""
     occupied, free, cell, origin = dotted(4, length=60.0)
     poses, twists = along([(14.0 + 0.7 * k, 0.0) for k in range(3)])
@@ -266,7 +266,7 @@ def test_put_down_beside_the_start_that_was_told_it_is_never_sure_of_a_wrong_pla
 
 
 @pytest.mark.parametrize(("at", "off"), [(3977, (0.95, 0.31, -0.35)), (6858, (-0.66, 0.75, -0.35))])
-def test_told_a_metre_along_a_corridor_it_is_sure_of_no_place_that_only_looks_alike(at, off):
+def test_set_a_metre_along_a_corridor_it_is_sure_of_no_look_alike(at, off):
     """Niches and doors make places along this corridor fit alike; by the matches the robot was
     sure to 5 cm of the one beside which it was told to be, for 5 and 9 s."""
     place = building(8677)
@@ -328,7 +328,7 @@ def standing_without_a_third(start, steps, seed=4, lidar=LIDAR, beside=0.0):
 
 
 @pytest.mark.parametrize("start", few.first([14.0, 38.0, 22.0, 30.0]))
-def test_told_its_start_where_a_third_of_the_walls_is_gone_it_believes_it(start):
+def test_with_a_start_where_a_third_of_the_walls_is_gone_it_believes_it(start):
     """The map is as wrong elsewhere, and nobody moved the robot: it need not drive to be sure."""
     perception, moments = standing_without_a_third(start, 300)
     seen = None
@@ -341,7 +341,7 @@ def test_told_its_start_where_a_third_of_the_walls_is_gone_it_believes_it(start)
 
 
 @pytest.mark.parametrize("start", few.first([10.0, 38.0, 6.0, 26.0, 34.0]))
-def test_who_steps_past_where_a_third_of_the_walls_is_gone_does_not_make_it_lost_for_good(start):
+def test_a_passer_by_where_a_third_of_the_walls_is_gone_does_not_make_it_lost_for_good(start):
     """That scans contradict each other for a moment is no proof of having been moved, and nobody
     carries it far in that time: what was seen before speaks for where it stands, and against what
     fits the map as well.
@@ -435,7 +435,7 @@ def test_one_scan_does_not_outweigh_what_a_pose_was_believed_for():
 
 
 @pytest.mark.parametrize("field", few.first([9, 3, 6, 12], 1))
-def test_people_who_walk_about_in_a_hall_that_looks_alike_turned_round_make_nobody_lost(field):
+def test_people_in_a_symmetric_hall_do_not_make_the_robot_lost(field):
     """In the middle of a hall of four walls, the place turned by half a turn fits as well. That
     scans contradict each other while people cross the view is no proof of having been moved."""
     around = movers.case(5500, field).setup.obstacles

@@ -59,7 +59,7 @@ def reached(moment, seen, x, y, radius, after=0.3):
 
 
 @pytest.mark.parametrize("speed", [0.3, 0.8, 1.2])
-def test_who_walks_onto_free_ground_is_covered_at_once(speed):
+def test_a_walker_on_free_ground_is_covered_at_once(speed):
     """A walker comes out from behind a pillar of the map, on which the robot knows its place."""
     pillar = disc(4.2, -0.1, 0.3)
     lab = map_from_geometry(WALLS, HERE, np.array([[4.2, -0.1, 0.3]]))
@@ -79,7 +79,7 @@ def test_who_walks_onto_free_ground_is_covered_at_once(speed):
     assert checked >= 4
 
 
-def test_three_who_walk_shoulder_to_shoulder_are_covered(lab):
+def test_three_walkers_shoulder_to_shoulder_are_covered(lab):
     """Together they are too wide for a body. Who walks where another has just stood is told a
     moment later."""
 
@@ -100,7 +100,7 @@ def test_three_who_walk_shoulder_to_shoulder_are_covered(lab):
     assert all(by < 0.12 for by in short)
 
 
-def test_on_the_map_nothing_is_loose(lab):
+def test_on_the_map_no_point_is_potentially_dynamic(lab):
     poses, twists = along(TOUR)
     told = [
         len(seen.mobile) for _, seen in watch((poses[:1000], twists[:999]), CONES, lab, poses[0])
@@ -109,7 +109,7 @@ def test_on_the_map_nothing_is_loose(lab):
     assert sum(n > 0 for n in told) <= 1
 
 
-def test_who_came_and_stopped_may_set_off_again_and_is_a_thing_in_the_end():
+def test_a_stopped_mover_may_set_off_again_and_is_static_in_the_end():
     def around(t):
         return discs(disc(4.5, -2.6 + 1.0 * min(t, 1.6), 0.25))
 
@@ -123,7 +123,7 @@ def test_who_came_and_stopped_may_set_off_again_and_is_a_thing_in_the_end():
     assert len(told[-1][1].mobile) == 0
 
 
-def test_without_a_map_what_always_stood_is_not_loose():
+def test_without_a_map_what_always_stood_is_not_potentially_dynamic():
     for _, seen in watch(standing(2.0), np.vstack([CONES, [disc(4.2, -1.2, 0.2)]])):
         assert len(seen.mobile) == 0
 
@@ -167,7 +167,7 @@ def test_what_stood_before_its_ground_was_seen_free_has_not_come():
     assert appeared(free_space, 1.5, 0.0, 2.5)
 
 
-def test_who_walks_through_a_cell_has_not_stood_there():
+def test_a_walker_through_a_cell_has_not_stood_there():
     lidar = LIDAR.lidar()
     open_ = PosedScan(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
     short = PosedScan(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
@@ -198,7 +198,7 @@ def test_the_spread_of_a_disc_covers_every_velocity_and_acceleration():
         assert strayed == pytest.approx(more[0] + off[0] * after + 0.5 * push * after**2)
 
 
-def test_what_has_stood_is_told_smaller_and_slower():
+def test_a_point_that_has_stood_is_reported_smaller_and_slower():
     points = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 1.0]])
     found, off = discs_of_points(points, 0.1, 1.0, PotentiallyDynamicParams())
     assert found[0, RADIUS] > 2.0 * found[1, RADIUS]

@@ -72,7 +72,7 @@ def test_scans_of_another_length_or_time_are_none():
     assert source.stamp == -math.inf
 
 
-def test_it_stands_beside_what_the_lidar_sees_moves_for_nobody_and_vouches_for_no_ground():
+def test_its_points_are_static_beside_the_lidars_and_observe_no_ground():
     sally = robot("sally")
     behind = SONAR.model_copy(update={"mount_x_m": -0.3, "mount_yaw_deg": 180.0})
     model = sally.model_copy(update={"further_lidars": (behind,)})

@@ -80,7 +80,7 @@ def errors(where, velocity, radius, last, standing=None):
           for r in (0.25, 0.4, 0.5) for v in (1.2, 1.8) for y in (0.8, 1.2, 1.8)),
     ],
 )  # fmt: skip
-def test_who_leaves_the_view_is_told_to_go_on_as_he_did(radius, speed, aside):
+def test_a_mover_that_leaves_the_view_is_predicted_on_its_course(radius, speed, aside):
     """Backwards past a robot that stands; the view ends 45 degrees behind its LiDAR's left."""
     edge = LIDAR.mount_x_m - aside - math.sqrt(2.0) * radius  # where his last point leaves
     last = math.floor(10.0 * (2.2 - edge) / speed) / 10.0
@@ -100,7 +100,7 @@ def test_who_leaves_the_view_is_told_to_go_on_as_he_did(radius, speed, aside):
         *(pytest.param(r, v, marks=pytest.mark.slow) for r in (0.25, 0.5) for v in (1.2, 1.8)),
     ],
 )  # fmt: skip
-def test_who_passes_behind_a_post_is_told_to_go_on_as_he_did(radius, speed):
+def test_a_mover_behind_a_post_is_predicted_on_its_course(radius, speed):
     post = disc(2.1, 0.0, 0.45)  # 14.5 degrees to either side of the LiDAR
     hidden = 3.0 * math.tan(math.asin(0.45 / 1.8)) - radius / math.cos(math.asin(0.45 / 1.8))
     last = math.floor(10.0 * (2.2 - hidden) / speed) / 10.0

@@ -32,7 +32,7 @@ def stood(model, people=(), seconds=3.0, told=lambda readings: readings):
     return seen
 
 
-def test_somebody_who_comes_from_behind_is_seen():
+def test_a_mover_from_behind_is_seen():
     seen = stood(REAR, [from_behind(0.5)])
     assert len(seen.discs)
     nearest = seen.discs[np.hypot(seen.discs[:, 0] + 2.0, seen.discs[:, 1]).argmin()]
@@ -46,7 +46,7 @@ def test_no_ground_is_unseen_where_two_lidars_look_all_round_together():
     assert stood(REAR, seconds=0.3).unobserved == 0
 
 
-def test_before_the_rear_lidar_has_looked_the_ground_behind_may_hold_anything():
+def test_before_the_first_rear_scan_the_ground_behind_is_unobserved():
     seen = stood(REAR, seconds=0.3, told=lambda readings: readings._replace(further=()))
     assert seen.unobserved > 0
     assert seen.scan_stamp == -math.inf
@@ -70,7 +70,7 @@ def test_what_one_has_seen_the_other_does_not_forget_for_it():
 
 
 @pytest.mark.parametrize("which", ["odometry", "scans"])
-def test_after_stamps_of_tomorrow_who_moves_is_seen_where_he_is(which):
+def test_after_stamps_of_tomorrow_a_mover_is_tracked_where_it_is(which):
     """Readings of the future are left out, or nothing that comes later would be new."""
 
     def told(readings):

@@ -105,7 +105,7 @@ def test_the_disc_of_a_walker_covers_it():
         assert found[0, 4] > true[4] + off - 0.08
 
 
-def test_who_stops_may_walk_on_and_becomes_a_standing_thing_after_a_while():
+def test_a_stopped_mover_may_walk_on_and_becomes_static_after_a_while():
     def around(t):
         return discs(disc(6.0, -2.0 + 1.0 * min(t, 2.0), 0.25))
 
@@ -132,7 +132,7 @@ def test_a_mover_leaves_no_standing_points():
     assert in_the_open.sum() == 0
 
 
-def test_who_is_hidden_for_a_moment_is_not_forgotten():
+def test_a_mover_occluded_for_a_moment_is_not_forgotten():
     pillar = disc(5.0, -1.0, 0.35)
 
     def around(t):
@@ -149,7 +149,7 @@ def test_who_is_hidden_for_a_moment_is_not_forgotten():
         assert np.hypot(found[0, 0] - 7.0, found[0, 1] - (-3.0 + 1.2 * t)) < 0.4
 
 
-def test_who_has_gone_out_of_sight_is_forgotten_in_the_end():
+def test_a_mover_out_of_sight_is_forgotten_in_the_end():
     def around(t):
         return discs(disc(6.0, -1.0 + 1.0 * t, 0.25) if t < 2.0 else disc(50.0, 50.0, 0.25))
 
@@ -158,7 +158,7 @@ def test_who_has_gone_out_of_sight_is_forgotten_in_the_end():
     assert len(told[-1][1]) == 0
 
 
-def test_who_stands_against_a_thing_of_the_map_is_a_thing_of_its_own():
+def test_an_object_against_a_wall_of_the_map_is_its_own_cluster():
     lidar = LIDAR.lidar()
     ranges = np.empty(len(lidar.beams))
     post, person = disc(3.0, 0.3, 0.3), disc(2.9, -0.25, 0.25)
@@ -175,7 +175,7 @@ def test_who_stands_against_a_thing_of_the_map_is_a_thing_of_its_own():
     assert (on_walls(known, AT, seen.points, 0.1) & mapped).sum() == mapped.sum()
 
 
-def test_who_slows_down_and_sets_off_again_is_told_in_time():
+def test_a_mover_that_slows_down_and_sets_off_again_is_reported_in_time():
     """With 1 m/s^2 at rest and off again, as discs on key frames do: a filter for constant
     velocities told 0.4 m/s too much when he had stopped, and as much too little afterwards."""
 
@@ -198,7 +198,7 @@ def test_who_slows_down_and_sets_off_again_is_told_in_time():
     assert velocities.max() < 0.45
 
 
-def test_who_turns_on_the_robot_from_rest_is_told_within_half_a_second():
+def test_a_mover_that_turns_on_the_robot_from_rest_is_reported_within_half_a_second():
     """Across, then to rest, then at the robot with 1 m/s^2. With a radius that every scan measured
     anew, the part of the rim in view came nearer or its disc was smaller: 0.24 m/s off by then."""
 
@@ -223,7 +223,7 @@ def test_who_turns_on_the_robot_from_rest_is_told_within_half_a_second():
 
 
 @pytest.mark.parametrize("radius", [0.25, 0.4])
-def test_who_stops_dead_is_told_so_within_three_scans(radius):
+def test_a_mover_that_stops_dead_is_reported_so_within_three_scans(radius):
     """As who runs into the robot: nobody is taken to be capable of that. A filter that believes it
     of nobody had him go on through the robot, and come back, for a second and more."""
 
@@ -240,7 +240,7 @@ def test_who_stops_dead_is_told_so_within_three_scans(radius):
 
 
 @pytest.mark.parametrize("speed", [1.5, -1.5])
-def test_who_walks_fast_across_is_told_where_he_is_not_where_his_beams_were(speed):
+def test_a_fast_mover_is_reported_where_it_is_not_where_its_beams_were(speed):
     """A turn takes 75 ms, in which he walks 11 cm: he is put on from when his beams were
     measured."""
 

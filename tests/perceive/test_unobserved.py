@@ -110,7 +110,7 @@ def standing(n: int) -> list[Pose]:
 
 
 @pytest.mark.parametrize("speed", [0.4, 0.8, 1.2])
-def test_who_goes_behind_the_robot_may_be_anywhere_there(speed: float):
+def test_a_mover_that_goes_behind_the_robot_may_be_anywhere_there(speed: float):
     gone = round((1.9 / speed + 3.0) / 0.1)  # 3 s are enough to have come back from anywhere
     start = WALKER.copy()
     start[0, 0] += 6.3 * speed
@@ -122,7 +122,7 @@ def test_who_goes_behind_the_robot_may_be_anywhere_there(speed: float):
     assert not len(later)
 
 
-def test_who_has_just_gone_behind_the_robot_is_not_everywhere_there_at_once():
+def test_a_mover_that_has_just_gone_behind_the_robot_is_not_everywhere_there_at_once():
     """He has to walk there first, so the other side of the robot is free yet."""
     start = WALKER.copy()
     start[0, 0] += 6.3 * 1.2
@@ -131,7 +131,7 @@ def test_who_has_just_gone_behind_the_robot_is_not_everywhere_there_at_once():
     assert (points[:, 1] > -0.2).all()
 
 
-def test_who_goes_on_behind_the_robot_is_not_beside_it_before_he_can_have_turned_back():
+def test_a_mover_behind_the_robot_is_not_beside_it_before_it_can_have_turned_back():
     """At 1.2 m/s, and capable of 1 m/s^2, he is 0.9 m behind the robot's middle at least when he
     has been out of view for 0.8 s."""
     start = WALKER.copy()
@@ -145,7 +145,7 @@ def test_who_goes_on_behind_the_robot_is_not_beside_it_before_he_can_have_turned
 CROSSES = np.array([[-1.4, 3.0 + 0.8 * 6.3, 0.0, 0.0, 0.25, 0.7]])
 
 
-def test_who_comes_out_again_on_the_other_side_leaves_no_doubt():
+def test_a_mover_that_reappears_on_the_other_side_leaves_no_possibly_occupied_ground():
     """Across behind the robot, from its left to its right, where he is seen again."""
     assert len(blind(driven(standing(45), CROSSES, velocity=(0.0, -0.8))))
     assert not len(blind(driven(standing(75), CROSSES, velocity=(0.0, -0.8))))
@@ -154,7 +154,7 @@ def test_who_comes_out_again_on_the_other_side_leaves_no_doubt():
 @pytest.mark.parametrize(
     ("place", "velocity"), [((-1.6, 0.2), (0.5, 0.0)), ((-1.6, -0.9), (0.55, 0.15))]
 )
-def test_who_is_there_when_the_view_turns_to_where_somebody_went_may_move(
+def test_an_object_where_a_mover_went_out_of_view_may_move(
     place: tuple[float, float], velocity: tuple[float, float]
 ):
     """Another has gone there before. No scan has seen the ground free that he walks on, which would
@@ -177,7 +177,9 @@ def test_who_is_there_when_the_view_turns_to_where_somebody_went_may_move(
 
 
 @pytest.mark.parametrize("turn", [0.3, 0.5, 0.7])
-def test_a_wall_at_the_edge_of_the_view_does_not_keep_the_doubt_for_ever(turn: float):
+def test_a_wall_at_the_edge_of_the_view_does_not_keep_ground_possibly_occupied_for_ever(
+    turn: float,
+):
     """Somebody goes behind the robot; then it turns, and a wall that nobody knows comes into view
     there. When he is forgotten, nobody may be there any more."""
     wall = np.array([[-1.3 + 0.1 * k, -1.0, 0.0, 0.0, 0.06, 0.1] for k in range(15)])
@@ -201,24 +203,24 @@ def test_what_stood_there_before_stands_when_it_is_seen_again():
         assert not (away < 0.15).any()
 
 
-def test_of_two_who_went_behind_the_robot_one_comes_out_again_and_one_may_be_there():
+def test_of_two_movers_behind_the_robot_one_reappears_and_one_may_still_be_there():
     both = np.vstack((CROSSES, WALKER + np.array([6.3 * 0.8, 0, 0, 0, 0, 0])))
     velocity = np.array([[0.0, -0.8], [-0.8, 0.0]])
     assert len(blind(driven(standing(75), both, velocity=velocity)))
 
 
-def test_who_passes_far_away_leaves_no_doubt():
+def test_a_mover_far_away_leaves_no_possibly_occupied_ground():
     start = WALKER + np.array([5.04, 1.75, 0.0, 0.0, 0.0, 0.0])
     assert not len(blind(driven(standing(40), start, velocity=(-0.8, 0.0))))
 
 
-def test_who_leaves_the_view_far_away_and_comes_here_may_be_behind_the_robot():
+def test_a_mover_that_leaves_the_view_far_away_and_heads_here_may_be_behind_the_robot():
     start = np.array([[-2.5 - 0.2 * 6.3, 4.6 + 0.8 * 6.3, 0.0, 0.0, 0.25, 0.7]])
     assert not len(blind(driven(standing(15), start, velocity=(0.2, -0.8))))
     assert len(blind(driven(standing(60), start, velocity=(0.2, -0.8))))
 
 
-def test_a_look_ends_the_doubt():
+def test_ground_that_is_observed_is_no_longer_possibly_occupied():
     start = WALKER + np.array([5.04, 0.0, 0.0, 0.0, 0.0, 0.0])
     turn = [Pose(0.0, 0.0, 0.1 * k) for k in range(63)]
     poses = standing(60) + turn  # he has long gone on by then

@@ -63,7 +63,7 @@ def test_floor_that_was_seen_once_is_free_to_back_onto():
     assert not len(told(turned(*range(0, 361, 5))))
 
 
-def test_floor_beneath_a_load_is_not_told_and_is_as_unknown_as_before_without_it():
+def test_floor_beneath_a_load_is_not_reported_and_stays_unobserved_without_it():
     backed = [Pose(-x, 0.0, 0.0) for x in np.arange(0.0, 0.65, 0.04)]
     load = np.array([(0.36, 0.29), (-0.9, 0.29), (-0.9, -0.29), (0.36, -0.29)])
 

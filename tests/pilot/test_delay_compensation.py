@@ -24,7 +24,7 @@ def test_whole_periods_and_their_rest_are_the_delay(delay, dt):
 
 
 @given(speeds, st.floats(0.0, 0.3))
-def test_who_drives_on_is_foreseen_where_that_arc_ends(twist, delay):
+def test_a_robot_under_way_is_predicted_to_the_end_of_its_arc(twist, delay):
     whole, rest = periods(delay, DT)
     sent = np.tile(twist, (whole, 1))
     pose, then = predict_robot(HERE, twist, rest, sent, 7, SETTINGS.limits, DT)
@@ -44,7 +44,7 @@ def test_the_pilot_looks_at_where_the_robot_will_be_then(delay):
 
 
 @given(st.floats(0.0, 0.5), st.floats(0.0, 0.5), st.floats(0.0, 2.0), st.floats(0.0, 1.0))
-def test_who_moves_may_be_as_far_off_in_two_steps_as_in_one(first, second, most, off):
+def test_a_disc_grows_by_as_much_in_two_steps_as_in_one(first, second, most, off):
     """What is foretold again and again grows no faster: t later, off t + most t^2 / 2."""
     now = surroundings([[1.0, 0.0, 0.4, -0.3, 0.2, 0.5]], [most], velocity_error=[off])
     t = first + second

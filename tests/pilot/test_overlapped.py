@@ -23,7 +23,7 @@ NOWHERE = np.empty((0, 4))
     st.booleans(),
 )  # fmt: skip
 @settings(max_examples=40, deadline=None)
-def test_whoever_is_in_the_footprint_holds_the_robot_whatever_is_asked(
+def test_an_obstacle_in_the_footprint_holds_the_robot_whatever_the_command(
     bearing, aside, speed, radius, x, y, leads
 ):
     """He comes from anywhere at a robot that stands, and goes on through it, as in a campaign; it

@@ -50,7 +50,7 @@ def test_a_closed_road_is_not_forced():
 
 
 @pytest.mark.parametrize(("waited", "then"), [(0.8, 0.8), (1.2, 0.0)])
-def test_who_is_held_up_does_not_lose_count_by_planning_anew(waited, then):
+def test_the_time_held_up_survives_a_new_plan(waited, then):
     """Another course every 0.6 s kept the robot from ever looking for a way out. But a plan that
     was made because it had waited for long enough gets its time."""
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
@@ -60,7 +60,7 @@ def test_who_is_held_up_does_not_lose_count_by_planning_anew(waited, then):
     assert now.clock.waited == then
 
 
-def test_the_reference_waits_for_a_person_who_leads_and_takes_over_without_a_jump():
+def test_the_reference_waits_while_the_operator_leads_and_takes_over_without_a_jump():
     def hand(t, pose):
         return (1.0, 0.6 if t < 3.0 else -0.6) if 2.0 <= t < 4.5 else (0.0, 0.0)
 
@@ -109,7 +109,7 @@ def refused(pilot, around, seconds, given=None):
         pilot.applied(given or Twist(0.0, 0.0))
 
 
-def test_of_whom_nothing_is_let_through_though_nothing_is_in_its_way_it_backs_off():
+def test_a_robot_whose_commands_are_refused_without_an_obstacle_backs_off():
     pilot, here = Pilot(through(STRAIGHT, 0.5), SETTINGS), (Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0))
     refused(pilot, NOTHING_NEAR, 0.9)
     assert pilot.planner(pilot.task(*here, NOTHING_NEAR)).move is None
@@ -125,7 +125,7 @@ def test_of_whom_nothing_is_let_through_though_nothing_is_in_its_way_it_backs_of
     assert pilot.planner(pilot.task(*here, NOTHING_NEAR)).move == RecoveryMove(0.3, 0.0, 0.0)
 
 
-def test_who_asks_for_nothing_is_not_refused():
+def test_a_robot_that_requests_nothing_is_not_refused():
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
     for _ in range(100):
         pilot.applied(Twist(0.0, 0.0))
@@ -137,7 +137,7 @@ def test_a_delay_that_makes_no_sense_is_refused():
         Pilot(through(STRAIGHT, 0.5), SETTINGS, delay=-1.0)
 
 
-def test_what_is_asked_for_is_slowed_down_on_the_same_arc():
+def test_the_nominal_command_is_slowed_down_on_the_same_arc():
     def asked(fastest):
         pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
         d = pilot.step(0.0, Pose(0.0, 0.3, 0.2), Twist(0.0, 0.0), Stick(0.0, 0.0), NOTHING_NEAR,
@@ -152,7 +152,7 @@ def test_what_is_asked_for_is_slowed_down_on_the_same_arc():
     assert asked(10.0) == (v, omega)
 
 
-def test_who_comes_head_on_is_passed_on_the_right_where_that_is_asked_for():
+def test_a_head_on_mover_is_passed_on_the_right_if_so_configured():
     def beside(right):
         walker = (6.0, -0.05, 0.2, 0.2, -0.4, 0.0)  # a little to the robot's right
         law = Law(plan=PlanModel(pass_right_m=right))

@@ -16,7 +16,7 @@ TURN = [[0.0, 0.0], [2.0, 0.0], [3.0, 0.4], [3.5, 1.5], [3.5, 3.0]]
 
 
 @pytest.mark.parametrize("beside", [-0.3, 0.0, 0.3])
-def test_the_robot_goes_where_it_was_foretold_to(beside):
+def test_the_robot_drives_as_predicted(beside):
     reference = through(TURN, 0.5)
     pose, twist = Pose(1.0, beside, 0.4), Twist(0.4, 0.0)
     own = course(reference, 0, True, SETTINGS.pace)
@@ -37,7 +37,7 @@ def test_the_robot_goes_where_it_was_foretold_to(beside):
     assert off.min(axis=0).max() < 0.04
 
 
-def test_a_course_that_ends_is_foretold_to_its_end():
+def test_a_path_that_ends_is_rolled_out_to_its_end():
     reference = through([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]], 0.5)
     own = course(reference, 0, True, SETTINGS.pace)
     pose = Pose(0.0, 0.0, 0.0)

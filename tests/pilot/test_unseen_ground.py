@@ -36,7 +36,7 @@ def all_stands(stands, unseen):
     return planned(np.vstack((stands, unseen)), np.empty((0, 2)))
 
 
-def test_a_way_over_unseen_ground_is_begun_where_there_is_no_other():
+def test_a_path_over_unobserved_ground_is_begun_where_there_is_no_other():
     assert all_stands(*around()).failed
     made = planned(*around())
     assert made.new
@@ -44,7 +44,7 @@ def test_a_way_over_unseen_ground_is_begun_where_there_is_no_other():
     assert made.course.poses[:, 1].max() > 1.0  # past what stands, on the left
 
 
-def test_a_way_over_ground_that_was_seen_is_taken_before_any_other():
+def test_a_path_over_observed_ground_is_taken_before_any_other():
     seen = around((-3.0, -1.9), (0.9, 1.8))
     with_it, without = planned(*seen), all_stands(*seen)
     assert with_it.new

@@ -39,7 +39,7 @@ def walked(before, cost, cell, root):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_the_way_to_the_target_is_the_cheapest_there_is(seed):
+def test_the_path_to_the_target_is_the_cheapest_there_is(seed):
     rng = np.random.default_rng(seed)
     free = rng.random((15, 22)) < 0.75
     cost = 1.0 + rng.random(free.shape) * rng.choice([0.0, 3.0])
@@ -52,7 +52,7 @@ def test_the_way_to_the_target_is_the_cheapest_there_is(seed):
         assert walked(before, cost, free.size - 1, 0) == pytest.approx(best)
 
 
-def test_without_a_way_all_that_can_be_reached_is_known():
+def test_without_a_path_all_that_can_be_reached_is_known():
     free = np.ones((6, 9), dtype=bool)
     free[:, 5] = False
     before = tree(free, np.ones(free.shape), 0, 8).reshape(free.shape)

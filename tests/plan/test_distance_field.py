@@ -46,13 +46,13 @@ def test_outside_the_chart_the_border_counts():
 
 @pytest.mark.parametrize("outline", [JACKAL, LONG])
 @given(seen=points, x=st.floats(-1, 1), y=st.floats(-1, 1), psi=st.floats(-4, 4))
-def test_the_swept_gap_is_shapelys_distance(outline, seen, x, y, psi):
+def test_the_swept_clearance_is_shapelys_distance(outline, seen, x, y, psi):
     body = translate(rotate(Polygon(outline), psi, origin=(0, 0), use_radians=True), x, y)
     gap = swept_clearances(seen, outline, np.array([[x, y, psi]]))[0]
     assert gap == pytest.approx(body.distance(MultiPoint(seen)), abs=1e-9)
 
 
-def test_nothing_seen_is_an_infinite_gap():
+def test_nothing_seen_is_an_infinite_clearance():
     assert swept_clearances(NOTHING, JACKAL, np.zeros((3, 3))).tolist() == [math.inf] * 3
 
 

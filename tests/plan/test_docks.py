@@ -57,7 +57,7 @@ def test_the_approach_ends_at_the_dock_and_begins_where_it_is_staged():
         (0.0, 0.0, math.nan, False, False),
     ],
 )
-def test_who_is_off_the_line_may_not_begin_and_farther_off_not_go_on(x, y, psi, begins, within):
+def test_a_robot_off_the_line_may_not_begin_and_farther_off_not_continue(x, y, psi, begins, within):
     pose = there(x, y, psi)
     assert may_begin(DOCK, pose) is begins
     assert in_corridor(DOCK, pose) is within
@@ -81,7 +81,7 @@ def test_the_docks_frame_is_that_of_all_frames():
         assert math.remainder(seen.psi - of_all.psi, 2.0 * math.pi) == pytest.approx(0.0)
 
 
-def test_docked_is_who_is_as_near_as_a_hand_is_wide():
+def test_a_robot_is_docked_within_a_hands_width():
     assert docked(DOCK, there(-0.02, 0.04, 0.05))
     assert not docked(DOCK, there(-0.04, 0.0, 0.0))
     assert not docked(DOCK, there(0.0, 0.06, 0.0))
@@ -115,7 +115,7 @@ def test_of_several_docks_the_nearest_is_meant():
         (-2.2, 0.0, False, False),
     ],
 )
-def test_somebody_is_in_the_way_who_is_where_the_robot_has_yet_to_drive(x, y, in_, out):
+def test_a_disc_where_the_robot_has_yet_to_drive_is_in_the_way(x, y, in_, out):
     """The robot is 0.9 m before the dock; a disc of 0.2 m."""
     at = there(x, y)
     disc = np.array([(at.x, at.y, 0.0, 0.0, 0.2, 0.2)])

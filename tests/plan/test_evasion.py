@@ -47,7 +47,7 @@ ENCOUNTERS = {
 
 
 @pytest.mark.parametrize("name", ENCOUNTERS)
-def test_nobody_who_keeps_his_way_touches_a_robot_that_has_room(name):
+def test_no_mover_on_a_straight_course_touches_a_robot_that_has_room(name):
     done = drive(WAY, [ENCOUNTERS[name]], seconds=40.0, settings=ON)
     assert done.clearances.min() > 0.05
     assert done.arrived
@@ -62,7 +62,7 @@ def test_without_evasion_the_same_encounters_end_in_a_touch():
     assert min(gaps) < 0.0
 
 
-def test_where_nobody_moves_nothing_is_changed():
+def test_without_movers_nothing_is_changed():
     still = [(2.0, 0.6, 0.2, 0.7, 0.0, 0.0)]
     with_it, without = (
         drive(WAY, still, settings=ON, max_acceleration=0.0),
@@ -71,7 +71,7 @@ def test_where_nobody_moves_nothing_is_changed():
     np.testing.assert_array_equal(with_it.poses, without.poses)
 
 
-def test_who_passes_far_away_is_not_minded():
+def test_a_mover_far_away_is_not_evaded():
     done = drive(WAY, [coming(3.0, 4.0, 0.5, 0.0)], seconds=30.0, settings=ON)
     assert EVADING not in {d.behavior for d in done.decisions}
 
@@ -115,7 +115,7 @@ def _least_gap(pilot, seen, steps):
     return min(gaps)
 
 
-def test_who_turns_towards_the_robot_is_foreseen_to_turn():
+def test_a_mover_that_turns_towards_the_robot_is_predicted_to_turn():
     """A walker on a circle that passes through where the robot stands."""
 
     def seen(k):
@@ -128,7 +128,7 @@ def test_who_turns_towards_the_robot_is_foreseen_to_turn():
     assert _least_gap(pilot, seen, 600) > 0.05
 
 
-def test_a_person_who_leads_is_not_overruled():
+def test_an_operator_who_leads_is_not_overruled():
     """Whole deflection straight on: the command asked for is the person's alone."""
 
     def hand(_time, _pose):
@@ -144,7 +144,7 @@ def test_a_person_who_leads_is_not_overruled():
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300, -1e300])
 @pytest.mark.parametrize("column", range(6))
-def test_what_is_asked_for_is_finite_whatever_is_told(bad, column):
+def test_the_requested_twist_is_finite_whatever_the_input(bad, column):
     pilot = Pilot(through(WAY, 0.5), ON)
     rows = np.array([disc(*coming(3.0, 0.1, -0.5, 0.0)), disc(*coming(2.0, 0.2, -0.5, 0.0))])
     rows[1, column] = bad
@@ -162,7 +162,7 @@ def test_what_is_asked_for_is_finite_whatever_is_told(bad, column):
         assert np.isfinite(asked).all()
 
 
-def test_who_slows_down_is_foreseen_to_stop_and_not_to_come_back():
+def test_a_mover_that_slows_down_is_predicted_to_stop_and_not_to_come_back():
     """He walks away ahead of the robot, and stops: what would come back had to be fled from. He may
     set off again; what the robot does about that is another matter."""
     settings = ON._replace(evasion=EvasionParams(sets_off_weight=0.0))
@@ -213,7 +213,7 @@ def _foretold_and_driven(rng):
     return math.hypot(went.pose.x - pose.x, went.pose.y - pose.y)
 
 
-def test_what_the_filter_will_do_is_foretold_as_it_does_it():
+def test_the_filter_is_predicted_as_it_acts():
     """A planner that thinks that it will be stopped where it will not be gives up a way out."""
     rng = np.random.default_rng(5)
     apart = [_foretold_and_driven(rng) for _ in range(200)]
@@ -221,7 +221,7 @@ def test_what_the_filter_will_do_is_foretold_as_it_does_it():
     assert np.quantile(apart, 0.9) < 0.1
 
 
-def test_who_rests_for_a_moment_is_still_made_way_for():
+def test_a_mover_at_rest_for_a_moment_is_still_evaded():
     """Between two key frames a disc is as slow as noise for a tenth of a second. For so long the
     robot forgot it, followed its course again, and had turned when the disc set off at it."""
     history, minded = empty_mover_history(), []
@@ -239,7 +239,7 @@ def test_who_rests_for_a_moment_is_still_made_way_for():
     assert set(minded[20:]) == {0}
 
 
-def test_who_sets_off_to_another_side_is_soon_foreseen_to_go_on_doing_so():
+def test_a_mover_that_sets_off_to_another_side_is_soon_predicted_so():
     """He walked east, came to rest, and sets off to the north. Three looks later only half of that
     was believed, and for 0.8 s: the robot drove on in front of him."""
     history, e, x, y = empty_mover_history(), EvasionParams(), 0.0, 0.0
@@ -257,7 +257,7 @@ def test_who_sets_off_to_another_side_is_soon_foreseen_to_go_on_doing_so():
     assert dy == pytest.approx(0.35 * 1.5 + 0.5 * 1.5 * 1.5, abs=0.2)
 
 
-def test_who_seems_to_walk_for_a_moment_is_soon_forgotten():
+def test_an_object_that_seems_to_walk_for_a_moment_is_soon_forgotten():
     """What stands, and moves by noise, is told by a LiDAR as one who walks, for a scan or two."""
     history, minded = empty_mover_history(), []
     for k in range(10):
@@ -286,7 +286,7 @@ def _passes(weight):
     return _least_gap(Pilot(through([(0.0, 0.0), (5.0, 0.0)], 0.5), settings), seen, 400)
 
 
-def test_the_robot_keeps_farther_from_who_has_stopped_and_may_turn_on_it():
+def test_the_robot_keeps_farther_from_a_stopped_mover_that_may_turn_on_it():
     assert _passes(EvasionParams().sets_off_weight) > _passes(0.0) + 0.1
 
 

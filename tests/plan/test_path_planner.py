@@ -117,7 +117,7 @@ def test_it_begins_in_the_robots_direction_if_that_is_roughly_its_own():
     assert math.atan2(y, x) == pytest.approx(0.5)
 
 
-def test_it_can_be_left_from_a_place_that_is_tighter_than_wished():
+def test_it_can_be_left_from_a_place_tighter_than_the_clearance():
     points = np.vstack((wall(-0.5, 0.19, 0.3, 0.19), wall(-0.5, -0.19, 0.3, -0.19)))
     found = plan_path(AT, points, LINE, JACKAL, PathParams(clearance=0.04))
     assert found is None or found.clearance >= 0.04
@@ -138,7 +138,7 @@ def test_a_goal_that_is_taken_is_approached_to_where_the_robot_can_turn():
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.floats(1, 7), st.floats(-2, 2), st.floats(0.05, 0.5)), max_size=25))
-def test_a_way_never_touches_what_was_seen(things):
+def test_a_path_never_touches_an_obstacle(things):
     points = np.vstack([NOTHING, *(circle(*thing) for thing in things)])
     assume(len(points) == 0 or np.hypot(*points.T).min() > 0.35)
     found = plan_path(AT, points, LINE, JACKAL)
@@ -160,7 +160,7 @@ def test_a_line_spread_out_keeps_its_ends_and_its_course(spacing):
     assert all(LineString(bent).distance(LineString(even[[i, i]])) < 1e-9 for i in range(len(even)))
 
 
-def test_of_two_ways_that_are_about_as_good_the_one_chosen_before_is_kept():
+def test_of_two_similar_paths_the_previous_one_is_kept():
     def side(y, chosen):
         found = plan_path(AT, circle(3.0, y, 0.4), LINE, JACKAL, chosen=chosen)
         return math.copysign(1.0, found.points[np.abs(found.points[:, 1]).argmax(), 1])

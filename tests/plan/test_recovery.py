@@ -95,7 +95,7 @@ def test_a_box_that_is_too_small_to_turn_in_has_no_escape(outline):
     assert recovery_move(AT, 1.5, room(-x, -y, x, y), outline) is None
 
 
-def test_a_robot_nearer_than_the_gap_already_may_still_leave():
+def test_a_robot_nearer_than_the_clearance_already_may_still_leave():
     points = wall(-0.3, 0.175, 0.3, 0.175)  # 1 cm beside it
     move = recovery_move(AT, -0.1, points, JACKAL)
     assert move is not None

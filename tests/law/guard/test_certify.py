@@ -62,7 +62,7 @@ def test_what_is_certified_stays_clear_of_all_that_rests(outline, command, aroun
 
 
 @given(outlines(), commands(), still_things())
-def test_what_is_refused_comes_near_the_thing_that_is_named(outline, command, around):
+def test_what_is_refused_comes_near_the_named_obstacle(outline, command, around):
     """No needless refusal: within `clear` and what lies between two looks of this test."""
     lim, twist = command
     around = beyond(outline, around, 0.015)
@@ -196,7 +196,7 @@ def test_braking_ends_at_rest_within_the_limits_and_on_the_certified_arc(command
         surroundings(points=[[math.nan, 0.0], [0.6, 0.0]]),
     ],
 )
-def test_driving_on_into_a_thing_ahead_is_refused_and_backing_off_is_not(around: Surroundings):
+def test_driving_on_into_an_obstacle_ahead_is_refused_and_backing_off_is_not(around: Surroundings):
     last = len(around.discs) + len(around.segments) + len(around.points) - 1
     assert certificate(SALLY, Twist(1.0, 0.0), SALLY_LIMITS, around) == last
     assert certificate(SALLY, Twist(-1.0, 0.0), SALLY_LIMITS, around) == CLEAR
@@ -204,7 +204,7 @@ def test_driving_on_into_a_thing_ahead_is_refused_and_backing_off_is_not(around:
 
 
 @pytest.mark.parametrize("clearance", [0.0085, 0.011, 0.0149])
-def test_who_came_near_while_the_robot_stood_may_be_left_but_not_be_come_nearer_to(clearance):
+def test_a_disc_that_came_near_the_standing_robot_may_be_left_but_not_approached(clearance):
     person = surroundings([[0.46 + clearance, 0.05, 0.0, 0.0, 0.1, 0.2]], [1.0])
     for away in (-0.04, -0.1, -0.5, -1.0):
         assert certificate(SALLY, Twist(away, 0.0), SALLY_LIMITS, person) == CLEAR
@@ -214,26 +214,26 @@ def test_who_came_near_while_the_robot_stood_may_be_left_but_not_be_come_nearer_
     assert certificate(SALLY, Twist(0.0, 0.0), SALLY_LIMITS, person) == CLEAR
 
 
-def test_who_is_upon_the_robot_already_holds_it_where_it_stands():
+def test_a_disc_upon_the_robot_holds_it_where_it_stands():
     person = surroundings([[0.468, 0.0, 0.0, 0.0, 0.1, 0.2]], [1.0])
     assert certificate(SALLY, Twist(-0.1, 0.0), SALLY_LIMITS, person) == 0
     assert certificate(SALLY, Twist(0.0, 0.0), SALLY_LIMITS, person) == CLEAR
 
 
-def test_who_seems_to_rest_but_may_be_on_his_way_is_no_thing_that_rests():
+def test_a_disc_at_rest_with_a_velocity_error_is_not_static():
     """As somebody whose velocity nobody knows: at 1.3 m/s he is there before the robot stands."""
     for off, said in ((0.0, CLEAR), (1.3, 0)):
         person = surroundings([[1.0, 0.0, 0.0, 0.0, 0.1, 0.2]], [0.0], velocity_error=[off])
         assert certificate(SALLY, Twist(0.6, 0.0), SALLY_LIMITS, person) == said
 
 
-def test_from_who_comes_on_faster_than_the_robot_can_leave_it_does_not_move():
+def test_the_robot_does_not_move_before_a_mover_faster_than_itself():
     person = surroundings([[0.47, 0.0, -0.5, 0.0, 0.1, 0.2]], [1.0])
     assert certificate(SALLY, Twist(-0.3, 0.0), SALLY_LIMITS, person) == 0
     assert certificate(SALLY, Twist(-1.0, 0.0), SALLY_LIMITS, person) == 0  # it has to stop, too
 
 
-def test_who_is_being_left_does_not_come_nearer_than_half_of_clear_between_two_steps():
+def test_a_disc_that_is_being_left_stays_beyond_half_the_hard_margin_between_two_steps():
     """Steps of 0.1 s: the corner swings past somebody, who is as far off after it as before."""
     reach, backing = circumscribed_radius(SALLY), Twist(-0.945, 0.0)
     passing = surroundings([[0.352572, -0.459795, 0.782436, 0.024635, 0.155611, 0.2]])
@@ -267,7 +267,9 @@ def test_no_patience_creeps_up_on_what_is_too_near(speed):
 
 
 @given(outlines(), commands(), still_things())
-def test_every_command_finds_the_gap_that_the_certificate_promises_it(outline, command, around):
+def test_every_command_finds_the_clearance_that_the_certificate_guarantees(
+    outline, command, around
+):
     """Where the next command may come in, after the hold or a braking step, there is no dip."""
     lim, twist = command
     floor = 0.0075 + 0.015 / 16
@@ -278,7 +280,7 @@ def test_every_command_finds_the_gap_that_the_certificate_promises_it(outline, c
             assert (clearances(outline, pose, around) >= np.minimum(start, floor) - 1e-9).all()
 
 
-def test_a_gap_between_clear_and_half_of_it_may_be_used_up_to_the_half_of_it():
+def test_a_clearance_between_the_hard_margin_and_half_of_it_may_be_used_up_to_the_half():
     wall = surroundings(segments=[[0.372, -3.0, 0.372, 3.0]])
     assert certificate(SALLY, Twist(0.09, 0.0), SALLY_LIMITS, wall) == CLEAR  # 3 mm
     assert certificate(SALLY, Twist(0.2, 0.0), SALLY_LIMITS, wall) == 0  # 12 mm

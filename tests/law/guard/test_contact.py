@@ -12,7 +12,7 @@ near = st.floats(-1.2, 1.2, allow_subnormal=False)  # shapely has no length for 
 
 
 @given(outlines(), near, near)
-def test_the_gap_is_the_distance_outside_and_minus_the_depth_inside(outline, x, y):
+def test_the_clearance_is_the_distance_outside_and_minus_the_depth_inside(outline, x, y):
     body, point = shapely.Polygon(outline), shapely.Point(x, y)
     expected = body.distance(point) or -body.exterior.distance(point)
     assert contact(outline, x, y).clearance == pytest.approx(expected, abs=1e-9)
@@ -20,7 +20,7 @@ def test_the_gap_is_the_distance_outside_and_minus_the_depth_inside(outline, x, 
 
 
 @given(outlines(), near, near)
-def test_the_contact_is_a_point_of_the_outline_in_the_direction_of_the_thing(outline, x, y):
+def test_the_contact_is_a_point_of_the_outline_in_the_direction_of_the_obstacle(outline, x, y):
     c = contact(outline, x, y)
     assert math.hypot(c.nx, c.ny) == pytest.approx(1.0)
     if c.clearance <= 1e-6:
@@ -30,7 +30,7 @@ def test_the_contact_is_a_point_of_the_outline_in_the_direction_of_the_thing(out
 
 
 @given(outlines(), near, near, st.floats(1e-5, 1e-4))
-def test_moving_along_the_normal_opens_the_gap(outline, x, y, step):
+def test_moving_along_the_normal_increases_the_clearance(outline, x, y, step):
     """The robot moves by +n, which is the thing moving by -n; inside, out of the nearest edge."""
     c = contact(outline, x, y)
     after = contact(outline, x - step * c.nx, y - step * c.ny)
@@ -38,7 +38,7 @@ def test_moving_along_the_normal_opens_the_gap(outline, x, y, step):
 
 
 @given(outlines(), near, near, near, near)
-def test_the_gap_to_a_wall_is_the_distance_and_negative_exactly_where_they_cross(
+def test_the_clearance_to_a_wall_is_the_distance_and_negative_exactly_where_they_cross(
     outline, ax, ay, bx, by
 ):
     assume(math.hypot(bx - ax, by - ay) > 1e-3)
@@ -97,7 +97,7 @@ def test_on_the_outline_the_way_out_is_through_the_edge():
     assert (c.clearance, c.nx, c.ny) == (0.0, -1.0, 0.0)
 
 
-def test_a_robot_of_no_size_that_is_touched_is_told_some_way_out():
+def test_a_point_robot_that_is_touched_gets_some_direction_out():
     """Which one is nothing: but a direction, of length 1."""
     dot = np.array([[0.1, -0.2]])
     for c in (contact(dot, 0.1, -0.2), overlap(dot, 0.1, -0.2, 0.1, -0.2)):

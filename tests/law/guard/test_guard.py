@@ -56,7 +56,7 @@ def test_the_command_is_within_the_limits_to_the_last_digit(outline, state, arou
 
 
 @given(outlines(), driving(), still_things())
-def test_a_wish_far_from_every_bound_passes_to_the_last_bit(outline, state, around):
+def test_a_nominal_command_far_from_every_bound_passes_to_the_last_bit(outline, state, around):
     lim, before, _ = state
     nominal = Twist(0.9999 * before.v, 0.9999 * before.omega)
     x, y = around.points.T + 12.0

@@ -150,7 +150,7 @@ def rows_of(pose: Pose, before: Twist, around: Surroundings, outline: np.ndarray
 
 
 @given(outlines(), coordinates, coordinates, angles, twists(ALL), angles)
-def test_a_bound_is_how_fast_the_gap_closes(outline, x, y, psi, asked, course):
+def test_a_bound_is_the_closing_speed_of_the_clearance(outline, x, y, psi, asked, course):
     """By differences, at a pose, for a moving disc and a point."""
     pose, tick = Pose(0.3, -0.2, psi), 1e-6
     vx, vy = 0.8 * math.cos(course), 0.8 * math.sin(course)
@@ -224,7 +224,7 @@ def test_an_invalid_step_is_a_stop_and_claims_nothing(what, bad):
     assert got == (0.0, 0.0, INVALID, 0.0, math.inf, NOTHING)
 
 
-def test_an_absurd_wish_is_one_of_a_billion():
+def test_an_absurd_nominal_command_is_clipped_to_a_billion():
     got = guard_step(HERE, REST, Twist(1e300, -1e300), EMPTY, SALLY, unlimited(0.5))
     assert (got.v, got.omega) == (1e9, -1e9)
 
@@ -246,7 +246,7 @@ def test_from_python_every_setting_gets_where_it_belongs():
 
 
 @given(lengths, lengths, st.floats(0.05, 2.0))
-def test_the_gap_that_is_told_is_the_nearest_of_all_that_have_bounds(x, y, far):
+def test_the_reported_clearance_is_the_smallest_of_all_with_bounds(x, y, far):
     near = [disc(0.36 + 0.01 + 0.1, 0.0, 0.1), disc(-0.36 - far - 0.1, 0.0, 0.1)]
     for rows in (near, near[::-1]):
         got = guard_step(HERE, REST, REST, surroundings(rows), SALLY, SALLY_LIMITS)

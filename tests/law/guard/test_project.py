@@ -72,7 +72,7 @@ def test_the_order_of_the_bounds_does_not_matter(nominal, rows, weight):
 
 
 @given(twists, bounds(), weights)
-def test_an_allowed_wish_comes_back_to_the_last_bit(nominal, rows, weight):
+def test_an_allowed_nominal_command_passes_to_the_last_bit(nominal, rows, weight):
     kept = rows[rows[:, :2] @ np.array(nominal) >= rows[:, 2]]
     assert project(nominal, kept.copy(), len(kept), weight) == (nominal, True, NO_OBSTACLE)
 
@@ -124,7 +124,7 @@ def test_what_gives_way_steering_or_speed_is_a_choice():
 
 
 @given(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9))
-def test_a_huge_wish_costs_no_digits_of_the_bounds(v, omega):
+def test_a_huge_nominal_command_costs_no_digits_of_the_bounds(v, omega):
     box = np.array([[1, 0, -1, 0], [-1, 0, -1, 0], [0, 1, -2, 0], [0, -1, -2, 0]], dtype=float)
     got = project(Twist(v, omega), box, 4, 0.5)
     assert got.feasible
@@ -142,7 +142,7 @@ def test_ten_thousand_bounds_are_kept():
     assert (rows[:, :2] @ np.array(got.twist) >= rows[:, 2] - 1e-9).all()
 
 
-def test_a_wish_that_misses_a_bound_by_no_more_than_the_slack_comes_back_to_the_last_bit():
+def test_a_nominal_command_that_misses_a_bound_by_no_more_than_the_slack_passes_to_the_last_bit():
     nominal = Twist(-_SLACK, 0.3)
     got = project(nominal, np.array([[1.0, 0.0, 0.0, 0.0]]), 1, 0.5)
     assert got.twist == nominal

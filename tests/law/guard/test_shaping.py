@@ -57,7 +57,7 @@ def test_nothing_is_approached_faster_than_the_robot_can_stop(outline, around, n
 
 
 @given(st.floats(0.031, 0.7), angles, wishes)
-def test_a_thing_right_beside_is_approached_as_fast_as_may_be_and_no_faster(
+def test_an_obstacle_right_beside_is_approached_as_fast_as_allowed_and_no_faster(
     clearance, turn, nominal
 ):
     """A wall square to the bow, and the robot straight at it: the approach law to the digit."""
@@ -139,7 +139,7 @@ AHEAD = {
 
 
 @pytest.mark.parametrize("limiting", AHEAD)
-def test_the_culprit_is_counted_through_discs_walls_and_points(limiting):
+def test_the_limiting_obstacle_is_numbered_through_discs_walls_and_points(limiting):
     """The shaping names it; and the certificate does where the shaping is blind (margin 0)."""
     around = AHEAD[limiting]
     shaped = guard_step(HERE, Twist(0.0, 0.0), Twist(1.0, 0.0), around, SALLY, SALLY_LIMITS)
@@ -176,7 +176,7 @@ def test_standing_is_told_from_braking():
         surroundings(points=[[9.0, 0.0]]),
     ],
 )
-def test_with_nothing_near_the_gap_is_infinite_and_the_wish_passes(far):
+def test_with_nothing_near_the_clearance_is_infinite_and_the_command_passes(far):
     got = guard_step(HERE, Twist(0.5, 0.0), Twist(0.52, 0.0), far, SALLY, SALLY_LIMITS)
     assert (got.v, got.omega, got.clearance, got.change) == (0.52, 0.0, math.inf, 0.0)
 
