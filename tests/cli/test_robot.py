@@ -13,7 +13,7 @@ from cohelm.link.station_end import StationEnd
 def test_a_paired_station_hears_a_robot_that_listens(tmp_path, monkeypatch):
     """From `cohelm pair new` to telemetry, with nothing but what the commands do."""
     monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "keys"))
-    keys.let_in("anna", tmp_path / "anna.pair")
+    keys.pair("anna", tmp_path / "anna.pair")
     keys.install(tmp_path / "anna.pair")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))

@@ -29,7 +29,7 @@ class FarRobot:
         self.record = folder / "far.mcap"
         self.log = folder / "far.log"
         if not (folder / "far.pair").exists():
-            keys.let_in("far", folder / "far.pair")
+            keys.pair("far", folder / "far.pair")
             keys.install(folder / "far.pair")
         command = [sys.executable, "-m", "cohelm", "robot", scenario, "--json"]
         command += ["--listen", f"{net.ROBOT}:{PORT}", "--record", str(self.record), *more]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cohelm.core.types import Twist
-from cohelm.drive.checking import CheckingHere
+from cohelm.drive.checking import InlineChecking
 from cohelm.drive.on_topics import OnTopics
 from cohelm.drive.operator_requests import OperatorRequests
 from cohelm.drive.proposed import NONE, CheckedPath
@@ -87,7 +87,7 @@ class Later:
         return True
 
 
-class Slow(CheckingHere):
+class Slow(InlineChecking):
     """Each check takes so many periods."""
 
     def __init__(self, judge) -> None:
@@ -237,7 +237,7 @@ class Drive:
         self.desk = OperatorRequests(
             self.session, self.link, known, folder, SessionJobs, () if topics is None else (topics,)
         )
-        self.beside: SessionJobs = self.desk._beside
+        self.beside: SessionJobs = self.desk._jobs
         self._build = self.desk._rerouting._build
         self.desk._rerouting._build = self._built
         self.periods = itertools.count()

@@ -43,7 +43,7 @@ class End(RobotEnd):
         pass
 
     def close(self) -> None:
-        self._let_go()
+        self._close_all()
         self._waker.close()
 
     def answer(self, client, number, granted, reason="") -> None:
@@ -88,7 +88,7 @@ class Station:
             name=name, peer=f"key of {name}", up=True, close=lambda: [], seal=lambda data: []
         )
         sock = SimpleNamespace(close=lambda: None, send=lambda data: None)
-        link.end._welcome(Guest(channel, sock, ("", 0), []))
+        link.end._admit(Guest(channel, sock, ("", 0), []))
         self.number = max(link.end._clients)
         self.client = link.end._clients[self.number]
         self.bulk = _Station(channel, ("", 0), 0.0)
@@ -129,7 +129,7 @@ class Station:
     def leave(self) -> None:
         self.silent = True
         if self.there:
-            self.link.end._leave(self.client, "good-bye")
+            self.link.end._remove(self.client, "good-bye")
 
     @property
     def there(self) -> bool:
@@ -168,7 +168,7 @@ class SimulatedLink(OverLink):
             station.speak()
         while self._queue and self._queue[0][0] <= self.now() + 1e-9:
             heapq.heappop(self._queue)[2]()
-        self.end._time_passes(self.now())
+        self.end._expire(self.now())
 
 
 def checked(station: Station) -> list:

@@ -6,7 +6,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.drive.awaited import Awaited
+from cohelm.drive.awaited import PendingLink
 from cohelm.drive.operate import DriveOptions
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
@@ -54,7 +54,7 @@ class Robot:
 
 def awaited():
     there: list[Robot] = []
-    return Awaited(lambda: there[0] if there else None, lambda: "starting (3 s)"), there
+    return PendingLink(lambda: there[0] if there else None, lambda: "starting (3 s)"), there
 
 
 def test_until_there_is_a_robot_everything_is_refused_and_the_page_hears_why():

@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.types import Pose
 from cohelm.drive import checking
-from cohelm.drive.checking import CheckingElsewhere
+from cohelm.drive.checking import RemoteChecking
 from cohelm.drive.proposed import CheckedPath, PathChecker
 from tests.link.ends import until
 
@@ -28,7 +28,7 @@ class Sleepy:
         return JUDGE(points, pose)
 
 
-def checked_path(process: CheckingElsewhere) -> CheckedPath:
+def checked_path(process: RemoteChecking) -> CheckedPath:
     until(lambda: process.ready, STARTED)
     process.begin(time.monotonic(), WAY, HERE)
     assert not process.ready
@@ -38,7 +38,7 @@ def checked_path(process: CheckingElsewhere) -> CheckedPath:
 
 
 def test_a_process_that_dies_is_replaced_and_what_it_had_is_answered():
-    process = CheckingElsewhere(JUDGE)
+    process = RemoteChecking(JUDGE)
     try:
         assert checked_path(process).reference is not None
         os.kill(process._child._process.pid, signal.SIGSTOP)
@@ -56,7 +56,7 @@ def test_a_process_that_dies_is_replaced_and_what_it_had_is_answered():
 
 def test_a_check_that_never_ends_is_given_up_and_no_call_waits(monkeypatch):
     monkeypatch.setattr(checking, "WITHIN", 0.5)
-    process = CheckingElsewhere(Sleepy())
+    process = RemoteChecking(Sleepy())
     try:
         began = time.monotonic()
         until(lambda: process.ready, STARTED)
@@ -77,7 +77,7 @@ def test_a_check_that_never_ends_is_given_up_and_no_call_waits(monkeypatch):
 
 def test_a_process_that_was_given_up_is_ended_though_nobody_came_to_it_before_the_end():
     """Its replacing is left out, as all that has not begun then; its end is not."""
-    process, held_up = CheckingElsewhere(JUDGE), threading.Event()
+    process, held_up = RemoteChecking(JUDGE), threading.Event()
     child = process._child
     process._jobs.do(lambda: held_up.wait(STARTED) and None)
     process._busy = child.gone = True
@@ -89,7 +89,7 @@ def test_a_process_that_was_given_up_is_ended_though_nobody_came_to_it_before_th
 
 def test_a_process_that_comes_up_after_the_end_is_ended(monkeypatch):
     """On a busy machine `close` does not wait for it."""
-    process = CheckingElsewhere(Sleepy())
+    process = RemoteChecking(Sleepy())
     monkeypatch.setattr(checking, "_AGAIN", 0.0)
     began, goes_on, ended = threading.Event(), threading.Event(), threading.Event()
 

@@ -121,7 +121,7 @@ def test_nothing_old_is_driven_the_robot_stops_in_the_dark_and_goes_on_without_r
                 network.be(**path)
                 drives(station, person)
                 time.sleep(2.0)
-                way = station._way
+                way = station._connection
                 dark = time.time()
                 network.be(loss=1.0)
                 time.sleep(DARK)
@@ -130,7 +130,7 @@ def test_nothing_old_is_driven_the_robot_stops_in_the_dark_and_goes_on_without_r
                 until(lambda: station.status().status.stopped, PATIENT)
                 drives(station, person)
                 time.sleep(1.0)
-                assert station._way is way
+                assert station._connection is way
                 person.open = False
                 person.join()
         finally:

@@ -21,7 +21,7 @@ from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.law.gains import Gains
 from cohelm.law.human import human, limited
-from cohelm.link.keys import joined_by, pair_here
+from cohelm.link.keys import pair_here, with_local_station
 from cohelm.link.messages import Ask, Mode
 from cohelm.link.station_end import StationEnd
 from cohelm.loop.driver import by_hand
@@ -215,7 +215,7 @@ def test_what_can_not_be_steered_with_is_told(robot, kind, encoding, data, why):
 
 
 def test_only_one_of_those_who_look_on_steers(monkeypatch):
-    of_robot, own = joined_by(pair_here()[0], "foxglove")
+    of_robot, own = with_local_station(pair_here()[0], "foxglove")
     assert own.certificate in of_robot.trusted
     monkeypatch.setattr(FoxgloveTeleop, "_run", lambda self: None)
     teleop = FoxgloveTeleop(Joined(own, "127.0.0.1", 9, GAINS))

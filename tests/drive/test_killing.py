@@ -184,7 +184,7 @@ def test_a_sensor_that_breaks_stops_the_robot_and_is_named_in_the_record(drive, 
 @pytest.mark.slow
 def test_when_the_driver_s_process_is_killed_the_robot_stops(drive, tmp_path, monkeypatch):
     monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "keys"))
-    keys.let_in("killed", tmp_path / "killed.pair")
+    keys.pair("killed", tmp_path / "killed.pair")
     keys.install(tmp_path / "killed.pair")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from cohelm.drive.operate import ended
+from cohelm.drive.operate import end_signals
 from cohelm.ros import mismatch
 from cohelm.ros.options import by_topics
 from cohelm.ros.port import Endpoint, Qos
@@ -24,8 +24,8 @@ from cohelm.ros.port import Endpoint, Qos
 def test_a_signal_becomes_a_wish_unless_the_drive_was_told_not_to_hear_it(number, before, said):
     then = signal.signal(number, before)
     try:
-        with ended() as end:
-            end.heed()
+        with end_signals() as end:
+            end.handle_signals()
             os.kill(os.getpid(), number)
             assert end.reason == said
         assert signal.getsignal(number) == before
@@ -40,7 +40,7 @@ def test_what_does_not_fit_names_options_that_the_command_has():
             ("/cmd_vel", mismatch.TWIST, True), ("/stop", mismatch.TWIST, True)]  # fmt: skip
     others = [Endpoint(topic, kind, qos, out, f"/{kind}") for topic, kind, out in seen]
     said = [
-        *(mismatch.unheard("/a", mismatch.SCAN, qos, option, others)
+        *(mismatch.nothing_received("/a", mismatch.SCAN, qos, option, others)
           for option in ("--odom", "--scan", "--further-scan rear=TOPIC")),
         mismatch.base_type("/b", None, qos, others)[1],
         mismatch.base_type("/cmd_vel", None, qos, others)[1],

@@ -11,7 +11,7 @@ from cohelm.core.types import Stick
 from cohelm.drive.playback import Playback
 from cohelm.drive.replayed import Replaying
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.shown import drawn, way
+from cohelm.drive.shown import map_message, reference_lines
 from cohelm.drive.simulated import simulated
 from cohelm.link.bulk_messages import LineKind, Map, Picture, Polyline
 from cohelm.link.messages import Ask, Discs, Mode, Severity, Status
@@ -38,7 +38,7 @@ def driven(tmp_path_factory):
         session.run(lambda loop: gated.now() >= 5.0)
         told = list(operator.statuses)
         known = map_from_geometry(robot.scenario.walls(), robot.start)
-        shown = [drawn(known), *way(robot.scenario.reference.spline())]
+        shown = [map_message(known), *reference_lines(robot.scenario.reference.spline())]
     return path, told, shown
 
 

@@ -2,7 +2,7 @@
 
 import time
 
-from cohelm.drive.jobs import InThread
+from cohelm.drive.jobs import ThreadJobs
 from cohelm.link.messages import Ask
 from cohelm.link.rate import TokenBucket
 from tests.drive.resuming import Drive, FakeRecording
@@ -52,7 +52,7 @@ def test_five_hundred_toggles_are_one_record_more_and_the_end_waits_for_none(tmp
 
     with Drive(tmp_path) as drive:
         switch = drive.desk._records
-        switch._jobs, switch._make = InThread("records"), Slow
+        switch._jobs, switch._make = ThreadJobs("records"), Slow
         drive.run(script(drive))
         began = time.monotonic()
         switch.close()

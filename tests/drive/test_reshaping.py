@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Stick, Twist
-from cohelm.drive.operator_requests import judge_of
+from cohelm.drive.operator_requests import checker_of
 from cohelm.drive.playback import Playback
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
@@ -191,9 +191,9 @@ def test_a_way_is_held_against_the_outline_that_it_has():
     plan, narrow = SessionConfig(made), np.array([[2.0, 0.9], [4.0, 0.9]])
     known = map_from_geometry(made.scenario.walls(), made.start)
     here = Pose(0.0, 0.0, 0.0)
-    assert judge_of(plan, known)(narrow, here).reference is not None
+    assert checker_of(plan, known)(narrow, here).reference is not None
     wide = longer(made.model.outline, 0.0, 0.3)
-    said = judge_of(plan, known, wide)(narrow, here)
+    said = checker_of(plan, known, wide)(narrow, here)
     assert said.reference is None
     assert "on the way to 2: something in the way" in said.why
 

@@ -7,10 +7,10 @@ import pytest
 
 from cohelm.core.frames import placed
 from cohelm.core.types import Pose, Twist
-from cohelm.drive.checking import CheckingElsewhere
-from cohelm.drive.jobs import AtOnce
+from cohelm.drive.checking import RemoteChecking
+from cohelm.drive.jobs import InlineJobs
 from cohelm.drive.on_topics import OnTopics
-from cohelm.drive.operator_requests import judge_of
+from cohelm.drive.operator_requests import checker_of
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.drive.zones_on_topics import ZonesOnTopics
@@ -76,7 +76,7 @@ class Ride:
         self.topics, self.said, self.poses, self.modes = Topics(), [], [], []
         made = along_corridor(end)
         used = keep_out(*boxes)
-        zones = ZonesOnTopics(self.topics, (used,), "map", "/", AtOnce(), self.said.append)
+        zones = ZonesOnTopics(self.topics, (used,), "map", "/", InlineJobs(), self.said.append)
         topics, self.body = OnTopics(None, None, zones=zones), covering(made.model.outline, CELL)
         with Session(SessionConfig(made, zones=masked([used]))) as session:
             topics.attend(session)
@@ -180,7 +180,7 @@ def test_one_that_is_lifted_stands_in_nobodys_way_any_more():
 )  # fmt: skip
 def test_what_can_not_be_used_is_told_once_and_changes_nothing(tmp_path, spoil, why):
     topics, said = Topics(), []
-    zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", AtOnce(), said.append)
+    zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", InlineJobs(), said.append)
     with Drive(tmp_path, topics=OnTopics(None, None, zones=zones)) as drive:
         zones.attend(drive.session)
         topics.say("/info", info("mask"))
@@ -205,7 +205,7 @@ def test_what_can_not_be_used_is_told_once_and_changes_nothing(tmp_path, spoil, 
 
 def test_stations_are_shown_them_and_ways_are_held_against_them(tmp_path):
     topics = Topics()
-    zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", AtOnce(), print)
+    zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", InlineJobs(), print)
     with Drive(tmp_path, topics=OnTopics(None, None, zones=zones)) as drive:
         zones.attend(drive.session)
         anna = drive.station("anna")
@@ -225,7 +225,7 @@ def test_stations_are_shown_them_and_ways_are_held_against_them(tmp_path):
 
 def test_a_way_made_before_they_came_has_them_too(tmp_path):
     topics = Topics()
-    zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", AtOnce(), print)
+    zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", InlineJobs(), print)
     with Drive(tmp_path, topics=OnTopics(None, None, zones=zones)) as drive:
         zones.attend(drive.session)
         drive.run(range(5))
@@ -235,7 +235,7 @@ def test_a_way_made_before_they_came_has_them_too(tmp_path):
         topics.mask(ACROSS)
         drive.run(range(5))
         first = drive.loop.driver
-        drive.desk._rerouting._take_up(drive.loop, made, reference)
+        drive.desk._rerouting._adopt(drive.loop, made, reference)
         assert drive.loop.driver is made
         assert made.zones is first.zones is not None
 
@@ -256,7 +256,7 @@ def test_zones_are_taken_up_where_the_robot_can_stop_and_at_once_while_it_is_los
 def test_another_process_judges_ways_from_then_on():
     made = simulated(CORRIDOR, real_time=False)
     plan = SessionConfig(made)
-    checking = CheckingElsewhere(judge_of(plan, None))
+    checking = RemoteChecking(checker_of(plan, None))
     here, goal = Pose(0.0, 0.0, 0.0), Goal(1.9, -0.5)
 
     def answer():
@@ -267,7 +267,7 @@ def test_another_process_judges_ways_from_then_on():
     try:
         assert answer().reference is not None
         zones = masked([keep_out(ACROSS)])
-        checking.judge_by(judge_of(SessionConfig(made, zones=zones), None))
+        checking.set_checker(checker_of(SessionConfig(made, zones=zones), None))
         assert answer().why == "the goal 1.9, -0.5 is in a keep-out zone"
     finally:
         checking.close()

@@ -17,7 +17,7 @@ def exchange(path: Path, offset: float, there: float, back: float, at: float, nu
     """A message from here at `at`, its echo 20 ms after it has come; returns when that comes."""
     arrived = at + there
     sent = arrived + 0.02
-    path.heard(Header(1, number, sent + offset, at, 0.02), sent + back)
+    path.update(Header(1, number, sent + offset, at, 0.02), sent + back)
     return sent + back
 
 
@@ -44,7 +44,7 @@ def test_no_command_is_taken_for_younger_than_it_is(ways, offset):
         # `exchange` names the way from the robot `there`, and the way of a command `back`
         back_shortest = min(back_shortest, there)
         drifted = DRIFT * (now - 100.0)
-        oldest = path.oldest(now - back + offset, now)  # of the command that has just come
+        oldest = path.max_age(now - back + offset, now)  # of the command that has just come
         assert back - 1e-9 <= oldest <= back + back_shortest + drifted + 1e-3
 
 
@@ -54,7 +54,7 @@ def test_a_command_is_as_old_as_it_is_where_only_its_own_way_is_slow(slow):
     for number in range(20):
         now = exchange(path, 50.0, 0.0, slow, now, number + 1)
     assert path.age(now - slow + 50.0, now) == pytest.approx(0.5 * slow, abs=0.01)  # the middle
-    assert path.oldest(now - slow + 50.0, now) == pytest.approx(slow, abs=0.01)
+    assert path.max_age(now - slow + 50.0, now) == pytest.approx(slow, abs=0.01)
 
 
 @pytest.mark.parametrize("jump", [-3600.0, -1.0, 0.5, 3600.0])
@@ -63,7 +63,7 @@ def test_after_a_clock_has_jumped_the_age_is_bounded_again_from_the_next_echo_on
     for number in range(20):
         now = exchange(path, 50.0, 0.02, 0.02, now, number + 1)
     now = exchange(path, 50.0 + jump, 0.02, 0.02, now, 30)
-    assert path.oldest(now + 50.0 + jump, now) == pytest.approx(0.02, abs=0.01)
+    assert path.max_age(now + 50.0 + jump, now) == pytest.approx(0.02, abs=0.01)
 
 
 def test_a_small_jump_that_hides_in_a_long_round_trip_never_makes_a_command_younger():
@@ -72,24 +72,24 @@ def test_a_small_jump_that_hides_in_a_long_round_trip_never_makes_a_command_youn
         now = exchange(path, 50.0, 0.1, 0.1, now, number + 1)
     for number in range(20, 40):  # 90 ms back: within half of the round trip
         now = exchange(path, 49.91, 0.1, 0.1, now, number + 1)
-        assert path.oldest(now - 0.1 + 49.91, now) >= 0.1 - 1e-9
+        assert path.max_age(now - 0.1 + 49.91, now) >= 0.1 - 1e-9
 
 
 def test_nothing_is_known_before_an_echo():
     path = Path()
-    assert path.heard(Header(1, 1, 5.0, math.nan, math.nan), 100.0)
+    assert path.update(Header(1, 1, 5.0, math.nan, math.nan), 100.0)
     assert math.isnan(path.offset)
     assert math.isnan(path.round_trip)
     assert math.isnan(path.age(5.0, 101.0))
-    assert math.isnan(path.oldest(5.0, 101.0))
+    assert math.isnan(path.max_age(5.0, 101.0))
 
 
 def test_older_and_repeated_messages_are_not_new():
     path = Path()
-    assert path.heard(Header(1, 5, 1.0, math.nan, math.nan), 1.0)
+    assert path.update(Header(1, 5, 1.0, math.nan, math.nan), 1.0)
     for number in (5, 4, 1):
-        assert not path.heard(Header(1, number, 2.0, math.nan, math.nan), 1.1)
-    assert path.heard(Header(1, 6, 1.1, math.nan, math.nan), 1.2)
+        assert not path.update(Header(1, number, 2.0, math.nan, math.nan), 1.1)
+    assert path.update(Header(1, 6, 1.1, math.nan, math.nan), 1.2)
 
 
 @given(late=st.floats(0.3, 30.0))
@@ -100,7 +100,7 @@ def test_a_burst_after_a_black_out_does_not_look_young(late):
         now = exchange(path, 50.0, 0.02, 0.02, now, number + 1)
     for held in range(20):  # sent before the black-out, with the echoes of then
         sent = now + 0.02 * held
-        path.heard(Header(1, 30 + held, sent + 50.0, now - 0.05, 0.01), sent + late)
+        path.update(Header(1, 30 + held, sent + 50.0, now - 0.05, 0.01), sent + late)
         assert path.age(sent + 50.0, sent + late) == pytest.approx(late, abs=0.03)
 
 
@@ -119,7 +119,7 @@ def test_echoes_that_can_not_be_are_ignored(echo, hold):
     path = Path()
     exchange(path, 50.0, 0.02, 0.02, 100.0, 1)
     before = path.offset
-    path.heard(Header(1, 2, 150.2, echo, hold), 100.2)
+    path.update(Header(1, 2, 150.2, echo, hold), 100.2)
     assert path.offset == before
 
 
@@ -128,12 +128,12 @@ def test_loss_is_counted():
     for number in range(100):
         now += 0.02
         if number % 4:
-            path.heard(Header(1, number, now, math.nan, math.nan), now)
+            path.update(Header(1, number, now, math.nan, math.nan), now)
     assert path.lost == pytest.approx(0.25, abs=0.02)
 
 
 def test_another_session_begins_anew():
     path = Path()
     exchange(path, 50.0, 0.02, 0.02, 100.0, 1000)
-    assert path.heard(Header(2, 1, 0.0, math.nan, math.nan), 101.0)
+    assert path.update(Header(2, 1, 0.0, math.nan, math.nan), 101.0)
     assert math.isnan(path.offset)

@@ -49,7 +49,7 @@ def shaken(robot: keys.Keys, station: keys.Keys) -> tuple[Channel, Channel]:
 
 def test_a_paired_station_is_let_in_and_both_know_each_other(tmp_path, moved):
     keys.robot("sally")
-    keys.let_in("anna", tmp_path / "anna.pair")
+    keys.pair("anna", tmp_path / "anna.pair")
     robot = keys.robot()
     moved()
     assert keys.install(tmp_path / "anna.pair") == "sally"
@@ -61,9 +61,9 @@ def test_a_paired_station_is_let_in_and_both_know_each_other(tmp_path, moved):
 
 
 def test_a_station_that_was_shut_out_is_refused(tmp_path, moved):
-    keys.let_in("anna", tmp_path / "anna.pair")
-    keys.let_in("ben", tmp_path / "ben.pair")
-    keys.shut_out("anna")
+    keys.pair("anna", tmp_path / "anna.pair")
+    keys.pair("ben", tmp_path / "ben.pair")
+    keys.unpair("anna")
     assert [name for name, _ in keys.stations()] == ["ben"]
     robot = keys.robot()
     moved()
@@ -105,7 +105,7 @@ def test_a_certificate_signed_by_a_paired_station_is_not_let_in():
 
 
 def test_only_the_owner_can_read_what_is_secret(tmp_path, home, moved):
-    keys.let_in("anna", tmp_path / "anna.pair")
+    keys.pair("anna", tmp_path / "anna.pair")
     secret = [tmp_path / "anna.pair", home / "robot" / "robot.key"]
     moved()
     keys.install(tmp_path / "anna.pair")
@@ -123,17 +123,17 @@ def test_what_can_not_be_paired_is_said_with_its_cure(tmp_path, moved):
         keys.station()
     for name in ("", "../x", "a b", "x" * 33, ".hidden"):
         with pytest.raises(CohelmError, match="can not be a name"):
-            keys.let_in(name, tmp_path / "x.pair")
-    keys.let_in("anna", tmp_path / "anna.pair")
+            keys.pair(name, tmp_path / "x.pair")
+    keys.pair("anna", tmp_path / "anna.pair")
     with pytest.raises(CohelmError, match="pair remove anna"):
-        keys.let_in("anna", tmp_path / "again.pair")
+        keys.pair("anna", tmp_path / "again.pair")
     with pytest.raises(CohelmError, match="name another file"):
-        keys.let_in("ben", tmp_path / "anna.pair")
+        keys.pair("ben", tmp_path / "anna.pair")
     assert [name for name, _ in keys.stations()] == ["anna"]
     with pytest.raises(CohelmError, match="is called"):
         keys.robot("other")
     with pytest.raises(CohelmError, match="let in: anna"):
-        keys.shut_out("ben")
+        keys.unpair("ben")
     (tmp_path / "bad.pair").write_bytes(b"-----BEGIN nonsense")
     with pytest.raises(CohelmError, match="does not hold a pairing"):
         keys.install(tmp_path / "bad.pair")
@@ -149,7 +149,7 @@ def test_a_robot_set_up_anew_is_not_taken_for_the_old_one(tmp_path, monkeypatch,
     for where in ("one", "two"):
         monkeypatch.setenv("COHELM_KEYS", str(tmp_path / where))
         keys.robot("sally")
-        keys.let_in("anna", tmp_path / f"{where}.pair")
+        keys.pair("anna", tmp_path / f"{where}.pair")
     moved()
     keys.install(tmp_path / "one.pair")
     with pytest.raises(CohelmError, match="another robot called 'sally'"):
@@ -158,7 +158,7 @@ def test_a_robot_set_up_anew_is_not_taken_for_the_old_one(tmp_path, monkeypatch,
 
 
 def test_damaged_certificates_are_said(tmp_path, home):
-    keys.let_in("anna", tmp_path / "anna.pair")
+    keys.pair("anna", tmp_path / "anna.pair")
     (home / "robot" / "robot.pem").write_text("damaged")
     with pytest.raises(CohelmError, match="pair again"):
         keys.robot()

@@ -176,7 +176,7 @@ def test_after_a_black_out_nothing_old_is_used_and_driving_goes_on_without_recon
 ):
     network.be(delay=0.05, jitter=0.01)
     drive.start()
-    session = drive.station._way
+    session = drive.station._connection
     began = time.monotonic()
     network.be(loss=1.0)
     time.sleep(3.0)
@@ -192,7 +192,7 @@ def test_after_a_black_out_nothing_old_is_used_and_driving_goes_on_without_recon
     drive.ask(Ask.RESET)
     drive.centred = False
     until(lambda: not math.isnan(drive.used[-1].made), within=2.0)
-    assert drive.station._way is session
+    assert drive.station._connection is session
     assert max(true_ages(drive.since(began))) <= STALE + 0.05
 
 

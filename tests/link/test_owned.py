@@ -21,7 +21,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """With a robot that lets a station in, and this station installed."""
     monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "above" / "keys"))
     keys.robot("sally")
-    keys.let_in("anna", tmp_path / "anna.pair")
+    keys.pair("anna", tmp_path / "anna.pair")
     keys.install(tmp_path / "anna.pair")
     return tmp_path / "above" / "keys"
 
@@ -98,7 +98,7 @@ def test_every_folder_that_is_made_is_this_users_alone_whatever_the_umask(
     before = os.umask(0)
     try:
         keys.robot("sally")
-        keys.let_in("anna", tmp_path / "anna.pair")
+        keys.pair("anna", tmp_path / "anna.pair")
     finally:
         os.umask(before)
     made = [tmp_path / "config", *(tmp_path / "config").rglob("*"), tmp_path / "anna.pair"]
@@ -109,10 +109,10 @@ def test_every_folder_that_is_made_is_this_users_alone_whatever_the_umask(
 def test_nothing_is_written_where_others_may_write(home: Path, tmp_path: Path) -> None:
     (home / "robot" / "stations").chmod(0o777)
     with pytest.raises(CohelmError, match="others may write"):
-        keys.let_in("ben", tmp_path / "ben.pair")
+        keys.pair("ben", tmp_path / "ben.pair")
     assert [name for name, _ in keys.stations()] == ["anna"]
     assert not (tmp_path / "ben.pair").exists()
-    keys.shut_out("anna")  # but whom one did not let in can be shut out
+    keys.unpair("anna")  # but whom one did not let in can be shut out
 
 
 def test_what_is_not_there_is_nobodys(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ def stranger(keys: Keys) -> Keys:
 
 def test_an_unpaired_station_is_refused_and_logged_and_driving_goes_on(driven, caplog):
     with StationEnd(stranger(driven.keys), HERE, driven.port) as station:
-        until(lambda: driven.robot.door_counts["certificate verify failed"] >= 2)
+        until(lambda: driven.robot.refused_counts["certificate verify failed"] >= 2)
         assert station.status() is None
         assert not station.state().connected
         until(lambda: "alert" in station.state().why or "certificate" in station.state().why)
@@ -116,7 +116,7 @@ def test_a_flood_of_hellos_and_handshakes_does_not_reach_the_driver(driven):
         if time.monotonic() - began > 3.0:
             break
     assert finished > 20
-    counts = driven.robot.door_counts
+    counts = driven.robot.refused_counts
     assert counts["too many handshakes"] + counts["certificate verify failed"] > 10
     ages = sorted((driven.ages - before).elements())
     assert len(ages) > 20.0 * (time.monotonic() - began)  # of 50 a second, on a busy machine
@@ -158,13 +158,13 @@ def test_an_independent_client_connects_only_with_a_paired_key(tmp_path):
         paired = connects(keys, port)
         assert "Cipher is ECDHE-ECDSA-" in paired
         assert "Verify return code: 0 (ok)" in paired
-        assert not robot.door_counts
+        assert not robot.refused_counts
         for unpaired, why in (
             (pair_here("other")[1], "certificate verify failed"),
             (None, "peer did not return a certificate"),
         ):
             connects(unpaired, port)
-            until(lambda why=why: robot.door_counts[why] >= 1)
+            until(lambda why=why: robot.refused_counts[why] >= 1)
         # and the protocol in it is no business of openssl's
         with StationEnd(keys, HERE, port) as station:
             until(station.status, turn=lambda: robot.send_status(STATUS))

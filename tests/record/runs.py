@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 from cohelm.core.row import ROW
 from cohelm.core.trace import Trace
 from cohelm.core.types import Pose, disc
-from cohelm.drive.shown import way
+from cohelm.drive.shown import reference_lines
 from cohelm.law.reference import through
 from cohelm.record.write import Recorder, RunScene
 from cohelm.robot.limits import unlimited
@@ -53,7 +53,7 @@ def lab(duration: float | None = None) -> Setup:
 
 
 def scene(setup: Setup) -> RunScene:
-    return RunScene(setup.outline, setup.obstacles.walls, way(setup.reference))
+    return RunScene(setup.outline, setup.obstacles.walls, reference_lines(setup.reference))
 
 
 def recorded(path: Path, setup: Setup) -> Trace:

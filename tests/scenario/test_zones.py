@@ -13,7 +13,7 @@ from cohelm.core.frames import placed
 from cohelm.core.types import Pose
 from cohelm.drive.playback import Playback
 from cohelm.drive.session import SessionConfig
-from cohelm.drive.shown import zoned
+from cohelm.drive.shown import zone_messages
 from cohelm.drive.simulated import simulated
 from cohelm.link.bulk_messages import Zone, ZoneMap
 from cohelm.plan.zones import CELL, covering
@@ -115,7 +115,7 @@ def test_what_is_shown_of_zones_is_in_the_record_of_a_run_and_comes_back(tmp_pat
     with Recorder(tmp_path / "run.mcap", scene(setup)) as recorder:
         for piece in pieces(setup):
             recorder.write(piece)
-    shown = zoned(setup.pilot.zones, 0.5)
+    shown = zone_messages(setup.pilot.zones, 0.5)
     back = [n.message for n in Playback(tmp_path / "run.mcap").at(0.1)]
     back = [message for message in back if isinstance(message, ZoneMap)]
     assert [one.what for one in back] == [Zone.KEEP_OUT, Zone.SPEED]
@@ -151,6 +151,6 @@ def test_zones_that_make_no_sense_are_refused_in_a_sentence(zones, changes, why)
 
 
 def test_without_zones_nothing_is_told():
-    assert zoned(None, 0.5) == ()
+    assert zone_messages(None, 0.5) == ()
     assert ZonesModel().read(START) is None
     assert math.isinf(build.setup(zoned_scenario("{}")).pilot.settings.fastest)

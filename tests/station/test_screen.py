@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
-from cohelm.drive.awaited import Awaited
+from cohelm.drive.awaited import PendingLink
 from cohelm.drive.playback import Playback
 from cohelm.drive.replayed import Replaying
 from cohelm.scenario import build, load
@@ -46,7 +46,7 @@ def test_while_the_robot_starts_the_page_says_so_and_nothing_that_is_not_known(
     context: BrowserContext,
 ) -> None:
     starting = "starting the robot in lab-guard (5 s)"
-    with served(lambda _: Awaited(lambda: None, lambda: starting)) as server:
+    with served(lambda _: PendingLink(lambda: None, lambda: starting)) as server:
         page = context.new_page()
         page.goto(server.address)
         expect(alarms(page)).to_contain_text(f"There is no robot yet: {starting}.")

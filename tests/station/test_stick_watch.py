@@ -27,7 +27,7 @@ def test_no_deflection_is_repeated_once_it_may_be_older_than_the_limit(on_the_wa
     operator = PageOperator("key", "anna", lambda _: link, STALE)
     now = time.monotonic()
     heard = 1e3 * (now - on_the_way)  # the beat that the page had heard when it sent this
-    operator._said(
+    operator._on_message(
         page.Stick(n=1, heard_ms=heard, x=0.5, psi=0.0, valid=True, armed=True,
                    device="gamepad", speed_scale=1.0)
     )  # fmt: skip

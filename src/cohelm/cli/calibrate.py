@@ -55,8 +55,8 @@ def calibrate(
 ) -> None:
     """Measure a robot by driving it; write its YAML file.
 
-    It says how much free floor it needs, and asks. Through the gate it drives straight and turns on
-    the spot; what its model assumes is held beside what was measured. Ctrl-C stops the robot, and
+    It prints how much free floor it needs, and asks. It drives straight and turns on the spot,
+    through the gate, and compares the model with the measurements. Ctrl-C stops the robot, and
     keeps what was measured.
     """
     import json
@@ -76,7 +76,7 @@ def calibrate(
     )
     from cohelm.core.errors import CohelmError
     from cohelm.core.files import check_folder
-    from cohelm.drive.operate import DriveOptions, ended, robot_factory
+    from cohelm.drive.operate import DriveOptions, end_signals, robot_factory
     from cohelm.robot.keep.gated_robot import rules
     from cohelm.robot.keep.priority import raise_priority, restore_priority
     from cohelm.robot.keep.process import RemoteGatedRobot
@@ -101,10 +101,10 @@ def calibrate(
     if not yes and not _agreed("is the floor free, and the stop at hand?"):
         raise CohelmError("nothing was driven: answer y when the floor is free, or give --yes")
     check_folder(out)
-    with starting(model.name) as line, ended() as stop:
+    with starting(model.name) as line, end_signals() as stop:
         gated = RemoteGatedRobot(made, rules(made.model, PERIOD))
         try:
-            stop.heed()
+            stop.handle_signals()
             line.over()
             raise_priority()
             with progress("driving") as bar:

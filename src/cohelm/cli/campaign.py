@@ -1,4 +1,4 @@
-"""The command `campaign`: many episodes of a suite, judged and reported."""
+"""The command `campaign`: runs, evaluates and reports many episodes of a suite."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def campaign(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Drive many episodes and count what came of them.
+    """Run many episodes and report the results.
 
     Rows go to the folder as they come; interrupted or killed, the same command with the same
     --out goes on. At the end it holds report.html. The folder is out/campaign-SUITE-DATE-TIME

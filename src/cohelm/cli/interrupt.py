@@ -1,8 +1,8 @@
 """Ctrl-C between two steps, never in the middle of one.
 
-What compiled code answers is made into Python objects by numba (0.68), which calls Python for that
-and does not expect it to fail: an interrupt that comes just there ends the process with a
-segmentation fault, and the record without its end. So it is put off by a moment.
+numba (0.68) converts results of compiled code to Python objects by calls that it does not expect
+to fail: an interrupt there ends the process with a segmentation fault, and leaves the record without
+its end. So it is delayed by a moment.
 """
 
 from __future__ import annotations

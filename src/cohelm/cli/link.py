@@ -38,16 +38,17 @@ def new(
         typer.Option("--out", "-o", metavar="FILE", help="Where to write it; else NAME.pair."),
     ] = None,
 ) -> None:
-    """On the robot: let a station in.
+    """On the robot: pair a station.
 
-    Writes a file that holds the station's key. Bring it to the station on a way that nobody else
-    can read (a USB stick, scp), install it there with `cohelm pair install`, and delete it.
+    Writes a file with the station's private key. Transfer it to the station over a channel that
+    nobody else can read (a USB stick, scp), install it there with `cohelm pair install`, and
+    delete it.
     """
     from cohelm.link import keys
 
     keys.robot(robot)
     path = out or Path(f"{station}.pair")
-    own = keys.let_in(station, path)
+    own = keys.pair(station, path)
     say(f"robot {plain(own.name)} lets {plain(station)} in from its next start on; on the station:")
     print(f"cohelm pair install {path}")
     say(f"the robot shows this certificate: {keys.fingerprint(own.certificate)}")
@@ -76,9 +77,9 @@ def install(
 
 @pair.command(name="list", epilog=examples("cohelm pair list", "cohelm pair list --json"))
 def listed(as_json: Json = False) -> None:
-    """Who is paired here.
+    """List the pairings.
 
-    Stations that this robot lets in, and robots that this station may drive.
+    Stations that may connect to this robot, and robots that this station may drive.
     """
     from cohelm.link import keys
 
@@ -102,13 +103,13 @@ def listed(as_json: Json = False) -> None:
 def remove(
     station: Annotated[str, typer.Argument(metavar="NAME", help="The station to shut out.")],
 ) -> None:
-    """On the robot: let a station in no more.
+    """On the robot: revoke a station.
 
-    It is shut out from the robot's next start on.
+    It is refused from the robot's next start on.
     """
     from cohelm.link import keys
 
-    keys.shut_out(station)
+    keys.unpair(station)
     say(f"{plain(station)} is not let in any more, once the robot is started again")
 
 
@@ -155,7 +156,7 @@ def stick(
         typer.Option(metavar="N", min=1.0, max=10000.0, help="--trial pushes no harder than this."),
     ] = 500.0,
 ) -> None:
-    """Drive with a stick of this machine, and feel it.
+    """Drive with a stick of this machine, with force feedback.
 
     Force feedback where the stick has it, rumble where it has that.
 

@@ -157,7 +157,7 @@ def robot(
     from cohelm.drive.on_topics import TopicsConfig, on_topics
     from cohelm.drive.operate import (
         DriveOptions,
-        ended,
+        end_signals,
         map_and_zones,
         masks_on_topics,
         mode_and_stick,
@@ -229,7 +229,7 @@ def robot(
     say(begins)
     if listen is not None and not keys.stations() and not foxglove_teleop:
         say("no station is paired yet, so nobody can drive: cohelm pair new STATION")
-    with starting(made.model.name) as line, ended() as stop, topics_too as beside:
+    with starting(made.model.name) as line, end_signals() as stop, topics_too as beside:
 
         def begun(session: Session) -> AbstractContextManager[None]:
             line.over()

@@ -176,7 +176,7 @@ def filter_(
     fit is said with its cure, and nothing moves: begin with --print-config.
     """
     from cohelm.core.errors import CohelmError
-    from cohelm.drive.operate import ended
+    from cohelm.drive.operate import end_signals
     from cohelm.ros.connection import connection
     from cohelm.ros.found import Allowed
     from cohelm.ros.look import look
@@ -209,7 +209,7 @@ def filter_(
         math.inf if lock_timeout is None else lock_timeout,
     )
     way = connection(transport, url)
-    with starting(NODE) as line, ended() as stop:
+    with starting(NODE) as line, end_signals() as stop:
         opened = way.open(NODE, topics.namespace)
         try:
             found = look(opened, model, topics, allowed, wait, way=way)
@@ -260,7 +260,7 @@ def base(
     /tf and /tf_static, obeys /cmd_vel, and says at its end how near it came to anything.
     --controller 0.5,0 wants it to drive ahead, whatever is there.
     """
-    from cohelm.drive.operate import DriveOptions, ended, robot_factory
+    from cohelm.drive.operate import DriveOptions, end_signals, robot_factory
     from cohelm.robot.keep.priority import raise_priority, raise_thread_priorities, restore_priority
     from cohelm.ros.dds import DdsTransport
     from cohelm.ros.served import ServedRobot, parse_twist, run_controller
@@ -269,14 +269,14 @@ def base(
     kind = "twin" if twin else "kinematic"
     wish = None if controller is None else parse_twist(controller)
     topics = Topics.named(namespace)
-    with starting("base") as line, ended() as stop:
+    with starting("base") as line, end_signals() as stop:
         made = robot_factory(DriveOptions(name, scenario, kind, True, seed, []))
         robot = made()
         transport = DdsTransport("cohelm_base", topics.namespace)
         try:
             served = ServedRobot(transport, robot, topics, stamped=stamped, simulated=sim_time)
             over = run_controller(transport, topics, wish)
-            stop.heed(seconds)
+            stop.handle_signals(seconds)
             line.over()
             say(f"{plain(made.model.name)} listens on {plain(topics.out)}; Ctrl-C ends it")
             raise_priority()  # a real one has its own computer
@@ -321,7 +321,7 @@ def _served(
             transport, gated, found, FilterParams(length, timeout), lambda text: say(plain(text))
         )
         node.warm_up()
-        stop.heed(seconds)
+        stop.handle_signals(seconds)
         line.over()
         topics = found.topics
         say(

@@ -115,10 +115,10 @@ def replay(
     ],
     as_json: Json = False,
 ) -> None:
-    """Score a recorded run again.
+    """Compute the scores of a recorded run.
 
-    The numbers equal those of the run. From a record that was cut short, as far as it goes, and
-    with exit status 1.
+    The numbers equal those of the run. A record that was cut short is scored up to there, with
+    exit status 1.
     """
     with progress("reading") as bar:
         import warnings

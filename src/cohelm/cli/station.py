@@ -85,9 +85,9 @@ def station(
     tls_key: CertificateKey = None,
     without_tls: InClear = False,
 ) -> None:
-    """Open the operator's station, a web page to drive from.
+    """Serve the operator's station, a web page to drive from.
 
-    Or to see a record again, with --replay.
+    With --replay it plays a record.
 
     Opens no browser; it prints the address of the page. Ctrl-C ends it.
     """
@@ -155,7 +155,7 @@ def drive(
     so, and the command ends.
     """
     from cohelm.core.errors import CohelmError
-    from cohelm.drive.awaited import Awaited
+    from cohelm.drive.awaited import PendingLink
     from cohelm.drive.operate import DriveOptions, map_and_zones, robot_factory
     from cohelm.drive.robot_process import RobotProcess
     from cohelm.drive.teleop_server import TeleopConfig
@@ -196,8 +196,8 @@ def drive(
             say("the robot is ready; to join it with a stick of this machine: cohelm stick --drive")
             shown_at(view)
 
-        def connect(_: str) -> Awaited:
-            return Awaited(linked, lambda: robot.over or begun.text())
+        def connect(_: str) -> PendingLink:
+            return PendingLink(linked, lambda: robot.over or begun.text())
 
         robot.when_ready(ready)
         serve(connect, host, port, files, robot.afterwards)

@@ -1,4 +1,4 @@
-"""How every command speaks: results on stdout, everything said beside them on stderr."""
+"""Output of commands: results on stdout, everything else on stderr."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import typer
 
 from cohelm.core.errors import CohelmError
 
-_SAID_EVERY = 10.0  # where nobody sees a line move, it is said again so often [s]
+_SAID_EVERY = 10.0  # without a terminal the line is printed again at this interval [s]
 
 
 def named(path: str | Path) -> Path:
@@ -52,7 +52,7 @@ def print_table(title: str, headings: tuple[str, ...], rows: Sequence[tuple[str,
 
 
 def console(*, stderr: bool = False) -> Any:
-    """Where a person reads: stdout, or stderr for what is not the result."""
+    """The console of stdout, or of stderr for what is not the result."""
     from rich.console import Console
 
     # ":DE:" in a fingerprint is no flag
@@ -65,7 +65,7 @@ def print_json(value: Mapping[str, Any]) -> None:
 
 
 def say(text: str) -> None:
-    """To the person, beside the result: on stderr."""
+    """Print a line on stderr."""
     console(stderr=True).print(text)
 
 
@@ -78,7 +78,7 @@ def plain(text: str) -> str:
 
 @contextmanager
 def progress(what: str) -> Generator[Callable[[str, float], None]]:
-    """A bar on stderr, if a person is there to see it, that hears what is done and its share."""
+    """A progress bar on stderr, on a terminal only; called with the text and the share done."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     stderr = console(stderr=True)
@@ -90,7 +90,7 @@ def progress(what: str) -> Generator[Callable[[str, float], None]]:
 
 
 class Starting:
-    """What is being started, in words that move on: what was compiled so far, and since when."""
+    """A line that shows what is starting, with compiled functions and elapsed time."""
 
     def __init__(self, what: str) -> None:
         """what: is started, e.g. "the robot in lab-guard"."""
@@ -109,7 +109,7 @@ class Starting:
         return f"starting {self._what}{compiled} ({seconds:.0f} s)"
 
     def over(self) -> None:
-        """It is started, or will not be."""
+        """The start is over."""
         self._over.set()
         self._thread.join(1.0)
 

@@ -1,4 +1,4 @@
-"""The terminal of a drive: what it says as it goes, and what a person types there."""
+"""The terminal of a drive: shows its state, and reads typed commands."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def shown(session: Session, reset: ResetHere, topic: str) -> Generator[None]:
 
 
 def _cure(typing: bool, topic: str) -> str:
-    """What lets go of a latched stop, in a sentence."""
+    """How to reset a latched stop, as a sentence."""
     ways = ["type r and Enter here"] if typing else []
     ways += [f"publish std_msgs/msg/Empty once on {plain(topic)}"] if topic else []
     if ways:

@@ -1,4 +1,4 @@
-"""Stands in for a robot that still starts, so that the page is there before the robot is."""
+"""A link to a robot that still starts, so that the page is served before the robot is ready."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from cohelm.station.robot_link import News, Quality, RobotLink
 _NOT_YET = "the robot is not started yet"
 
 
-class Awaited:
-    """`RobotLink` that is connected as soon as there is a robot to connect to.
+class PendingLink:
+    """`RobotLink` that connects as soon as the robot is ready.
 
-    Until then nothing can be asked for, and nothing of what was is kept: a robot that has just
-    started does only what is asked of it then.
+    Requests made before are refused, not stored: a robot that has just started executes new
+    requests only.
     """
 
     def __init__(self, made: Callable[[], RobotLink | None], starting: Callable[[], str]) -> None:

@@ -1,7 +1,7 @@
-"""Checks proposed paths in a process of its own, which can not hold up the loop.
+"""Checks requested paths in a process of its own, so that the loop is not delayed.
 
-A check is up to a second of compiled code that keeps the interpreter to itself; a thread of the
-loop's process would stop the loop for as long.
+A check is up to a second of compiled code that holds the interpreter's lock (GIL); in a thread it
+would block the loop.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from cohelm.core.types import Floats, Pose
-from cohelm.drive.jobs import InThread
+from cohelm.drive.jobs import ThreadJobs
 from cohelm.drive.proposed import NONE, CheckedPath, PathChecker
 from cohelm.plan.path_planner import Goal
 from cohelm.robot.keep.child import Child
@@ -37,11 +37,11 @@ class Checking(Protocol):
         ...
 
     def result(self, now: float) -> CheckedPath | None:
-        """What came out, once; None: nothing yet."""
+        """The result, once; None: none yet."""
         ...
 
-    def judge_by(self, judge: PathChecker) -> None:
-        """Hold what is begun from now on against something else."""
+    def set_checker(self, judge: PathChecker) -> None:
+        """Use another checker from now on."""
         ...
 
     def close(self) -> None:
@@ -49,8 +49,8 @@ class Checking(Protocol):
         ...
 
 
-class CheckingHere:
-    """Checks at once: for simulated time."""
+class InlineChecking:
+    """Checks inline: for simulated time."""
 
     def __init__(self, judge: Callable[[Floats | Goal, Pose], CheckedPath]) -> None:
         self._judge = judge
@@ -58,7 +58,7 @@ class CheckingHere:
 
     @property
     def ready(self) -> bool:
-        """When the last one has been taken."""
+        """Whether the last result has been taken."""
         return self._made is None
 
     def begin(self, now: float, points: Floats | Goal, pose: Pose) -> None:
@@ -70,7 +70,7 @@ class CheckingHere:
         made, self._made = self._made, None
         return made
 
-    def judge_by(self, judge: PathChecker) -> None:
+    def set_checker(self, judge: PathChecker) -> None:
         """From the next one on."""
         self._judge = judge
 
@@ -78,12 +78,12 @@ class CheckingHere:
         """Nothing to close."""
 
 
-class CheckingElsewhere:
-    """Checks in a process below all others. One that takes too long, or dies, is replaced."""
+class RemoteChecking:
+    """Checks in a process of the lowest priority, which is replaced when it dies or hangs."""
 
     def __init__(self, judge: PathChecker) -> None:
         self._judge = judge
-        self._jobs = InThread("checking")
+        self._jobs = ThreadJobs("checking")
         self._child: Child | None = _started(judge)
         self._given_up: Child | None = None
         self._up = self._busy = self._closed = self._outdated = False
@@ -112,7 +112,7 @@ class CheckingElsewhere:
             self._child.send((points, pose))
 
     def result(self, now: float) -> CheckedPath | None:
-        """What came back; or that nothing did in time."""
+        """The result; or a refusal after the time limit."""
         child = self._child
         if not self._busy or child is None:
             return None
@@ -128,8 +128,8 @@ class CheckingElsewhere:
             self._replace(child)
         return made
 
-    def judge_by(self, judge: PathChecker) -> None:
-        """By another process."""
+    def set_checker(self, judge: PathChecker) -> None:
+        """Use another checker, in a new process."""
         self._judge, self._outdated = judge, True
 
     def close(self) -> None:
@@ -159,7 +159,7 @@ class CheckingElsewhere:
 def safely(
     judge: Callable[[Floats | Goal, Pose], CheckedPath], points: Floats | Goal, pose: Pose
 ) -> CheckedPath:
-    """What is thought of a way; a mistake in the check is no approval."""
+    """The result of a check; an exception in it is a refusal."""
     try:
         return judge(points, pose)
     except Exception as error:
@@ -167,7 +167,7 @@ def safely(
 
 
 class _Check:
-    """What the process does with each way."""
+    """The worker's function for each path."""
 
     def __init__(self, judge: PathChecker) -> None:
         self._judge = judge

@@ -1,4 +1,4 @@
-"""Does what takes long beside the loop, one job after the other: in a thread, or at once."""
+"""Runs slow jobs beside the loop, one after the other: in a thread, or inline."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _log = logging.getLogger("cohelm.drive")
 
 
 class Jobs(Protocol):
-    """Who gives the jobs sees to it that there are few: one of each kind at a time."""
+    """Runs jobs; the caller limits them to one of each kind at a time."""
 
     def do(self, job: Job) -> None:
-        """Some time later; it handles its own errors."""
+        """Run a job some time later; it handles its own errors."""
         ...
 
     def close(self, within: float) -> bool:
@@ -24,8 +24,8 @@ class Jobs(Protocol):
         ...
 
 
-class AtOnce:
-    """For simulated time, in which nothing takes long: the same in every run."""
+class InlineJobs:
+    """Runs jobs at once: for simulated time, deterministic."""
 
     def do(self, job: Job) -> None:
         """Now."""
@@ -36,8 +36,8 @@ class AtOnce:
         return True
 
 
-class InThread:
-    """For real time: returns at once."""
+class ThreadJobs:
+    """Runs jobs in a thread: for real time."""
 
     def __init__(self, name: str) -> None:
         """name: of the thread."""
@@ -79,9 +79,9 @@ def in_thread(what: Callable[[], None]) -> Callable[[], None]:
     thread = threading.Thread(target=done, name="warm up", daemon=True)
     thread.start()
 
-    def waited() -> None:
+    def join() -> None:
         thread.join()
         if raised:
             raise raised[0]
 
-    return waited
+    return join

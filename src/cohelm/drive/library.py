@@ -9,7 +9,7 @@ from typing import Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.drive.factory import Make, own_robot
-from cohelm.drive.operate import End, ended, mode_and_stick
+from cohelm.drive.operate import End, end_signals, mode_and_stick
 from cohelm.drive.session import SessionConfig
 from cohelm.drive.until_ended import drive_for_stations, drive_here
 from cohelm.loop.loop import LoopParams
@@ -50,7 +50,7 @@ def drive(
     loop = LoopParams(carry_on=carry_on)
     plan = SessionConfig(made, rate, file, loop=loop)
     heeding = threading.current_thread() is threading.main_thread()
-    with ended() if heeding else nullcontext(End([])) as stop:
+    with end_signals() if heeding else nullcontext(End([])) as stop:
         if listen is not None:
             return drive_for_stations(plan, listen, stop, seconds)
         return drive_here(plan, *mode_and_stick(made, mode), stop, seconds, arrive)

@@ -33,7 +33,7 @@ from websockets.typing import Subprotocol
 from cohelm.core.errors import CohelmError
 from cohelm.drive.foxglove_teleop import FoxgloveTeleop, Joined
 from cohelm.drive.published import ENCODINGS, PublishedTwists
-from cohelm.drive.recorder import Listening, received
+from cohelm.drive.recorder import EventSink, receive
 from cohelm.link.udp import resolved
 from cohelm.record.topics import IMAGE, LASTING, RecordTopics, definitions
 from cohelm.robot.keep.record_pipe import ALIVE
@@ -89,7 +89,7 @@ class LiveConfig:
         return f"ws://{host}:{self.port}/{self.token}"
 
 
-class Live(Listening):
+class Live(EventSink):
     """A server at work. `loop` and `gated` are the ends to speak into, see `RecordLine`."""
 
     def __init__(self, config: LiveConfig, model: RobotModel) -> None:
@@ -105,7 +105,7 @@ class Live(Listening):
 
     def close(self) -> None:
         """Who looks on is told that it is over."""
-        self.hang_up()
+        self.close_lines()
         self._process.join(2.0 * _CLOSE + 3.0)
         if self._process.is_alive():
             self._process.kill()
@@ -145,35 +145,35 @@ async def _shown(listening: socket.socket, server: LiveServer, lines: list[socke
         compression=None, max_size=_LARGEST, max_queue=4, open_timeout=_OPEN, close_timeout=_CLOSE,
         server_header=None, logger=quiet,
     ):  # fmt: skip
-        await _heard(server, lines)
+        await _receive_all(server, lines)
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_CLOSE):
                 await server.said()
 
 
-async def _heard(server: LiveServer, lines: list[socket.socket]) -> None:
+async def _receive_all(server: LiveServer, lines: list[socket.socket]) -> None:
     """Hear until all lines are closed. lines: the first one is the loop's."""
-    turning, closed = asyncio.get_running_loop(), [asyncio.Event() for _ in lines]
+    running, closed = asyncio.get_running_loop(), [asyncio.Event() for _ in lines]
 
-    def hear(end: socket.socket, over: asyncio.Event) -> None:
+    def on_readable(end: socket.socket, over: asyncio.Event) -> None:
         try:
-            message = received(end)
+            message = receive(end)
         except EOFError:
-            turning.remove_reader(end)
+            running.remove_reader(end)
             over.set()
             return
         if message is not None:
             server.take(message)
 
     for end, over in zip(lines, closed, strict=True):
-        turning.add_reader(end, hear, end, over)
-    signs = asyncio.create_task(_signs(server, lines[0]))
+        running.add_reader(end, on_readable, end, over)
+    signs = asyncio.create_task(_heartbeat(server, lines[0]))
     for over in closed:
         await over.wait()
     signs.cancel()
 
 
-async def _signs(server: LiveServer, loop: socket.socket) -> None:
+async def _heartbeat(server: LiveServer, loop: socket.socket) -> None:
     """Of life, to the loop; and whether anybody looks through the camera."""
     told = False
     while True:
@@ -251,7 +251,7 @@ class LiveServer:
         self._viewers.add(viewer)
         try:
             async for message in connection:
-                self._heed(viewer, message)
+                self._on_message(viewer, message)
         except ConnectionClosed:
             pass
         finally:
@@ -265,27 +265,27 @@ class LiveServer:
         while any(one.waits for one in self._viewers):
             await asyncio.sleep(0.02)
 
-    def _heed(self, viewer: _Viewer, said: str | bytes) -> None:
+    def _on_message(self, viewer: _Viewer, said: str | bytes) -> None:
         """Subscribe and unsubscribe, and where somebody may steer, what is published."""
         try:
             if isinstance(said, bytes) and self._teleop is not None:
                 viewer.published.take(said)
                 return
-            asked: Any = json.loads(said)
-            match asked["op"]:
+            request: Any = json.loads(said)
+            match request["op"]:
                 case "subscribe":
-                    for one in _listed(asked["subscriptions"]):
+                    for one in _listed(request["subscriptions"]):
                         topic = self._channels[one["channelId"]]
                         if viewer.subscribe(topic, one["id"]) and topic in self._last:
                             viewer.give(topic, *self._last[topic])
                 case "unsubscribe":
-                    for number in _listed(asked["subscriptionIds"]):
+                    for number in _listed(request["subscriptionIds"]):
                         viewer.unsubscribe(number)
                 case "advertise" if self._teleop is not None:
-                    for one in _listed(asked["channels"]):
+                    for one in _listed(request["channels"]):
                         viewer.published.advertise(one)
                 case "unadvertise" if self._teleop is not None:
-                    for number in _listed(asked["channelIds"]):
+                    for number in _listed(request["channelIds"]):
                         viewer.published.unadvertise(number)
                 case "advertise" | "unadvertise":
                     viewer.tell(_NO_TELEOP)

@@ -14,11 +14,11 @@ from typing import NamedTuple
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
 from cohelm.drive.factory import OwnRobot, RobotFactory
-from cohelm.drive.jobs import InThread
-from cohelm.drive.operator_requests import SessionJobs, judge_of
+from cohelm.drive.jobs import ThreadJobs
+from cohelm.drive.operator_requests import SessionJobs, checker_of
 from cohelm.drive.rerouting import PathRequest, Rerouting, stands
 from cohelm.drive.session import Camera as Eye, Session, driver_of
-from cohelm.drive.shown import drawn, way
+from cohelm.drive.shown import map_message, reference_lines
 from cohelm.drive.zones_on_topics import ZonesOnTopics
 from cohelm.law.reference import Reference
 from cohelm.link.bulk_messages import Checked, ZoneMap
@@ -99,9 +99,9 @@ class OnTopics:
             return
         robot = session.plan.robot
         self._session, self._judged = session, (session.zone_maps, session.loop.outline)
-        self._jobs = jobs(judge_of(session.plan, session.known), robot.real_time)
+        self._jobs = jobs(checker_of(session.plan, session.known), robot.real_time)
         self._rerouting = Rerouting(
-            (self,), self._jobs.checking, self._jobs.ways, self._build, self._taken_up
+            (self,), self._jobs.checking, self._jobs.ways, self._build, self._on_adopted
         )
         session.loop.supervisor.pause(_FIRST, f"waits for a way on {' or '.join(self._goals.ways)}")
 
@@ -123,7 +123,7 @@ class OnTopics:
             known = loop.perception.known
             if known is not None and known is not self._drawn:
                 self._drawn = known
-                self._localized.draw(drawn(known))
+                self._localized.draw(map_message(known))
             line = None if pilot is None else pilot.course.poses
             self._localized.take(seen, readings.odometry, loop.gated.now(), line)
         if self._goals is not None:
@@ -147,11 +147,11 @@ class OnTopics:
         self._asked = {self._count: made[0]}
         return (PathRequest(TOPICS, self._count, made[1], False),)
 
-    def reply(self, client: int, said: Checked) -> None:
+    def reply(self, client: int, answer: Checked) -> None:
         """See `rerouting.PathRequests`."""
-        topic = self._asked.pop(said.answer.number, "") if client == TOPICS else ""
+        topic = self._asked.pop(answer.answer.number, "") if client == TOPICS else ""
         if topic and self._goals is not None:
-            self._goals.report(topic, said.answer.reason or "it is the robot's way from now on")
+            self._goals.report(topic, answer.answer.reason or "it is the robot's way from now on")
 
     def close(self) -> None:
         """Make no more ways."""
@@ -172,7 +172,7 @@ class OnTopics:
         zones, outline = self._judged
         if session.zone_maps is not zones or loop.outline is not outline:
             self._judged = session.zone_maps, loop.outline
-            self._rerouting.judge_by(judge_of(session.plan, session.known, loop.outline))
+            self._rerouting.set_checker(checker_of(session.plan, session.known, loop.outline))
 
     def _hold(self, loop: Loop, joy: JoyOperator) -> None:
         """Until the joystick was seen once the robot stands; where it has to be held to run, also
@@ -211,10 +211,10 @@ class OnTopics:
         plan = self._session.plan
         return driver_of(plan, plan.robot.real_time, reference)
 
-    def _taken_up(self, loop: Loop, reference: Reference) -> None:
+    def _on_adopted(self, loop: Loop, reference: Reference) -> None:
         if self._session is not None:
             self._session.driver = loop.driver
-        for line in way(reference):
+        for line in reference_lines(reference):
             loop.log.show(line)
         loop.supervisor.resume(_FIRST)
 
@@ -268,7 +268,7 @@ def on_topics(
             resets(transport, asks, partial(reset, asks), say)
         zones = None
         if config.masks:
-            jobs = InThread("zones")
+            jobs = ThreadJobs("zones")
             zones = ZonesOnTopics(transport, config.masks, config.frame, space, jobs, say)
         made = OnTopics(localized, goals, camera, joy, zones, asks)
         told = say if goals is None else goals.note

@@ -1,4 +1,4 @@
-"""Turns the command line into a session: the robot, who holds the stick, and when to end."""
+"""Turns the command line into a session: the robot, the stick, and when to end."""
 
 from __future__ import annotations
 
@@ -217,14 +217,14 @@ _SIGNALS = {
 
 
 class End:
-    """Whether somebody wants the drive to end, and how they said so."""
+    """Whether the drive is to end, and why."""
 
     def __init__(self, signals: list[signal.Signals]) -> None:
         self.reason = ""
         self._signals = signals
         self._until = math.inf
 
-    def heed(self, seconds: float | None = None) -> None:
+    def handle_signals(self, seconds: float | None = None) -> None:
         """The robot may move from now on, and must be stopped first. seconds: it ends after so
         many."""
         for number in self._signals:
@@ -241,9 +241,9 @@ class End:
 
 
 @contextmanager
-def ended() -> Generator[End]:
+def end_signals() -> Generator[End]:
     """Ctrl-C, and being told to terminate: while a robot starts they end this process at once, even
-    in the middle of compiling; once it may move, see `End.heed`, they are a request.
+    in the middle of compiling; once it may move, see `End.handle_signals`, they are a request.
 
     Under `nohup`, which ignores the end of the terminal, the drive goes on without one.
     """

@@ -1,7 +1,7 @@
 """Handles an operator's requests beside driving: another path, a record, pictures.
 
-`turn` is called between two periods of the loop and takes no time; what takes long is done beside
-the loop, and taken up by a later turn. No mode is kept here, and none is chosen but HOLD.
+`turn` is called between two periods of the loop and takes no time; slow work is done beside the
+loop. No mode is stored here, and none is chosen but HOLD.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ import numpy as np
 
 from cohelm.core.frames import placed
 from cohelm.core.types import Floats
-from cohelm.drive.checking import Checking, CheckingElsewhere, CheckingHere
-from cohelm.drive.jobs import AtOnce, InThread, Jobs
+from cohelm.drive.checking import Checking, InlineChecking, RemoteChecking
+from cohelm.drive.jobs import InlineJobs, Jobs, ThreadJobs
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.proposed import PathChecker
 from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
 from cohelm.drive.rerouting import PathRequests, Rerouting
 from cohelm.drive.session import Session, SessionConfig, driver_of
-from cohelm.drive.shown import NO_ZONES, detour, drawn, told, way
+from cohelm.drive.shown import NO_ZONES, detour, docks_message, map_message, reference_lines
 from cohelm.law.reference import Reference
 from cohelm.link.bulk_messages import HealthReport, Map, Polyline, ZoneMap
 from cohelm.loop.driver import Driver
@@ -31,21 +31,21 @@ from cohelm.plan.course import Course
 from cohelm.plan.zones import Zones
 
 _LEAVE = 5.0
-"""A driver that is still being made at the end of the drive is left to itself [s]."""
+"""Wait for a driver that is being built at the end of the drive [s]."""
 
 
 class SessionJobs:
-    """What works beside the loop: in real time threads and a process, else at once."""
+    """Workers beside the loop: in real time threads and a process, else inline."""
 
     def __init__(self, judge: PathChecker, real_time: bool) -> None:
-        self.checking: Checking = CheckingElsewhere(judge) if real_time else CheckingHere(judge)
-        self.ways: Jobs = InThread("desk ways") if real_time else AtOnce()
-        self.records: Jobs = InThread("desk records") if real_time else AtOnce()
+        self.checking: Checking = RemoteChecking(judge) if real_time else InlineChecking(judge)
+        self.ways: Jobs = ThreadJobs("desk ways") if real_time else InlineJobs()
+        self.records: Jobs = ThreadJobs("desk records") if real_time else InlineJobs()
         self.make: Make = Recording
 
 
 class OperatorRequests:
-    """Of one session. `close` after it."""
+    """The requests of one session. `close` after it."""
 
     def __init__(
         self, session: Session, operator: OverLink, known: LocalizationMap | None, records: Path,
@@ -56,16 +56,16 @@ class OperatorRequests:
         the operator."""
         self._session, self._operator = session, operator
         robot = session.plan.robot
-        self._beside = beside(judge_of(session.plan, known), robot.real_time)
+        self._jobs = beside(checker_of(session.plan, known), robot.real_time)
         self._rerouting = Rerouting(
             (operator, *path_requests),
-            self._beside.checking,
-            self._beside.ways,
+            self._jobs.checking,
+            self._jobs.ways,
             self._build,
-            self._taken_up,
+            self._on_adopted,
         )
         self._records = RecordSwitch(
-            session, operator, records, self._beside.records, lambda: self._drawn, self._beside.make
+            session, operator, records, self._jobs.records, lambda: self._drawn, self._jobs.make
         )
         self._drawn: tuple[Map | ZoneMap | Polyline, ...] = ()
         self._course: Course | None = None
@@ -74,11 +74,11 @@ class OperatorRequests:
         session.shown = operator.picture
         for none in NO_ZONES:
             operator.publish(none)
-        operator.publish(told(session.loop.supervisor.docking.docks))
+        operator.publish(docks_message(session.loop.supervisor.docking.docks))
         self._known, self._zones = known, session.zone_maps
         self._outline = session.loop.outline
-        self._map = () if known is None else (drawn(known),)
-        self._lines = way(robot.scenario.reference.spline())
+        self._map = () if known is None else (map_message(known),)
+        self._lines = reference_lines(robot.scenario.reference.spline())
         self._show(*self._map, *self._zones, *self._lines)
 
     def turn(self, loop: Loop) -> None:
@@ -91,18 +91,18 @@ class OperatorRequests:
             self._operator.reshape(self._outline)
         if self._session.zone_maps is not self._zones or reshaped:
             self._zones = self._session.zone_maps
-            self._rerouting.judge_by(judge_of(self._session.plan, self._known, self._outline))
+            self._rerouting.set_checker(checker_of(self._session.plan, self._known, self._outline))
             self._show(*self._map, *self._zones, *self._lines)
-        self._tell(loop)
+        self._publish_news(loop)
 
     def close(self) -> None:
         """Finish the record; what is being made besides is not waited for."""
-        self._beside.ways.close(_LEAVE)
+        self._jobs.ways.close(_LEAVE)
         self._rerouting.close()
         self._records.close()
 
-    def _tell(self, loop: Loop) -> None:
-        """To stations and records, what is new: the detour that is driven, how the robot is."""
+    def _publish_news(self, loop: Loop) -> None:
+        """Publish changes of the detour and of the robot's health."""
         pilot = loop.driver.pilot
         course = None if pilot is None else pilot.course
         if course is not self._course:
@@ -122,22 +122,22 @@ class OperatorRequests:
         plan = self._session.plan
         return driver_of(plan, plan.robot.real_time, reference)
 
-    def _taken_up(self, loop: Loop, reference: Reference) -> None:
-        """To stations and records: the robot follows another way."""
+    def _on_adopted(self, loop: Loop, reference: Reference) -> None:
+        """The robot follows another path: publish and record it."""
         self._session.driver = loop.driver
-        self._lines = way(reference)
+        self._lines = reference_lines(reference)
         self._show(*self._map, *self._zones, *self._lines)
         for line in self._lines:
             loop.log.show(line)
 
     def _show(self, *all_: Map | ZoneMap | Polyline) -> None:
-        """To the stations now, and to records that begin later."""
+        """Publish now, and to records that begin later."""
         self._drawn = all_
         for one in all_:
             self._operator.publish(one)
 
 
-def judge_of(
+def checker_of(
     plan: SessionConfig, known: LocalizationMap | None, outline: Floats | None = None
 ) -> PathChecker:
     """What ways of a robot at its site are held against. outline: the robot's; None: its model's

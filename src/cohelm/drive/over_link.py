@@ -1,4 +1,4 @@
-"""The loop's operator at the other end of the link, and what is published to him."""
+"""The loop's operator over the link, and what is published to the stations."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class OverLink:
         self, end: RobotEnd, bulk: RobotBulk, model: RobotModel, records: Path, on_loss: str,
         watchdog: float, camera: bool,
     ) -> None:  # fmt: skip
-        """end, bulk: both ways of the link, from now on this one's to close. records: folder whose
+        """end, bulk: of the link; this object closes them. records: folder whose
         files can be fetched. camera: whether there will be pictures.
         """
         self._end, self._bulk = end, bulk
@@ -37,7 +37,7 @@ class OverLink:
         self.publish, self.reply = bulk.publish, bulk.reply
         self._records = records
         self.record: Callable[[bool], str] = lambda on: "this robot does not record"
-        """Starts or ends a record; why not, or nothing."""
+        """Starts or ends a record; returns why not, or ""."""
         shown = model if camera else model.model_copy(update={"camera": None})
         self._hello = hello(shown, on_loss, watchdog)
         self.publish(self._hello)
@@ -46,7 +46,7 @@ class OverLink:
     # ---- what the loop asks of an operator ----------------------------------------------
 
     def receive(self) -> OperatorInput:
-        """As the link has it; records are no business of the loop's."""
+        """The driver's input; RECORD requests are handled here, not by the loop."""
         received = self._end.receive()
         if not any(asked.request.what == Ask.RECORD for asked in received.requests):
             return received
@@ -69,7 +69,7 @@ class OverLink:
         self.publish(self._hello._replace(outline=outline.astype(np.float32)))
 
     def list_records(self) -> None:
-        """Say which records there are."""
+        """Publish the list of records."""
         self.publish(Records(listed(self._records)))
 
     def path_requests(self) -> tuple[PathRequest, ...]:
@@ -90,13 +90,13 @@ class OverLink:
         self.publish(Picture(packed.number, taken, packed.pose, packed.data))
 
     def close(self) -> None:
-        """Say good-bye."""
+        """Close the link."""
         self._bulk.close()
         self._end.close()
 
 
 def hello(model: RobotModel, on_loss: str, watchdog: float) -> Hello:
-    """What robot it is. watchdog: [s]."""
+    """The robot's description. watchdog: [s]."""
     nan, camera = math.nan, model.camera
     lens = (nan, nan, nan, nan)
     if camera is not None:

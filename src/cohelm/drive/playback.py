@@ -16,7 +16,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose
 from cohelm.drive.over_link import hello
-from cohelm.drive.shown import told as told_docks
+from cohelm.drive.shown import docks_message
 from cohelm.law import verdict as verdicts
 from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.recorded_status import StatusWords
@@ -237,7 +237,7 @@ def _usual(path: Path, found: RecordedPeriods) -> float:
 def _docks(path: Path, found: RecordedPeriods) -> b.Docks:
     """Where the robot could dock; none where a record does not say it."""
     try:
-        return told_docks(
+        return docks_message(
             [one.dock() for one in load.parse(found.scenario, Scenario, str(path)).docks]
         )
     except CohelmError:

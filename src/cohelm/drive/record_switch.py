@@ -1,7 +1,7 @@
-"""Starts and ends a record when somebody at the link asks, as often as they like.
+"""Starts and ends records on request.
 
-What counts is what was asked last: while a record is being begun or finished, further requests only
-change what comes after. So at most one thing is under way, and nothing queues.
+The last request counts: while a record is being started or finished, further requests only change
+what follows. So at most one operation is under way, and nothing queues.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import dump
 
 _FINISH = 120.0
-"""What starts slowly on a busy machine also ends slowly [s]."""
+"""Time for finishing a record on a busy machine [s]."""
 _LEAVE = 20.0
-"""... but at the end of the drive it is left to itself after so long [s]."""
+"""... but at the end of the drive [s]."""
 _log = logging.getLogger("cohelm.drive")
 
 Make = Callable[[Path, RobotModel, str], Recording]
 
 
 class RecordSwitch:
-    """Of one session; the loop's thread calls it, but for what it hands to its jobs."""
+    """The records of one session; called from the loop's thread."""
 
     def __init__(
         self, session: Session, operator: OverLink, folder: Path, jobs: Jobs,
@@ -44,13 +44,13 @@ class RecordSwitch:
         self._jobs, self._drawn, self._make = jobs, drawn, make
         self._wanted = self._busy = False
         self._made: Recording | None = None
-        """The one that is written, or about to be."""
-        self._spoken = False
-        """Whether loop and gate process speak into it."""
-        operator.record = self.ask
+        """The present recording."""
+        self._attached = False
+        """Whether loop and gate process send to it."""
+        operator.record = self.request
 
-    def ask(self, on: bool) -> str:
-        """Begin or end; why not, or nothing."""
+    def request(self, on: bool) -> str:
+        """Start or end a record; returns why not, or ""."""
         if on == self._wanted:
             return "it is recording already" if on else "it is not recording"
         if on and self._session.recording is not None:
@@ -59,7 +59,7 @@ class RecordSwitch:
         return ""
 
     def turn(self, loop: Loop) -> None:
-        """Between two periods: one step towards what is wanted."""
+        """Between two periods: one step towards the requested state."""
         if self._busy:
             return
         made = self._made
@@ -67,30 +67,30 @@ class RecordSwitch:
             self._busy = True
             self._jobs.do(self._begin)
         elif made is not None and not self._wanted:
-            self._fall_silent(loop)
+            self._detach(loop)
             self._busy = True
             self._jobs.do(lambda: self._finish(made, _FINISH))
-        elif made is not None and not self._spoken:
-            self._spoken = True
+        elif made is not None and not self._attached:
+            self._attached = True
             loop.record_into(RecordLine(made.loop))
             loop.gated.record_into(made.gated)
             for one in self._drawn():
                 loop.log.show(one)
 
     def close(self) -> None:
-        """Finish the record there is. The loop turns no more."""
+        """Finish the present record, after the loop has ended."""
         if not self._jobs.close(_LEAVE):
             _log.warning("a record in %s is still being written", self._folder)
         elif self._made is not None:
-            self._fall_silent(self._session.loop)
+            self._detach(self._session.loop)
             self._finish(self._made, _LEAVE)
 
-    def _fall_silent(self, loop: Loop) -> None:
-        """Nobody may speak into a line that is closed."""
-        if self._spoken:
-            self._spoken = False
+    def _detach(self, loop: Loop) -> None:
+        """Detach loop and gate process from the recorder."""
+        if self._attached:
+            self._attached = False
             loop.record_into(RecordLine(None))
-            with contextlib.suppress(CohelmError):  # there may be no gate process any more
+            with contextlib.suppress(CohelmError):  # the gate process may have ended
                 loop.gated.record_into(None)
 
     def _begin(self) -> None:

@@ -1,8 +1,8 @@
-"""The record in a process of its own: the loop never waits for a disk, nor ends unexplained.
+"""The recorder process: the loop never waits for a disk.
 
-Loop and gate process have a line each. When both are silent for good, the file is finished. Beside
-`NAME.mcap` stands `NAME.log`, one line for everything that happened, which can still grow when the
-disk is full: room for it is kept in `NAME.reserve` until then.
+Loop and gate process have a socket each; when both are closed, the file is finished. `NAME.log`
+beside `NAME.mcap` has a line for every event and can still grow when the disk is full, since
+`NAME.reserve` reserves space for it.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from cohelm.robot.keep.record_pipe import ALIVE, LARGEST, Event, line
 from cohelm.robot.model import RobotModel
 
 _RESERVE = 1 << 16  # bytes kept for the log
-_MODE = 0o640  # who drove, and from where, is no business of everybody's
+_MODE = 0o640  # the log names drivers and addresses
 _FLUSH = 0.5  # from one time the file is made good to the next [s]
 
 
-class Listening:
-    """A process that loop and gate process speak to, each into its end of a line."""
+class EventSink:
+    """A process that receives messages from loop and gate process, over a socket each."""
 
     def __init__(
         self, name: str, target: Callable[..., None], *args: Any, outlives: bool = False
     ) -> None:
-        """target: is given the other ends of both lines behind the arguments."""
+        """target: gets the other ends of both sockets after the arguments."""
         self.loop, loops = line()
         self.gated, gates = line()
         self._process = start_process(name, target, *args, loops, gates, outlives=outlives)
@@ -48,19 +48,19 @@ class Listening:
         return self._process.pid or 0
 
     def begin(self, epoch: int) -> None:
-        """The wall-clock time when the robot's clock was 0 [ns]: the first thing to be said."""
+        """Send the wall-clock time when the robot's clock was 0 [ns], the first message."""
         self.loop.send(pickle.dumps(epoch))
 
-    def hang_up(self) -> None:
-        """Nothing more is said; the process ends by itself."""
+    def close_lines(self) -> None:
+        """Close both sockets; the process ends by itself."""
         for end in (self.loop, self.gated):
             with contextlib.suppress(OSError):
                 end.close()
 
 
-def received(end: socket.socket) -> Any:
-    """What was said into a line; None where something was in the way, and more is to come. EOFError
-    where all has been heard."""
+def receive(end: socket.socket) -> Any:
+    """The next message; None after a connection reset, when more may follow. EOFError at the
+    end."""
     try:
         data = end.recv(LARGEST)
     except ConnectionResetError:  # who spoke is gone without having heard all that was said:
@@ -70,8 +70,8 @@ def received(end: socket.socket) -> Any:
     return pickle.loads(data)
 
 
-class Recording(Listening):
-    """A recorder at work."""
+class Recording(EventSink):
+    """A running recorder."""
 
     def __init__(self, path: Path, model: RobotModel, scenario: str = "") -> None:
         """Raises CohelmError where the file can not be made; none is ever overwritten."""
@@ -80,9 +80,9 @@ class Recording(Listening):
         super().__init__("cohelm recorder", _record, path, model, scenario, outlives=True)
 
     def close(self, within: float = 20.0) -> bool:
-        """Wait until the file is finished; whether it was, and is whole. If it is not finished by
-        then, its process goes on with it."""
-        self.hang_up()
+        """Wait until the file is finished; returns whether it is, and is whole. If not, the
+        process continues by itself."""
+        self.close_lines()
         self._process.join(within)
         if self._process.is_alive():
             detach(self._process)
@@ -104,7 +104,7 @@ def _make(path: Path) -> None:
 
 
 class Log:
-    """What happened, a line each; still written when the disk is full."""
+    """The log of events; still written when the disk is full."""
 
     def __init__(self, path: Path) -> None:
         self._reserve = path.with_suffix(".reserve")
@@ -141,25 +141,25 @@ def _record(
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a file-size limit is an OSError, then
     log = Log(path)
     with path.open("wb", buffering=0) as file:  # closing it writes nothing, so never fails
-        desk = _Desk(file, log, model, scenario)
-        desk.sit(loop, gated)
+        writer = _Writer(file, log, model, scenario)
+        writer.serve(loop, gated)
     log.close()
-    if desk.full:
+    if writer.full:
         raise SystemExit(1)
 
 
-class _Desk:
-    """Takes messages from the lines and writes them down."""
+class _Writer:
+    """Writes the messages of both sockets."""
 
     def __init__(self, file: IO[bytes], log: Log, model: RobotModel, scenario: str) -> None:
         self._file, self._log, self._model, self._scenario = file, log, model, scenario
         self._drive: RecordWriter | None = None
         self.full = ""
-        """Why nothing more is written; empty while it is."""
+        """Why writing has stopped; empty: it has not."""
         self._latest = 0.0
 
-    def sit(self, loop: socket.socket, gated: socket.socket) -> None:
-        """Until both lines are closed."""
+    def serve(self, loop: socket.socket, gated: socket.socket) -> None:
+        """Write until both sockets are closed."""
         lines = {loop.fileno(): loop, gated.fileno(): gated}
         poll = select.poll()
         for fd in lines:
@@ -168,7 +168,7 @@ class _Desk:
         while lines:
             for fd, _ in poll.poll(500):
                 try:
-                    message = received(lines[fd])
+                    message = receive(lines[fd])
                 except EOFError:
                     poll.unregister(fd)
                     del lines[fd]
@@ -199,7 +199,7 @@ class _Desk:
         self._try(lambda: drive.write(message), loop)
 
     def _try(self, write: Any, loop: socket.socket | None) -> None:
-        """Write; where that fails, say so in the log and to the loop, and write no more."""
+        """Write; on failure log it, report it to the loop, and stop writing."""
         if self.full:
             return
         try:

@@ -1,4 +1,4 @@
-"""The robot's process beside the station's, on one machine."""
+"""The robot in a process beside the station's, on one machine."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from cohelm.robot.keep.processes import end_with_parent, start_process
 
 _log = logging.getLogger("cohelm.drive")
 _START = 900.0
-"""A robot that is not ready by then, compiling included, never will be [s]."""
+"""Time limit for the start, compiling included [s]."""
 _END = 15.0
-"""... and one that is not gone so long after it was told to is ended [s]."""
+"""Time limit for the end; then the process is terminated [s]."""
 
 
 class RobotProcess:
     """A robot in a process of its own; it ends when this one does, however it does.
 
     A context manager. The robot is stopped before its process ends. When that ends by itself, or is
-    killed, `over` says so: it is never started again without somebody wanting it.
+    killed, `over` says so; it is never restarted automatically.
     """
 
     def __init__(
-        self, options: DriveOptions, door: TeleopConfig, carry_on: bool = False,
+        self, options: DriveOptions, config: TeleopConfig, carry_on: bool = False,
         patience: float = 0.0,
         pictures: float = 5.0, wait: bool = True, live: LiveConfig | None = None,
     ) -> None:  # fmt: skip
@@ -42,7 +42,7 @@ class RobotProcess:
         """
         self._line, theirs = multiprocessing.Pipe()
         self._process = start_process(
-            "cohelm robot", _drive, theirs, options, door, carry_on, patience, pictures, live
+            "cohelm robot", _drive, theirs, options, config, carry_on, patience, pictures, live
         )
         theirs.close()
         self.host, self.port = "", 0
@@ -141,7 +141,7 @@ class RobotProcess:
             self._then()
 
     def _last_words(self) -> str:
-        """What the process said at its end; or else how it ended."""
+        """The process's last message; or else how it ended."""
         try:
             if self._line.poll():
                 return str(self._line.recv())
@@ -155,18 +155,18 @@ class RobotProcess:
 
 
 def _drive(
-    line: Connection, options: DriveOptions, door: TeleopConfig, carry_on: bool, patience: float,
+    line: Connection, options: DriveOptions, config: TeleopConfig, carry_on: bool, patience: float,
     pictures: float, live: LiveConfig | None,
 ) -> None:  # fmt: skip
     """The robot's process."""
     release = end_with_parent()
     from cohelm.drive.on_topics import TopicsConfig, on_topics
-    from cohelm.drive.operate import ended, map_and_zones, masks_on_topics, robot_factory
+    from cohelm.drive.operate import end_signals, map_and_zones, masks_on_topics, robot_factory
     from cohelm.drive.session import SessionConfig
     from cohelm.drive.teleop_server import serve
     from cohelm.loop.loop import LoopParams
 
-    with ended() as end:
+    with end_signals() as end:
 
         def over() -> str:
             try:
@@ -175,7 +175,7 @@ def _drive(
                 return "the station is gone"
 
         def ready(address: tuple[Any, ...]) -> None:
-            end.heed()
+            end.handle_signals()
             line.send(address)
             release()
 
@@ -188,7 +188,7 @@ def _drive(
                 patience=patience, pictures=pictures,
             )  # fmt: skip
             with on_topics(made, TopicsConfig(masks=masks), _log.warning) as topics:
-                serve(plan, door, ready, over, topics)
+                serve(plan, config, ready, over, topics)
         except CohelmError as error:
             try:
                 line.send(str(error))

@@ -1,4 +1,4 @@
-"""A drive from its beginning to its end: who is started, in which order, and ended."""
+"""A drive from start to end: starts robot, loop, planner, recorder and live view, and ends them."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from cohelm.drive.jobs import in_thread
 from cohelm.drive.live import Live, LiveConfig
 from cohelm.drive.outline_check import OutlineCheck
 from cohelm.drive.pictures import Packed, Pictures
-from cohelm.drive.recorder import Listening, Recording
-from cohelm.drive.shown import drawn, way, zoned
+from cohelm.drive.recorder import EventSink, Recording
+from cohelm.drive.shown import map_message, reference_lines, zone_messages
 from cohelm.law.reference import Reference
 from cohelm.link.bulk_messages import ZoneMap
 from cohelm.link.messages import Mode
@@ -45,10 +45,10 @@ from cohelm.scenario.docks import checked
 from cohelm.scenario.load import dump
 from cohelm.scenario.zones import check, given_first
 
-_BRAKING = 3.0  # a robot that has not come to stand by then is left to its gate process [s]
+_BRAKING = 3.0  # time to come to a standstill; then it is left to the gate process [s]
 SIMULATED_TIME = "simulated time"
-"""How a session is scheduled that no clock hurries."""
-_READY = 10.0  # the robot's sensors must speak within this [s]
+"""The scheduling of a session in simulated time."""
+_READY = 10.0  # the robot's sensors must deliver within this [s]
 
 
 Camera = Callable[[float], Frame | Encoded | None]
@@ -56,30 +56,29 @@ Camera = Callable[[float], Frame | Encoded | None]
 
 @dataclass(frozen=True)
 class SessionConfig:
-    """What a session is to be."""
+    """Configuration of a session."""
 
     robot: RobotFactory
-    """Whose simulation is one of equals; its scenario is the site: map, route, law."""
+    """Makes the robot; its scenario is the site: map, route, law."""
     rate: float = 50.0
     """Periods a second, 10 to 500."""
     record: Path | None = None
     live: LiveConfig | None = None
-    """Where it is shown as it goes."""
+    """The live view."""
     known: LocalizationMap | None = None
     """The map to localise on; by default the scenario's walls."""
     localise: bool = True
-    """Without, or where there are neither map nor walls, the robot trusts its odometry."""
+    """Otherwise, or without map and walls, the robot uses its odometry."""
     zones: Zones | None = None
-    """Where the robot keeps out, and where it goes slowly, on that map; of each kind by default the
-    scenario's."""
+    """Keep-out and speed zones on that map; of each kind by default the scenario's."""
     loop: LoopParams = field(default_factory=LoopParams)
     watchdog: float = 0.1
-    """The loop may be so late, or the robot stops [s]."""
+    """Maximum lateness of the loop before the robot stops [s]."""
     pictures: float = 5.0
-    """Of the camera, so many a second are recorded or shown; 0: none [Hz]."""
+    """Rate of recorded or shown pictures; 0: none [Hz]."""
     patience: float = 0.0
-    """How much longer than usual loop, readings and driver may be silent: for a robot that shares
-    its computer with a crowd, as in tests, and is only simulated [s]."""
+    """Extra time that loop, readings and driver may be silent [s]: for simulated robots on a busy
+    machine, as in tests."""
 
     def __post_init__(self) -> None:
         site = self.robot.scenario.zones
@@ -113,12 +112,12 @@ class Session:
         self.gated: GatedRobot | None = None
         self.driver: Driver | None = None
         self.known: LocalizationMap | None = None
-        """The map that the robot localises on."""
-        self.zone_maps = zoned(plan.zones, robot.scenario.reference.speed_mps)
-        """The plan's zones, as stations and records are told them."""
+        """The map for localisation."""
+        self.zone_maps = zone_messages(plan.zones, robot.scenario.reference.speed_mps)
+        """The zones as messages for stations and records."""
         self.pictures = Pictures(waits=not real_time)
         self.shown: Callable[[Packed, float], None] | None = None
-        """Who is shown the pictures, with their age [s]."""
+        """Called with each picture and its age [s]."""
         self._frame: Frame | Encoded | None = None
         """The newest of that camera."""
         self._outline_check: OutlineCheck | None = None
@@ -126,7 +125,7 @@ class Session:
         """Whether `run` was to dock."""
         self._ends = False
         self._not_begun = ""
-        """Why the mode that was wanted never was."""
+        """Why the requested mode was never entered."""
         self._recorded = -math.inf
         self._periods = self._lost = 0
         self._whole = True
@@ -166,9 +165,9 @@ class Session:
                 _loop_params(plan), has_map=has_map, live=live, docks=docks,
             )  # fmt: skip
             if known is not None:
-                self.loop.log.show(drawn(known))
+                self.loop.log.show(map_message(known))
                 self._outline_check = OutlineCheck(self.loop, known)
-            for line in (*self.zone_maps, *way(robot.scenario.reference.spline())):
+            for line in (*self.zone_maps, *reference_lines(robot.scenario.reference.spline())):
                 self.loop.log.show(line)
             self._warm_up()
             if real_time:
@@ -186,8 +185,8 @@ class Session:
     def run(self, until: Callable[[Loop], bool], mode: Mode = Mode.HOLD, dock: int = 0) -> None:
         """Drive in a mode, as soon as the robot can, until `until` says so.
 
-        dock: dock there instead, from 1. A stop, hold or fault meanwhile ends the wish, and so does
-        a mode that a person chooses.
+        dock: dock there instead, from 1. A stop, hold or fault meanwhile cancels it, and so does a
+        mode that a person chooses.
         """
         gated, supervisor = self.loop.gated, self.loop.supervisor
         begun, ended = gated.now(), supervisor.rights.revocations
@@ -209,7 +208,7 @@ class Session:
                     self._not_begun = refusal
                 if over or late or not refusal:
                     wanted = Mode.HOLD
-            self._look()
+            self._update_pictures()
             if self._outline_check is not None:
                 self._outline_check.turn(loop)
             self._periods += 1
@@ -220,8 +219,8 @@ class Session:
             raise_thread_priorities()
         self.loop.run(chosen, self.plan.robot.real_time)
 
-    def _look(self) -> None:
-        """Through the camera: have frames packed, and pass on what is packed. Takes no time."""
+    def _update_pictures(self) -> None:
+        """Encode camera frames, and pass on what is encoded. Takes no time."""
         loop, rate = self.loop, self.plan.pictures
         if loop.readings is None or loop.seen is None:
             return
@@ -242,14 +241,14 @@ class Session:
         if self.shown is not None:
             self.shown(packed, loop.gated.now() - packed.stamp)
 
-    def rezoned(self, zones: Zones, maps: tuple[ZoneMap, ...]) -> None:
-        """Its robot has other zones from now on. maps: those, as they are told."""
+    def set_zones(self, zones: Zones, maps: tuple[ZoneMap, ...]) -> None:
+        """Use other zones from now on. maps: as messages."""
         self.plan, self.zone_maps = replace(self.plan, zones=zones), maps
         for one in maps:
             self.loop.log.show(one)
 
     def end(self, reason: str) -> None:
-        """Stop the robot, and go on turning until it stands, so that the record has it."""
+        """Stop the robot, and run the loop until it stands, so that the record has it."""
         gated, self._ends = self.loop.gated, True
         gated.stop(reason)
         until = gated.now() + _BRAKING
@@ -260,7 +259,7 @@ class Session:
         self.loop.run(stands, self.plan.robot.real_time)
 
     def state(self) -> str:
-        """What it does, and why it stands, for a person."""
+        """Mode, and why the robot stands, as text."""
         loop, gate, seen = self.loop, self.loop.gated.gate, self.loop.seen
         lost = seen is not None and seen.lost and loop.has_map and f"lost: {seen.reason}"
         why = gate.reason or loop.supervisor.problem or loop.supervisor.paused or lost
@@ -271,24 +270,24 @@ class Session:
 
     @property
     def stopped(self) -> bool:
-        """Whether it stands until somebody resets it, and is not at its end."""
+        """Whether it is latched, and not at its end."""
         return latched(self.loop.gated.gate.mode) and not self._ends
 
     def line(self) -> str:
-        """How it goes, for a terminal."""
-        loop, kept = self.loop, self.loop.timing.punctuality()
+        """State and timing, for a terminal."""
+        loop, timing = self.loop, self.loop.timing.punctuality()
         gate, seen = loop.gated.gate, loop.seen
         where = f"at {seen.pose.x:.2f} {seen.pose.y:.2f}" if seen else "nowhere yet"
         said = f"{loop.supervisor.mode.name} {gate.mode.name} {gate.reason} {where}"
         return (
-            f"{said} | {kept.periods} periods, {100.0 * kept.within_2ms:.2f} % within 2 ms, worst "
-            f"{1e3 * kept.late_worst:.1f} ms, work {1e3 * kept.took_median:.1f} ms, "
-            f"{kept.overruns} overruns"
+            f"{said} | {timing.periods} periods, {100.0 * timing.within_2ms:.2f} % within 2 ms, "
+            f"worst {1e3 * timing.late_worst:.1f} ms, work {1e3 * timing.took_median:.1f} ms, "
+            f"{timing.overruns} overruns"
         )
 
     def summary(self) -> dict[str, Any]:
-        """What became of it, in numbers; read before `close`."""
-        loop, kept, gate = self.loop, self.loop.timing.punctuality(), self.loop.gated.gate
+        """The summary; read before `close`."""
+        loop, timing, gate = self.loop, self.loop.timing.punctuality(), self.loop.gated.gate
         truth = getattr(loop.gated, "truth", lambda: None)()
         least = truth.least_moving if truth is not None else math.nan
         return {
@@ -306,7 +305,7 @@ class Session:
             "least_clearance_moving_m": least if math.isfinite(least) else None,
             "lost_share": self._lost / self._periods if self._periods else None,
             "lost": bool(loop.seen is not None and loop.seen.lost),
-            **{key: value for key, value in kept._asdict().items() if value == value},
+            **{key: value for key, value in timing._asdict().items() if value == value},
             "refused": gate.refused,
             "scheduling": self.scheduling,
             "live": None if self.plan.live is None else not loop.log.view_lost,
@@ -314,7 +313,7 @@ class Session:
         }
 
     def record_summary(self) -> dict[str, Any]:
-        """What became of the record: all of it is only known once the session is closed."""
+        """The record's part of the summary; final once the session is closed."""
         path, fault = self.plan.record, self.loop.log.fault
         if not self._whole:
             fault = fault or "the recorder did not finish the file"
@@ -326,7 +325,7 @@ class Session:
         }
 
     def close(self) -> None:
-        """The robot first, then what plans, then the record."""
+        """Close the robot first, then the planner, then the record."""
         if self.gated is not None:
             self.gated.close()
         if self.driver is not None:
@@ -340,7 +339,7 @@ class Session:
             restore_priority(self._niceness)
 
     def _warm_up(self) -> None:
-        """Compile what a period needs, before the first one is due: a few, standing."""
+        """Compile what a period needs before the first one is due, by a few at standstill."""
         loop = self.loop
         gated = loop.gated
         end = gated.now() + (0.5 if self.plan.robot.real_time else 0.1)
@@ -355,7 +354,7 @@ class Session:
         loop.timing = Timing()
 
 
-def _line(listener: Listening | None, real_time: bool) -> RecordLine:
+def _line(listener: EventSink | None, real_time: bool) -> RecordLine:
     """From the loop."""
     return RecordLine(None if listener is None else listener.loop, waits=not real_time)
 
@@ -374,7 +373,7 @@ def docks_of(plan: SessionConfig, known: LocalizationMap | None) -> tuple[Dock, 
 
 
 def driver_of(plan: SessionConfig, real_time: bool, reference: Reference | None = None) -> Driver:
-    """A driver for a plan's robot, on the scenario's reference or another one."""
+    """A driver for a session's robot, on the scenario's reference or another one."""
     scenario, model = plan.robot.scenario, plan.robot.model
     reference = scenario.reference.spline() if reference is None else reference
     law = scenario.law

@@ -25,7 +25,7 @@ NO_ZONES = tuple(
 """For stations that may still show those of a robot before this one."""
 
 
-def drawn(known: LocalizationMap) -> Map:
+def map_message(known: LocalizationMap) -> Map:
     """The map as a page draws it."""
     cells = np.where(known.gap <= 0.0, 100, 0).astype(np.uint8)
     cells[known.unknown] = 255
@@ -36,7 +36,7 @@ def drawn(known: LocalizationMap) -> Map:
     )  # fmt: skip
 
 
-def zoned(zones: Zones | None, u_d: float) -> tuple[ZoneMap, ...]:
+def zone_messages(zones: Zones | None, u_d: float) -> tuple[ZoneMap, ...]:
     """Keep-out and speed zones as a page draws them. u_d: the usual speed [m/s]."""
     made: list[ZoneMap] = []
     kept_out, slow = zones or Zones()
@@ -52,9 +52,9 @@ def zoned(zones: Zones | None, u_d: float) -> tuple[ZoneMap, ...]:
     return tuple(made)
 
 
-def rezoned(zones: Zones, u_d: float) -> tuple[ZoneMap, ...]:
+def all_zone_messages(zones: Zones, u_d: float) -> tuple[ZoneMap, ...]:
     """The same for who may still show others: of each kind, be it that there are none."""
-    made = {one.what: one for one in (*NO_ZONES, *zoned(zones, u_d))}
+    made = {one.what: one for one in (*NO_ZONES, *zone_messages(zones, u_d))}
     return tuple(made.values())
 
 
@@ -71,7 +71,7 @@ def _zone_map(what: Zone, raster: Cells, cells: NDArray[np.uint8], u_d: float) -
     ]
 
 
-def told(docks: Sequence[Dock]) -> Docks:
+def docks_message(docks: Sequence[Dock]) -> Docks:
     """Where a robot can dock."""
     return Docks(tuple(DockPlace(dock.name, dock.pose, dock.approach) for dock in docks))
 
@@ -82,7 +82,7 @@ def detour(course: Course | None) -> Polyline:
     return Polyline(LineKind.DETOUR, points.astype(np.float32))
 
 
-def way(reference: Reference) -> tuple[Polyline, Polyline]:
+def reference_lines(reference: Reference) -> tuple[Polyline, Polyline]:
     """The reference as a line, and its way-points."""
     at = [desired(reference, float(t), False) for t in reference.knots]
     points = np.array([(d.x, d.y) for d in at], dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Drives until somebody ends it: with the site's stick and mode, or as stations want."""
+"""Drives until it is ended: with the site's stick and mode, or for stations."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def drive_here(
     dock: str = "", reset: ResetHere | None = None,
     begun: Callable[[Session], AbstractContextManager[object]] = nullcontext,
 ) -> dict[str, Any]:  # fmt: skip
-    """Drive, and say what became of it.
+    """Drive; returns the summary.
 
     seconds: end after so many. arrive: end when the route is done. topics: what a ROS 2 robot says
     besides. dock: dock there instead, and end when that is over. reset: who asks for one. begun:
@@ -38,7 +38,7 @@ def drive_here(
     """
     number = dock_of(plan, dock)
     with Session(plan, operator, None if topics is None else topics.camera) as session:
-        stop.heed()
+        stop.handle_signals()
         clock = session.loop.gated.now
         with begun(session):
             if topics is not None:
@@ -78,14 +78,14 @@ def drive_for_stations(
     plan: SessionConfig, listen: str, stop: End, seconds: float | None = None,
     topics: OnTopics | None = None, begun: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Drive as paired stations want, and say what became of it. listen: HOST[:PORT].
+    """Drive for paired stations; returns the summary. listen: HOST[:PORT].
 
     seconds, topics: as above. begun: told the address. Raises CohelmError as above.
     """
     host, port = address(listen, PORT)
 
     def ready(at: tuple[Any, ...]) -> None:
-        stop.heed(seconds)
+        stop.handle_signals(seconds)
         begun(f"{at[0]}:{at[1]}")
 
     return serve(plan, TeleopConfig(keys.robot(), host, port), ready, stop.over, topics)

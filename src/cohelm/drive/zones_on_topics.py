@@ -14,7 +14,7 @@ from typing import NamedTuple
 from cohelm.core.errors import CohelmError
 from cohelm.drive.jobs import Jobs
 from cohelm.drive.session import Session
-from cohelm.drive.shown import rezoned
+from cohelm.drive.shown import all_zone_messages
 from cohelm.link.bulk_messages import ZoneMap
 from cohelm.link.messages import Severity
 from cohelm.loop.loop import Loop
@@ -79,7 +79,7 @@ class ZonesOnTopics:
             loop.supervisor.pause(_PAUSE, _BRAKES)
             return
         self._next = None
-        session.rezoned(newer.zones, newer.maps)
+        session.set_zones(newer.zones, newer.maps)
         loop.log.event(f"{newer.topics} has changed: its zones count from now on")
         loop.supervisor.resume(_PAUSE)
 
@@ -119,6 +119,6 @@ class ZonesOnTopics:
         check(zones, session.known)
         settings, u_d = session.loop.driver.settings, plan.robot.scenario.reference.speed_mps
         zoned = Zoned(zones, settings.outline, settings.gains.u_d)
-        self._made.put(_Newer(zones, rezoned(zones, u_d), zoned, topics))
+        self._made.put(_Newer(zones, all_zone_messages(zones, u_d), zoned, topics))
         self._used = masks
         self._say(f"{topics} has changed: its zones are taken up")

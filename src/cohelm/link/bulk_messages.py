@@ -1,4 +1,4 @@
-"""What operator and robot tell each other over the reliable stream: see `messages`."""
+"""Messages over the reliable stream: see `messages`."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ def _finite(points: NDArray[np.float64]) -> str:
 
 
 class Hello(NamedTuple):
-    """Bulk, first of all: what robot this is."""
+    """Bulk, first: the robot's description."""
 
     name: Words
     version: Annotated[str, text(32)]
-    """Of cohelm, there."""
+    """Of cohelm on the robot."""
     outline: Annotated[NDArray[np.float32], array("f4", 2, 64)]
     """(k, 2), convex, counter-clockwise, in the body frame [m]."""
     v_max: float
@@ -49,18 +49,18 @@ class Hello(NamedTuple):
     omega_max: float
     """[rad/s]"""
     watchdog: float
-    """Without commands for so long, the robot does what `on_loss` says [s]."""
+    """Without commands for this long, the robot does what `on_loss` says [s]."""
     on_loss: Annotated[str, text(32)]
     camera: tuple[float, float, float, float]
     """Vertical angle of view [rad], x and z of its mount [m], tilt down [rad]; NaN: no camera."""
 
 
 class LineKind(IntEnum):
-    """What a polyline is."""
+    """Kind of a polyline."""
 
     REFERENCE = 0
     DETOUR = 1
-    """The course round what is in the way, while one is driven; else no points."""
+    """The present detour; else no points."""
     WAYPOINTS = 2
 
 
@@ -94,7 +94,7 @@ class Map(NamedTuple):
 
 
 class Zone(IntEnum):
-    """What a zone asks."""
+    """Kind of a zone."""
 
     KEEP_OUT = 0
     SPEED = 1
@@ -135,7 +135,7 @@ class Docks(NamedTuple):
 
 
 class HealthReport(NamedTuple):
-    """Bulk: what the robot says of itself; told at every change."""
+    """Bulk: battery and faults; sent at every change."""
 
     battery: float
     """Share of its charge, in hundredths."""
@@ -170,7 +170,7 @@ class Records(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """Bulk: a piece of a record asked for with `Fetch`; an empty one says that there is no more."""
+    """Bulk: a piece of a record, requested with `Fetch`; an empty one is the end."""
 
     name: FileName
     offset: Huge
@@ -178,7 +178,7 @@ class Piece(NamedTuple):
 
 
 class Digest(NamedTuple):
-    """Bulk: what all of a record is, asked for with `Fetch`."""
+    """Bulk: size and hash of a record, requested with `Fetch`."""
 
     name: FileName
     size: Huge
@@ -190,32 +190,32 @@ class Digest(NamedTuple):
 
 
 class Checked(NamedTuple):
-    """Bulk: what the robot says to proposed way-points."""
+    """Bulk: the result of checking proposed way-points."""
 
     answer: Answer
     worst: Short
-    """Which way-point is to blame, from 0; 65535: none."""
+    """Index of the refused way-point, from 0; 65535: none."""
 
 
 class Waypoints(NamedTuple):
-    """Bulk, up: way-points to be checked and, if the robot agrees, followed."""
+    """Bulk, up: way-points to be checked and, if accepted, followed."""
 
     number: Long
     """Of the proposal; the answer has it again."""
     points: Annotated[NDArray[np.float64], checked(array("f8", 2, MOST_WAYPOINTS), _finite)]
     """(n, 2) in the map [m]"""
     only_check: bool
-    """Say what you think of them, but do not follow them."""
+    """Check them only, do not follow them."""
 
 
 class Fetch(NamedTuple):
-    """Bulk, up: send part of a record, and no more; an empty name asks for the list of them."""
+    """Bulk, up: request part of a record; an empty name requests the list."""
 
     name: FileName
     offset: Huge = 0
     """From which byte on."""
     size: Long = 0
-    """So many bytes; 0: say how many there are, and their hash."""
+    """Number of bytes; 0: request size and hash."""
 
 
 FromOperator: TypeAlias = Command | Waypoints | Fetch

@@ -1,4 +1,4 @@
-"""The connected stations, and the bounds on what each may cost the robot."""
+"""The connected stations, and the limits on the load of each."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from cohelm.link.messages import Answer, Command
 from cohelm.link.rate import TokenBucket
 
 DATAGRAMS = 200.0
-"""Of one client, heard per second: twice what a stick sends, four times what a page does."""
+"""Of one client, processed per second: twice a stick's rate, four times a page's."""
 AT_ONCE = 200.0
-"""... and at once: four seconds of a page, as a network delivers them that hoarded."""
+"""... and in a burst: four seconds of a page, after a network interruption."""
 LOOKED_AT = 2000.0
-"""Of one client, decrypted per second; of those beyond `DATAGRAMS`, only a stop is heard."""
+"""Of one client, decrypted per second; beyond `DATAGRAMS` only stops count."""
 REQUESTS = 20.0
-"""Of one client, done per second, but for stops: as often as a command comes by, nearly."""
+"""Of one client, executed per second, except stops."""
 REQUESTS_AT_ONCE = 40.0
 AHEAD = 0.05
-"""What seems to come from further ahead than this is not used [s]."""
+"""Messages stamped further ahead of now are not used [s]."""
 MOST_CLIENTS = 16
 MOST_OF_ONE_KEY = 12
 """Clients with one certificate: the pages of one station, and a few places for others."""
@@ -31,7 +31,7 @@ MOST_NUMBER = 65535
 
 
 class Client:
-    """Known by its number while it is connected, and by certificate and session beyond that."""
+    """Known by its number while connected, by certificate and session across connections."""
 
     def __init__(self, number: int, guest: Guest, now: float) -> None:
         self.number = number
@@ -41,16 +41,16 @@ class Client:
         self.path = Path()
         self.since = self.last = now
         self.session: int | None = None
-        """None: let in, but nothing that makes sense was heard of it yet."""
+        """None: connected, but no valid message yet."""
         self.same_as: Client | None = None
-        """Who this turned out to be: a client that came again on a new channel."""
+        """The client that this one is, reconnected on a new channel."""
         self.sequence = 0
         self.command: Command | None = None
         self.stamp = math.nan
         self.used_age = math.nan
         self.dropped = 0
         self.done = 0
-        """Number of the last request that was looked at."""
+        """Number of the last request processed."""
         self.answers: deque[Answer] = deque(maxlen=3)
         self.datagrams = TokenBucket(DATAGRAMS, AT_ONCE, now)
         self.looked_at = TokenBucket(LOOKED_AT, 0.2 * LOOKED_AT, now)
@@ -62,62 +62,61 @@ class Client:
         return f"{self.channel.name} ({self.number})"
 
     def in_time(self, stamp: float, now: float, life: float) -> bool:
-        """Whether what it stamped is younger than `life` [s] even in the worst case, and not from
-        the future."""
-        return -AHEAD <= self.path.age(stamp, now) and self.path.oldest(stamp, now) <= life
+        """Whether a stamp's worst-case age is at most `life` [s], and it is not from the future."""
+        return -AHEAD <= self.path.age(stamp, now) and self.path.max_age(stamp, now) <= life
 
 
 class Clients(dict[int, Client]):
-    """Who is connected, by number."""
+    """The connected clients, by number."""
 
     last = 0
-    """The number given last."""
+    """The last number assigned."""
 
-    def welcome(self, guest: Guest, now: float) -> Client:
-        """A client of its own for who was let in."""
+    def add(self, guest: Guest, now: float) -> Client:
+        """Add a new client."""
         self.last = free_number(self.last, set(self))
         client = self[self.last] = Client(self.last, guest, now)
         return client
 
-    def heard(self) -> list[Client]:
-        """Those of whom something that makes sense was heard."""
+    def identified(self) -> list[Client]:
+        """Clients that have sent a valid message."""
         return [client for client in self.values() if client.session is not None]
 
-    def found(self, fingerprint: str, session: int) -> Client | None:
-        """Who has this certificate and session."""
+    def find(self, fingerprint: str, session: int) -> Client | None:
+        """The client with this certificate and session."""
         for client in self.values():
             if client.session == session and client.channel.peer == fingerprint:
                 return client
         return None
 
-    def crowd(self, new: Client) -> list[Client]:
-        """Of whom one has to go before there is a place for a new one; nobody: there is one."""
-        others = self.heard()
+    def crowded_by(self, new: Client) -> list[Client]:
+        """The clients of which one must leave to make room for a new one; empty: there is room."""
+        others = self.identified()
         same = [client for client in others if client.channel.peer == new.channel.peer]
         if len(same) >= MOST_OF_ONE_KEY:
             return same
         return others if len(others) >= MOST_CLIENTS else []
 
-    def reunite(self, old: Client, new: Client) -> None:
-        """One came again on a new channel: it goes on as who it was, with that channel."""
+    def merge(self, old: Client, new: Client) -> None:
+        """A client has reconnected: it keeps its identity, with the new channel."""
         old.socket.close()
         old.channel, old.socket, old.address = new.channel, new.socket, new.address
         del self[new.number]
         new.same_as = old
 
-    def oldest(self, number: int, stamp: float, now: float) -> float:
-        """How long ago at most a client stamped something [s]; NaN: it is gone."""
+    def max_age(self, number: int, stamp: float, now: float) -> float:
+        """Upper bound of a stamp's age [s]; NaN: the client has left."""
         client = self.get(number)
-        return math.nan if client is None else client.path.oldest(stamp, now)
+        return math.nan if client is None else client.path.max_age(stamp, now)
 
     def name(self, number: int) -> str:
-        """By its certificate; empty for who is not there."""
+        """The name in its certificate; empty if it is not connected."""
         client = self.get(number)
         return client.channel.name if client else ""
 
 
 def free_number(last: int, taken: frozenset[int] | set[int]) -> int:
-    """The number after `last` that nobody has, so that the numbers of who left rest for long."""
+    """The next free number after `last`, so that numbers are reused late."""
     number = last % MOST_NUMBER + 1
     while number in taken:
         number = number % MOST_NUMBER + 1

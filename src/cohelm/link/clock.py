@@ -1,4 +1,4 @@
-"""Estimates the other end's clock, and the delay of the path to it, from stamped messages.
+"""Estimates the other end's clock offset and the path's delay, from stamped messages (NTP).
 
 Every message carries its sender's stamp, and an echo: the newest stamp the sender has had from
 here, and for how long it has held it. That is NTP's exchange (RFC 5905 8). Each gives the round
@@ -9,11 +9,11 @@ trip, and an interval in which the clocks' offset must lie, however unequal the 
 
 The estimate is the narrowest interval so far, each widened by what clocks can drift apart in the
 time since. Delay makes intervals wide, never wrong; one that does not meet the estimate's therefore
-proves that a clock has jumped (a computer that slept), and the estimate begins anew.
+proves that a clock has jumped (a computer that slept), and the estimate begins restart.
 
 The middle of the interval is right where both ways are equally slow. Where only one is, a command
 may be twice as old as the middle says. What decides whether a command is still used is therefore
-the interval's upper end, `oldest`: no way back takes less than no time, so
+the interval's upper end, `max_age`: no way back takes less than no time, so
 
     offset <= (stamp - hold) - echo      and      age <= now - stamp + that bound
 
@@ -64,8 +64,8 @@ class Path:
         self.jitter = math.nan
         """Mean change of the round trip from one message to the next [s] (RFC 3550 6.4.1)."""
 
-    def heard(self, header: Header, now: float) -> bool:
-        """Take note of a message. False: it is older than, or the same as, one heard before."""
+    def update(self, header: Header, now: float) -> bool:
+        """Process a message's header. False: it is out of order or a duplicate."""
         before = self._newest
         if before is not None and before.session != header.session:
             self.__init__()  # another process, with a clock of its own
@@ -76,7 +76,7 @@ class Path:
         if before is not None and header.sequence <= before.sequence:
             return False
         self._newest, self._newest_at = header, now
-        self._measured(header, now)
+        self._sample(header, now)
         return True
 
     def echo(self, now: float) -> tuple[float, float]:
@@ -92,7 +92,7 @@ class Path:
         """
         return now - (stamp - self.offset)
 
-    def oldest(self, stamp: float, now: float) -> float:
+    def max_age(self, stamp: float, now: float) -> float:
         """The most that `age` can be, however unequal the two ways are [s]; NaN: unknown.
 
         More than the true age by the shortest way to the other end, `DRIFT` times the time since,
@@ -124,7 +124,7 @@ class Path:
         """Time since the newest message [s]; NaN: there was none."""
         return now - self._newest_at
 
-    def _measured(self, header: Header, now: float) -> None:
+    def _sample(self, header: Header, now: float) -> None:
         round_trip = now - header.echo - header.hold
         # An echo is from the past; what says otherwise measures nothing (and NaN is no echo).
         if not (-_EPS <= round_trip <= now and header.hold >= 0.0):
@@ -140,20 +140,20 @@ class Path:
         best = self._best
         if best is None:
             self._best = sample
-            self._bounded(sample, anew=True)
+            self._update_bounds(sample, restart=True)
             return
         drifted = DRIFT * (now - best.when)
         width = 0.5 * (sample.round_trip + best.round_trip) + drifted + 2.0 * _EPS
         jumped = abs(sample.offset - best.offset) > width
-        self._bounded(sample, anew=jumped)
+        self._update_bounds(sample, restart=jumped)
         if jumped or 0.5 * round_trip <= 0.5 * best.round_trip + drifted:
             self._best = sample
 
-    def _bounded(self, sample: _Sample, anew: bool) -> None:
-        """Narrow the bounds on the offset by a sample's; anew: a clock has jumped, or none are."""
+    def _update_bounds(self, sample: _Sample, restart: bool) -> None:
+        """Narrow the offset's bounds by a sample's; restart: drop the earlier bounds."""
         now, half = sample.when, 0.5 * sample.round_trip
         least, most = sample.offset - half, sample.offset + half
-        if not anew and self._least is not None and self._most is not None:
+        if not restart and self._least is not None and self._most is not None:
             before = self._least.at(now, -1.0), self._most.at(now, 1.0)
             if max(least, before[0]) <= min(most, before[1]) + 2.0 * _EPS:
                 least, most = max(least, before[0]), min(most, before[1])

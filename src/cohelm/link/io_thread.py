@@ -39,25 +39,25 @@ class IoThread:
     def _start(self) -> None:
         self._thread.start()
 
-    def _turn(self) -> None:
-        """Once: wait for the waker and the sockets, and do what there is to do."""
+    def _poll_once(self) -> None:
+        """Wait for the waker and the sockets once, and process what came."""
         raise NotImplementedError
 
-    def _mistaken(self) -> None:
-        """A turn broke down by a mistake of ours."""
+    def _on_error(self) -> None:
+        """An exception in `_poll_once`."""
 
-    def _let_go(self) -> None:
-        """Say good-bye to all; no turn follows."""
+    def _close_all(self) -> None:
+        """Close all connections."""
 
     def _run(self) -> None:
         try:
             while self._open:
                 try:
-                    self._turn()
+                    self._poll_once()
                 except Exception:  # a mistake of ours must not leave anybody deaf
                     _log.exception("a mistake in the %s; it goes on", self._thread.name)
-                    self._mistaken()
+                    self._on_error()
                     time.sleep(0.01)
         finally:
-            self._let_go()
+            self._close_all()
             self._waker.close()

@@ -113,7 +113,7 @@ def robot(name: str | None = None) -> Keys:
     return Keys(called, certificate, _secret(folder / "robot.key"), stations)
 
 
-def let_in(station: str, to: Path) -> Keys:
+def pair(station: str, to: Path) -> Keys:
     """Make a key for a station, let it in, and write what it must install to the file `to`."""
     own = robot()
     path = home() / "robot" / "stations" / f"{_usable(station)}.pem"
@@ -130,7 +130,7 @@ def let_in(station: str, to: Path) -> Keys:
 
 
 def install(file: Path) -> str:
-    """Install what `let_in` wrote; returns the robot's name."""
+    """Install what `pair` wrote; returns the robot's name."""
     found = list(_PEM.finditer(read(file)))
     if [part[1] for part in found] != [b"CERTIFICATE", b"CERTIFICATE", b"PRIVATE KEY"]:
         raise CohelmError(
@@ -188,7 +188,7 @@ def robots() -> list[tuple[str, str]]:
     return [(path.parent.name, fingerprint(read(path))) for path in paths]
 
 
-def shut_out(name: str) -> None:
+def unpair(name: str) -> None:
     """The robot of this machine lets the station in no more (from its next start on)."""
     path = home() / "robot" / "stations" / f"{name}.pem"
     known = [called for called, _ in stations()]
@@ -207,7 +207,7 @@ def pair_here(*names: str) -> tuple[Keys, ...]:
     )
 
 
-def joined_by(of_robot: Keys, name: str) -> tuple[Keys, Keys]:
+def with_local_station(of_robot: Keys, name: str) -> tuple[Keys, Keys]:
     """A robot's keys that let one more station in, as long as they are used, and that one's."""
     certificate, key = made(name, "station")
     return (

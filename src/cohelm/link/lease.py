@@ -1,4 +1,4 @@
-"""One driver at a time: a lease that the robot gives, as a pure state machine.
+"""The lease: one driver at a time, as a pure state machine.
 
 Who asks while nobody drives gets it. Who asks while another drives waits: the driver gives it or
 refuses; a driver who says nothing for `ANSWER_WITHIN` loses it, for somebody may have walked away
@@ -11,23 +11,23 @@ import math
 from typing import NamedTuple
 
 ANSWER_WITHIN = 10.0
-"""What a driver has to answer another's question [s]."""
+"""Time for the driver to answer a request for the lease [s]."""
 
 NOBODY = 0
 
 
 class Held(NamedTuple):
-    """Who drives, and who would like to."""
+    """The driver, and the client that requests the lease."""
 
     driver: int = NOBODY
     """Client number."""
     asking: int = NOBODY
     until: float = math.nan
-    """When the one asking gets it, if the driver says nothing [s]."""
+    """When it is handed over without an answer [s]."""
 
 
 class Said(NamedTuple):
-    """What follows from a request."""
+    """The result of a request."""
 
     held: Held
     granted: bool
@@ -35,7 +35,7 @@ class Said(NamedTuple):
 
 
 def take(held: Held, client: int, now: float, silent: bool = False) -> Said:
-    """A client wants to drive. silent: nothing is heard of the driver; it can not be asked."""
+    """A client requests the lease. silent: the driver sends nothing, so it is not asked."""
     if held.driver == client:
         return Said(held, True, "you drive already")
     if held.driver == NOBODY or silent:
@@ -48,7 +48,7 @@ def take(held: Held, client: int, now: float, silent: bool = False) -> Said:
 
 
 def give(held: Held, client: int, to: int, known: frozenset[int]) -> Said:
-    """The driver gives the lease to another, or (0) to who asks, or to nobody."""
+    """The driver gives the lease to a client, or (0) to the one that requests it, or to none."""
     if held.driver != client:
         return Said(held, False, "you do not drive")
     new = to or held.asking
@@ -67,7 +67,7 @@ def refuse(held: Held, client: int) -> Said:
 
 
 def gone(held: Held, client: int) -> Held:
-    """A client is not there any more: its lease passes to who asks for it, else to nobody."""
+    """A client has left: its lease passes to the one that requests it, else to none."""
     if held.driver == client:
         return Held(held.asking)
     if held.asking == client:
@@ -76,5 +76,5 @@ def gone(held: Held, client: int) -> Held:
 
 
 def later(held: Held, now: float) -> Held:
-    """As time passes: a driver who does not answer has given it away."""
+    """As time passes: a driver that does not answer loses it."""
     return Held(held.asking) if held.asking != NOBODY and now >= held.until else held

@@ -1,8 +1,8 @@
-"""Listens for the robot: strangers' datagrams in, channels of those who are let in out.
+"""The robot's listening socket: performs DTLS handshakes and returns authenticated channels.
 
-Built to be cheap against floods. Until a stranger has shown that it has the address it claims,
-nothing is kept of it. Then handshakes are limited per second, and those under way in number and
-time. Whoever is in has a socket of its own, which the flood does not fill.
+Designed against floods. No state is kept until the sender has proved its address (cookie). Then
+handshakes are limited in rate, number and time. Each authenticated client has a socket of its own,
+which a flood does not fill.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from cohelm.link.dtls import Channel, HandshakeRefused
 from cohelm.link.udp import Address
 
 _PER_TURN = 16
-"""Strangers' datagrams looked at before the clients' are looked at again."""
+"""Unauthenticated datagrams processed before the clients' turn."""
 _HANDSHAKES = 20.0  # begun per second, all together
 _UNDER_WAY = 8
 _MOST_REASONS = 64
@@ -30,7 +30,7 @@ _log = logging.getLogger("cohelm.link")
 
 
 class Guest(NamedTuple):
-    """Somebody who was let in."""
+    """An authenticated peer."""
 
     channel: Channel
     socket: socket.socket
@@ -59,7 +59,7 @@ class Listener:
         self._tokens = _HANDSHAKES
         self._filled = clock()
         self.counts: Counter[str] = Counter()
-        """What was seen and not let in, by reason."""
+        """Refusals, by reason."""
         self._logged: dict[str, float] = {}
 
     def sockets(self) -> list[socket.socket]:
@@ -67,16 +67,16 @@ class Listener:
         return [self.socket, *(handshake.socket for handshake in self._under_way.values())]
 
     def turn(self) -> list[Guest]:
-        """Look at what came; who is let in now."""
+        """Process what came; returns newly authenticated peers."""
         now = self._clock()
         guests: list[Guest] = []
         for address, handshake in list(self._under_way.items()):
             for datagram, source in udp.receive(handshake.socket, _PER_TURN):
                 if source[:2] == address[:2]:
-                    guests += self._further(address, datagram, now)
+                    guests += self._continue(address, datagram, now)
         for datagram, address in udp.receive(self.socket, _PER_TURN):
             if address in self._under_way:
-                guests += self._further(address, datagram, now)
+                guests += self._continue(address, datagram, now)
             else:
                 self._stranger(datagram, address, now)
         self._tick(now)
@@ -129,10 +129,10 @@ class Listener:
         with contextlib.suppress(OSError):
             own.connect(address)
         self._under_way[address] = _Handshake(channel, own, now)
-        self._further(address, None, now)
+        self._continue(address, None, now)
 
-    def _further(self, address: Address, datagram: bytes | None, now: float) -> list[Guest]:
-        """Go on with a handshake, or begin it."""
+    def _continue(self, address: Address, datagram: bytes | None, now: float) -> list[Guest]:
+        """Continue a handshake, or begin it."""
         handshake = self._under_way.get(address)
         if handshake is None:
             return []

@@ -1,17 +1,15 @@
-"""What operator and robot tell each other: types, whose annotations say what bytes they take.
+"""Messages between operator and robot: types, whose annotations define their bytes.
 
-Two ways to travel. *Datagrams*, at most `wire.LARGEST` bytes, newest wins: `Command` up; `Status`,
-`ScanPart` and `Discs` down. *Bulk*, over a reliable stream that can never delay a datagram: what is
-in `bulk_messages`. Down, a number that is NaN is not known; up, every number is finite and in its
-range.
+Two transports. *Datagrams*, at most `wire.LARGEST` bytes, newest wins: `Command` up; `Status`,
+`ScanPart` and `Discs` down. *Bulk*, over a reliable stream that never delays a datagram: see
+`bulk_messages`. Down, NaN means "not known"; up, every number is finite and in its range.
 
-The operator's deflection and its validity are two things: a stick that vanished is not a stick
-that is centred. What must happen once (stop, mode, lease...) is a numbered `Request`; it is
-repeated until the robot has answered its number, and done once.
+Deflection and validity are separate: a lost stick is not a centred stick. What must happen once
+(stop, mode, lease...) is a numbered `Request`, repeated until the robot has answered its number,
+and executed once.
 
-A number without a word on its size is an `f` that may be NaN, an enumeration or a flag a byte, a
-tuple its fields in order; `codec` has the rest. A new field stands here, or there, and nowhere else
-in `link`.
+By default a number is an `f` that may be NaN, an enumeration or a flag a byte, a tuple its fields
+in order; `codec` has the rest. A new field is added here, or there, and nowhere else in `link`.
 """
 
 from __future__ import annotations
@@ -33,19 +31,19 @@ Short = Annotated[int, whole("H")]
 Long = Annotated[int, whole("I")]
 Time = Annotated[float, real("d")]
 Reason = Annotated[str, text(128)]
-"""Why the robot stands or slows: a sentence, as long as a datagram has room for."""
+"""Why the robot stands or slows: a sentence that fits into a datagram."""
 Words = Annotated[str, text(64)]
 Name = Annotated[str, text(24)]
 _DEFLECTION = real("f", -1.0, 1.0)
 
 
 class Mode(IntEnum):
-    """Who the robot listens to. The guard is on in all of them."""
+    """Driving mode. The guard is on in all of them."""
 
     HOLD = 0
     """Stand."""
     SHARED = 1
-    """Automatic along the path; the person takes over as far as the stick is deflected."""
+    """Automatic along the path; the operator takes over as far as the stick is deflected."""
     AUTOMATIC = 2
     """Automatic, without a stick."""
     MANUAL = 3
@@ -53,7 +51,7 @@ class Mode(IntEnum):
 
 
 class Device(IntEnum):
-    """What the person steers with."""
+    """The operator's input device."""
 
     NONE = 0
     KEYBOARD = 1
@@ -64,42 +62,42 @@ class Device(IntEnum):
 
 
 CENTRE = 0.1
-"""Deflections up to this are centred, for every end of the link: a stick is armed by them."""
+"""Deflections up to this count as centred everywhere; they arm a stick."""
 
 
 def is_centred(stick: Stick) -> bool:
-    """Whether a stick that waits is armed by this."""
+    """Whether a stick is centred, which arms a waiting one."""
     return max(abs(stick.x), abs(stick.psi)) <= CENTRE
 
 
 class Arming(IntEnum):
-    """How far a stick is believed."""
+    """State of the stick."""
 
     ABSENT = 0
-    """No stick, or its readings are not to be believed."""
+    """No stick, or its readings are not valid."""
     WAITING = 1
-    """There, but it has not been centred since it came: it does not steer."""
+    """Valid, but not centred since it came: it does not steer."""
     ARMED = 2
     """It steers."""
 
 
 class Ask(IntEnum):
-    """What can be asked for once; `Request.value` where a number goes with it."""
+    """Kind of a request; `Request.value` where it has a number."""
 
     STOP = 0
     """Brake and stay: anyone may."""
     RESET = 1
-    """Let go of the stop, when its cause has gone: the driver may."""
+    """Clear the stop, when its cause has gone: the driver may."""
     ACKNOWLEDGE = 2
     """Alarm `value` has been seen (0: all); anyone may."""
     MODE = 3
     """Mode `value`; the driver may."""
     TAKE = 4
-    """The lease, please."""
+    """Request the lease."""
     GIVE = 5
     """The driver gives the lease back; to client `value`, or to nobody (0)."""
     REFUSE = 6
-    """The driver keeps the lease although it was asked for."""
+    """The driver keeps the lease although it was requested."""
     RECORD = 7
     """Record (value 1) or stop recording (0)."""
     DOCK = 8
@@ -109,34 +107,34 @@ class Ask(IntEnum):
 
 
 class Request(NamedTuple):
-    """Something to be done once."""
+    """A request, to be executed once."""
 
     number: Long
-    """Counts up from 1 within a session; the robot does each number once, in order."""
+    """Counts up from 1 within a session; each number is executed once, in order."""
     what: Ask
     value: Short
     """0..65535, as `Ask` says."""
     made: Time
-    """The operator's clock when it was asked [s]; what is asked for too late is not done."""
+    """The operator's clock when it was made [s]; a late one is not executed."""
 
 
 class Command(NamedTuple):
-    """Up, at 50 Hz: what the person wants now."""
+    """Up, at 50 Hz: the operator's command."""
 
     stick: Annotated[Stick, record(Stick, _DEFLECTION, _DEFLECTION)]
     valid: bool
-    """The deflection was read from a working device just now; else it means nothing."""
+    """The deflection was just read from a working device; else it is ignored."""
     armed: bool
-    """The station's part of arming: a person has chosen this device and it was centred."""
+    """The station's part of arming: the operator chose this device and it was centred."""
     device: Device
     speed_scale: Annotated[float, real("f", 0.0, 1.0)]
-    """Share of the robot's speed the person allows, in [0, 1]."""
+    """Share of the robot's speed that the operator allows, in [0, 1]."""
     requests: Annotated[tuple[Request, ...], UpTo(8)]
     """Those not answered yet, oldest first, at most 8."""
 
 
 class Answer(NamedTuple):
-    """What became of a request or of a proposal."""
+    """The result of a request or of a proposal."""
 
     number: Long
     granted: bool
@@ -145,7 +143,7 @@ class Answer(NamedTuple):
 
 
 class Severity(IntEnum):
-    """How much an alarm matters."""
+    """Severity of an alarm."""
 
     NOTICE = 0
     WARNING = 1
@@ -153,10 +151,10 @@ class Severity(IntEnum):
 
 
 class Alarm(NamedTuple):
-    """Something the person must know; latched until acknowledged and gone."""
+    """An alarm, latched until acknowledged and gone."""
 
     number: Short
-    """Which alarm it is, > 0; the same thing happening again is a new number."""
+    """Which alarm it is, > 0; the same one raised again has a new number."""
     severity: Severity
     active: bool
     """Its cause is still there."""
@@ -165,7 +163,7 @@ class Alarm(NamedTuple):
 
 
 class DockPhase(IntEnum):
-    """How the robot stands to a dock."""
+    """The robot's state relative to a dock."""
 
     AWAY = 0
     """It is at none."""
@@ -180,7 +178,7 @@ class DockPhase(IntEnum):
 
 
 class Localised(IntEnum):
-    """How well the robot knows where it is."""
+    """Quality of localisation."""
 
     UNKNOWN = 0
     EXACT = 1
@@ -191,7 +189,7 @@ class Localised(IntEnum):
 
 
 class ReportedVerdict(IntEnum):
-    """What the filter did with the wish. Numbers of the link, not those of `law.verdict`."""
+    """What the filter did with the nominal command. Not the numbers of `law.verdict`."""
 
     UNTOUCHED = 0
     SHAPED = 1
@@ -209,26 +207,26 @@ class Lease(NamedTuple):
     """The driver's number; 0: nobody."""
     driver_name: Name
     asking: Short
-    """Who asks for the lease; 0: nobody."""
+    """Client that requests the lease; 0: none."""
     asking_name: Name
     left: float
-    """Until it is given to who asks, if the driver says nothing [s]; NaN where nobody asks."""
+    """Time until it is handed over without an answer [s]; NaN where it is not requested."""
 
 
 class Guarding(NamedTuple):
-    """What the filter says of the last step."""
+    """The filter's result in the last step."""
 
     verdict: ReportedVerdict
     clearance: float
     """Smallest clearance of the outline to anything [m]."""
     limiting: tuple[float, float]
-    """Where in the map the thing is that held the command back; NaN: nothing did."""
+    """Position of the limiting obstacle in the map; NaN: none."""
     h: float
     """Least value of the paper's barrier (22) [m^2]."""
 
 
 class TimingReport(NamedTuple):
-    """How well the robot keeps time, and hears this client."""
+    """Timing of the robot's loop, and of the link to this client."""
 
     late: float
     """Worst lateness of a step in the last second [s]."""
@@ -245,7 +243,7 @@ class TimingReport(NamedTuple):
 
 
 class Status(NamedTuple):
-    """Down, at 50 Hz: what the robot does, and why."""
+    """Down, at 50 Hz: the robot's state."""
 
     lease: Lease
     mode: Mode
@@ -263,7 +261,7 @@ class Status(NamedTuple):
     twist: Twist
     """Measured."""
     nominal: Twist
-    """What person and automatic ask for together, before the filter."""
+    """The blend of operator and controller, before the filter."""
     applied: Twist
     """What the wheels get."""
     why: Reason
@@ -272,7 +270,7 @@ class Status(NamedTuple):
     e_p: float
     """Tracking error E_P of the paper."""
     reference: Pose
-    """Where the path wants the robot to be."""
+    """The desired pose on the path."""
     progress: float
     """Share of the path done, in [0, 1]."""
     speed_cap: float

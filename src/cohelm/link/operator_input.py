@@ -1,4 +1,4 @@
-"""What the loop receives from the operator, however it came: link, local stick, script."""
+"""What the loop receives from the operator, by link, local stick or script."""
 
 from __future__ import annotations
 
@@ -7,22 +7,21 @@ from typing import NamedTuple
 from cohelm.link.messages import Ask, Command, Request
 
 STALE = 0.25
-"""A stick that was not heard of for so long is gone, whichever way it comes [s]: an older command
-is not used."""
+"""A stick without a command for this long is lost [s]: an older command is not used."""
 
 
 class ClientRequest(NamedTuple):
-    """A request that the loop must do or refuse, and answer."""
+    """A request that the loop must execute or refuse, and answer."""
 
     client: int
     name: str
     request: Request
     age: float = 0.0
-    """How long ago it was made, at most [s]; NaN: whoever made it is gone."""
+    """Upper bound of its age [s]; NaN: the client has left."""
 
 
 class OperatorInput(NamedTuple):
-    """What the link knows of the driver's will, now."""
+    """The driver's present input."""
 
     driver: int
     """Client number; 0: nobody drives."""
@@ -36,12 +35,12 @@ class OperatorInput(NamedTuple):
     requests: tuple[ClientRequest, ...]
     """New since the last call, oldest first, but a stop before all others."""
     term: int = 0
-    """Counts the leases: another one than before, and what was chosen in that is over. A driver who
-    is lost, with nobody after him, leaves it as it was."""
+    """Count of leases; a change ends what was chosen before. A driver that is lost without a
+    successor leaves it unchanged."""
     why: str = ""
-    """Why there is no stick, where more is known than that."""
+    """Why there is no stick, where it is known."""
 
 
 def stops_first(requests: tuple[ClientRequest, ...]) -> tuple[ClientRequest, ...]:
-    """The same with the stops before all else, in whatever order they came."""
+    """The requests with stops first."""
     return tuple(sorted(requests, key=lambda one: one.request.what != Ask.STOP))

@@ -1,8 +1,8 @@
-"""Requests between their arrival and the loop's next period. A stop is not in the queue with them.
+"""Requests between their arrival and the loop's next period; stops are kept apart.
 
-Nothing can crowd a stop out, and it is handed over before all else. What was asked before it, by
-anybody, and would move the robot, is not done after it. Everybody's stop is handed over, not only
-the first: what somebody asks for later is held against the stops of all others.
+Nothing displaces a stop, and stops are handed over first. Earlier requests of any client that could
+move the robot are cancelled by it. The stops of all clients are handed over, not only the first:
+later requests are judged against the stops of all others.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from cohelm.link.operator_input import ClientRequest
 MOST_WAITING = 16
 """Requests of one client that may wait for the loop; twice what one command carries."""
 MOVES = frozenset({Ask.RESET, Ask.MODE})
-"""Requests after which wheels may turn."""
+"""Requests that may lead to motion."""
 _MOST_STOPPING = 64
 """Clients whose stops wait, in one period; the robot stops in any case."""
 
@@ -30,14 +30,14 @@ class Pending:
         self._waiting: Counter[int] = Counter()
 
     def stop(self, asked: ClientRequest) -> tuple[ClientRequest, ...]:
-        """Somebody stops the robot; returns the requests that are called off by it."""
+        """Add a stop; returns the requests that it cancels."""
         if asked.client in self._stops or len(self._stops) < _MOST_STOPPING:
             first = self._stops.get(asked.client, [asked])[0]
             self._stops[asked.client] = [first] if first is asked else [first, asked]
         return self._without(lambda other: other.request.what in MOVES)
 
     def add(self, asked: ClientRequest) -> bool:
-        """Another request; False: too many of this client wait already."""
+        """Add a request; False: too many of this client wait."""
         if self._waiting[asked.client] >= MOST_WAITING:
             return False
         self._waiting[asked.client] += 1
@@ -45,7 +45,7 @@ class Pending:
         return True
 
     def withdraw(self, client: int, but: frozenset[Ask]) -> tuple[ClientRequest, ...]:
-        """Take back what a client has asked for, except these; returns it."""
+        """Withdraw a client's requests, except these kinds; returns them."""
         return self._without(lambda one: one.client == client and one.request.what not in but)
 
     def _without(self, which: Callable[[ClientRequest], bool]) -> tuple[ClientRequest, ...]:

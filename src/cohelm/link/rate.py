@@ -1,11 +1,11 @@
-"""Limits on what one sender may cost: a token bucket, and log lines that are counted together."""
+"""Rate limits: a token bucket, and coalesced log lines."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 EVERY = 1.0
-"""What happens again within this time is counted, and said together [s]."""
+"""Repetitions within this time are counted, and logged as one line [s]."""
 _MOST_KEYS = 64
 
 
@@ -34,8 +34,8 @@ class _Kept(NamedTuple):
 
 
 class Coalesced:
-    """Lines for a log, by what they are about: the first is said at once, those within a second
-    after it are counted and said as one. Memory is bounded, however many keys are made up."""
+    """Log lines by key: the first is logged at once, repetitions within a second as one line with
+    their count. Memory is bounded for any number of keys."""
 
     def __init__(self, every: float = EVERY) -> None:
         """every: least time between two lines about the same thing [s]."""

@@ -136,23 +136,23 @@ class RobotBulk(IoThread):
             self._proposed.clear()
         return new
 
-    def reply(self, client: int, said: Checked) -> None:
+    def reply(self, client: int, answer: Checked) -> None:
         """To one station."""
         with self._lock:
             for station in self._stations:
                 if self._number(station) == client:
-                    station.replies.append(said)
+                    station.replies.append(answer)
         self._waker.wake()
 
     # ---- the thread --------------------------------------------------------------------
 
-    def _let_go(self) -> None:
+    def _close_all(self) -> None:
         for station in list(self._stations):
-            self._leave(station, "the robot's end is closed")
+            self._remove(station, "the robot's end is closed")
         self._digests.close()
         self._listener.close()
 
-    def _turn(self) -> None:
+    def _poll_once(self) -> None:
         waiting = select.poll()
         for source in (self._waker, self._listener):
             waiting.register(source, select.POLLIN)
@@ -170,7 +170,7 @@ class RobotBulk(IoThread):
             try:
                 self._serve(station, now)
             except HandshakeRefused as refused:
-                self._leave(station, str(refused))
+                self._remove(station, str(refused))
         self._digest()
 
     def _digest(self) -> None:
@@ -195,7 +195,7 @@ class RobotBulk(IoThread):
     def _take_in(self, sock: socket.socket, address: udp.Address) -> None:
         strangers = [s for s in self._stations if not s.stream.up]
         if len(strangers) >= _STRANGERS:
-            self._leave(strangers[0], "pushed out by newer handshakes")
+            self._remove(strangers[0], "pushed out by newer handshakes")
         if len(self._stations) >= MOST_STREAMS:
             sock.close()
             return
@@ -294,7 +294,7 @@ class RobotBulk(IoThread):
             return None
         return self._end.client_of(station.stream.peer, station.session)
 
-    def _leave(self, station: _Station, why: str) -> None:
+    def _remove(self, station: _Station, why: str) -> None:
         who = station.stream.name or f"a stranger at {station.address[0]}"
         _log.info("bulk to %s ended: %s", who, why)
         with self._lock:

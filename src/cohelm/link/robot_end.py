@@ -36,14 +36,14 @@ SILENT = 2.0
 """Of whom nothing was heard for so long, the lease can be taken without asking [s]."""
 FORGOTTEN = 30.0
 """... and it is let go for good, its lease too [s]."""
-_MOST_SPEECHLESS = 8
+_MAX_UNIDENTIFIED = 8
 """Clients of whom nothing sensible was heard yet; a further one takes the oldest's place."""
-_SPEECHLESS = 5.0  # [s], and such a one is let go
+_UNIDENTIFIED = 5.0  # [s], and such a one is let go
 _PER_TURN = 64
 _log = logging.getLogger("cohelm.link")
 
-_FOR_ALL = frozenset({Ask.STOP, Ask.ACKNOWLEDGE})
-_OF_LEASE = frozenset({Ask.TAKE, Ask.GIVE, Ask.REFUSE})
+_FOR_ANYONE = frozenset({Ask.STOP, Ask.ACKNOWLEDGE})
+_LEASE_REQUESTS = frozenset({Ask.TAKE, Ask.GIVE, Ask.REFUSE})
 
 
 class RobotEnd(IoThread):
@@ -56,8 +56,8 @@ class RobotEnd(IoThread):
         """host, port: where to listen; port 0 takes a free one. stale: an older command is not
         used [s]. Raises CohelmError."""
         self.clock, self._stale = clock, stale
-        self._door = Listener(context(keys, server=True), host, port, clock)
-        self.address = self._door.address
+        self._listener = Listener(context(keys, server=True), host, port, clock)
+        self.address = self._listener.address
         self._session = secrets.randbits(64)
         super().__init__("link robot")
         self._lock = threading.RLock()
@@ -70,7 +70,7 @@ class RobotEnd(IoThread):
         self._lines = Coalesced()
         self._outbox: dict[object, Status | ScanPart | Discs] = {}
         self.counts: Counter[str] = Counter()
-        """Messages that were not used, by reason; `door_counts` has those not let in."""
+        """Messages that were not used, by reason; `refused_counts` has those not let in."""
         self._start()
 
     # ---- for the loop ------------------------------------------------------------------
@@ -80,21 +80,21 @@ class RobotEnd(IoThread):
         now = self.clock()
         with self._lock:
             taken = self._pending.take()
-            asked = tuple(
-                a._replace(age=self._clients.oldest(a.client, a.request.made, now)) for a in taken
+            requests = tuple(
+                a._replace(age=self._clients.max_age(a.client, a.request.made, now)) for a in taken
             )
             client = self._clients.get(self._held.driver)
             if client is None:
                 return OperatorInput(
-                    self._held.driver, "", None, math.nan, math.nan, asked, self._term
+                    self._held.driver, "", None, math.nan, math.nan, requests, self._term
                 )
-            age = client.path.oldest(client.stamp, now)
+            age = client.path.max_age(client.stamp, now)
             fresh = client.command is not None and client.in_time(client.stamp, now, self._stale)
             if fresh:
                 client.used_age = age
             return OperatorInput(
                 client.number, client.channel.name, client.command if fresh else None, age,
-                client.path.round_trip, asked, self._term,
+                client.path.round_trip, requests, self._term,
             )  # fmt: skip
 
     def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
@@ -120,12 +120,12 @@ class RobotEnd(IoThread):
     def clients(self) -> dict[int, str]:
         """Who is connected: names by number."""
         with self._lock:
-            return {c.number: c.channel.name for c in self._clients.heard()}
+            return {c.number: c.channel.name for c in self._clients.identified()}
 
     def client_of(self, fingerprint: str, session: int) -> int | None:
         """The number of a connected client, by its certificate and session."""
         with self._lock:
-            client = self._clients.found(fingerprint, session)
+            client = self._clients.find(fingerprint, session)
             return None if client is None else client.number
 
     @property
@@ -134,9 +134,9 @@ class RobotEnd(IoThread):
         return self._held.driver
 
     @property
-    def door_counts(self) -> Counter[str]:
+    def refused_counts(self) -> Counter[str]:
         """Who was not let in, by reason."""
-        return self._door.counts
+        return self._listener.counts
 
     def round_trips(self) -> dict[int, tuple[float, float]]:
         """Newest and shortest round trip of each client [s]."""
@@ -150,19 +150,19 @@ class RobotEnd(IoThread):
             self._outbox[slot] = message
         self._waker.wake()
 
-    def _mistaken(self) -> None:
+    def _on_error(self) -> None:
         self.counts["mistakes of the link"] += 1
 
-    def _let_go(self) -> None:
+    def _close_all(self) -> None:
         for client in list(self._clients.values()):
             udp.send(client.socket, client.channel.close())
             client.socket.close()
         self._clients.clear()
-        self._door.close()
+        self._listener.close()
 
-    def _turn(self) -> None:
+    def _poll_once(self) -> None:
         sockets = [client.socket for client in self._clients.values()]
-        handshakes = self._door.sockets()
+        handshakes = self._listener.sockets()
         wait = 0.1 if len(handshakes) == 1 else 0.02
         waiting = select.poll()
         for source in (self._waker, *sockets, *handshakes):
@@ -178,29 +178,29 @@ class RobotEnd(IoThread):
                     self._datagram(client, datagram)
                 else:
                     self._not_used(client, "a flood")
-        for guest in self._door.turn():
-            self._welcome(guest)
-        self._time_passes(self.clock())
+        for guest in self._listener.turn():
+            self._admit(guest)
+        self._expire(self.clock())
 
-    def _time_passes(self, now: float) -> None:
+    def _expire(self, now: float) -> None:
         """Who does not answer loses the lease; who is not heard is forgotten."""
         with self._lock:
             held = lease.later(self._held, now)
             if held != self._held:
                 self._lease(held, "the driver did not answer")
         for client in list(self._clients.values()):
-            if now - client.last > (FORGOTTEN if client.session is not None else _SPEECHLESS):
-                self._leave(client, "nothing heard any more")
+            if now - client.last > (FORGOTTEN if client.session is not None else _UNIDENTIFIED):
+                self._remove(client, "nothing heard any more")
         for line in self._lines.due(now):
             _log.info("%s", line)
 
-    def _welcome(self, guest: Guest) -> None:
+    def _admit(self, guest: Guest) -> None:
         with self._lock:
-            speechless = [c for c in self._clients.values() if c.session is None]
-            if len(speechless) >= _MOST_SPEECHLESS:
-                self._leave(speechless[0], "pushed out by newer connections")
-            client = self._clients.welcome(guest, self.clock())
-        self._say(client, f"{client.name} is connected from {guest.address[0]}")
+            unidentified = [c for c in self._clients.values() if c.session is None]
+            if len(unidentified) >= _MAX_UNIDENTIFIED:
+                self._remove(unidentified[0], "pushed out by newer connections")
+            client = self._clients.add(guest, self.clock())
+        self._log_line(client, f"{client.name} is connected from {guest.address[0]}")
         for message in guest.first:
             self._message(client, message)
 
@@ -208,7 +208,7 @@ class RobotEnd(IoThread):
         try:
             messages = client.channel.take(datagram)
         except HandshakeRefused as refused:
-            self._leave(client, str(refused))
+            self._remove(client, str(refused))
             return
         for message in messages:
             client = client.same_as or client
@@ -226,7 +226,7 @@ class RobotEnd(IoThread):
             header, message = from_operator(data)
         except Malformed as malformed:
             self._not_used(client, "malformed")
-            self._say(client, f"from {client.name}: {malformed}", logging.WARNING)
+            self._log_line(client, f"from {client.name}: {malformed}", logging.WARNING)
             return
         if not isinstance(message, Command):  # datagrams up are nothing else
             return
@@ -238,7 +238,7 @@ class RobotEnd(IoThread):
             client.last = now
             if too_many:
                 return self._requests(client, message, now, stops_only=True)
-            if not client.path.heard(header, now):
+            if not client.path.update(header, now):
                 self._not_used(client, "out of order")
                 return self._requests(client, message, now, stops_only=True)
             if not client.in_time(header.stamp, now, self._stale):
@@ -253,25 +253,25 @@ class RobotEnd(IoThread):
         is no place for another."""
         if client.session == header.session:
             return client
-        old = self._clients.found(client.channel.peer, header.session)
+        old = self._clients.find(client.channel.peer, header.session)
         if old is not None:
-            self._clients.reunite(old, client)
+            self._clients.merge(old, client)
             return old
-        if client.session is None and not self._seated(client, now):
-            self._door.refuse(client.address, "as many clients as there can be")
-            self._leave(client, "there are as many clients as there can be")
+        if client.session is None and not self._make_room(client, now):
+            self._listener.refuse(client.address, "as many clients as there can be")
+            self._remove(client, "there are as many clients as there can be")
             return None
         if client.session is not None:  # a new session on the same channel: all begins anew
             client.done, client.command = 0, None
         client.session = header.session
         return client
 
-    def _seated(self, client: Client, now: float) -> bool:
+    def _make_room(self, client: Client, now: float) -> bool:
         """Whether there is a place for a new client, if need be that of one who is silent."""
-        crowd = self._clients.crowd(client)
+        crowd = self._clients.crowded_by(client)
         silent = [c for c in crowd if c.number != self._held.driver and now - c.last > SILENT]
         if silent:
-            self._leave(min(silent, key=lambda c: c.last), "another needs the place")
+            self._remove(min(silent, key=lambda c: c.last), "another needs the place")
         return not crowd or bool(silent)
 
     def _not_used(self, client: Client, why: str) -> None:
@@ -285,22 +285,22 @@ class RobotEnd(IoThread):
             if request.number <= client.done or (stops_only and not stop):
                 continue
             client.done = request.number
-            asked = ClientRequest(client.number, client.name, request)
+            pending = ClientRequest(client.number, client.name, request)
             refused = ""
             if stop:
-                for off in self._pending.stop(asked):
+                for off in self._pending.stop(pending):
                     self.answer(off.client, off.request.number, False, f"{client.name} stopped it")
             elif not client.requests.take(now):
                 refused = "too many requests: wait a second"
             elif not client.in_time(request.made, now, REQUEST_LIFE):
                 refused = "it came too late"
-            elif request.what in _OF_LEASE:
+            elif request.what in _LEASE_REQUESTS:
                 self._lease_request(client, request, now)
-            elif request.what not in _FOR_ALL and self._held.driver != client.number:
+            elif request.what not in _FOR_ANYONE and self._held.driver != client.number:
                 refused = "you do not drive"
-            elif request.what not in _FOR_ALL and self._before_lease(client, request, now):
+            elif request.what not in _FOR_ANYONE and self._before_lease(client, request, now):
                 refused = "you did not drive yet"
-            elif not self._pending.add(asked):
+            elif not self._pending.add(pending):
                 refused = "too many requests: wait for their answers"
             if refused:
                 self.answer(client.number, request.number, False, refused)
@@ -310,14 +310,14 @@ class RobotEnd(IoThread):
         if request.what is Ask.TAKE:
             driver = self._clients.get(held.driver)
             silent = driver is None or now - driver.last > SILENT
-            said = lease.take(held, client.number, now, silent)
+            outcome = lease.take(held, client.number, now, silent)
         elif request.what is Ask.GIVE:
-            said = lease.give(held, client.number, request.value, frozenset(self._clients))
+            outcome = lease.give(held, client.number, request.value, frozenset(self._clients))
         else:
-            said = lease.refuse(held, client.number)
-        self.answer(client.number, request.number, said.granted, said.reason)
+            outcome = lease.refuse(held, client.number)
+        self.answer(client.number, request.number, outcome.granted, outcome.reason)
         taken = request.what is Ask.TAKE
-        self._lease(said.held, f"asked by {client.name}", taken=taken)
+        self._lease(outcome.held, f"asked by {client.name}", taken=taken)
 
     def _before_lease(self, client: Client, request: Request, now: float) -> bool:
         """Whether it was made before the driver could know that he drives."""
@@ -330,23 +330,23 @@ class RobotEnd(IoThread):
             if not (lost and held.driver == lease.NOBODY):
                 self._term += 1
             old = self._held.driver  # what it asked for, and the loop has not done, it shall not do
-            for asked in self._pending.withdraw(old, but=_FOR_ALL):
-                self.answer(old, asked.request.number, False, "you do not drive any more")
+            for withdrawn in self._pending.withdraw(old, but=_FOR_ANYONE):
+                self.answer(old, withdrawn.request.number, False, "you do not drive any more")
             new = self._clients.get(held.driver)
             who = "nobody" if new is None else new.name
-            self._say(None, f"{who} drives now: {why}")
+            self._log_line(None, f"{who} drives now: {why}")
             if new is not None:
                 new.command = None  # what it wanted before it drove counts for nothing
         self._held = held
 
-    def _say(self, about: Client | None, text: str, level: int = logging.INFO) -> None:
+    def _log_line(self, about: Client | None, text: str, level: int = logging.INFO) -> None:
         """Into the log; of what one certificate's clients do, a line of a kind a second."""
         kind = text.partition(":")[0].replace(f" ({about.number})" if about else "", "")
         for line in self._lines.add(self.clock(), (kind, level), text):
             _log.log(level, "%s", line)
 
-    def _leave(self, client: Client, why: str) -> None:
-        self._say(client, f"{client.name} left: {why}")
+    def _remove(self, client: Client, why: str) -> None:
+        self._log_line(client, f"{client.name} left: {why}")
         with self._lock:
             self._clients.pop(client.number, None)
             client.socket.close()
@@ -374,7 +374,7 @@ class RobotEnd(IoThread):
             _log.error("a %s can not be sent: %s", type(message).__name__, error)
             return
         except HandshakeRefused as refused:
-            self._leave(client, str(refused))
+            self._remove(client, str(refused))
             return
         udp.send(client.socket, datagrams)
 

@@ -86,7 +86,7 @@ class StationBulk(IoThread):
             newest, self._picture = self._picture, None
         return newest
 
-    def _turn(self) -> None:
+    def _poll_once(self) -> None:
         """One connection, from its beginning to its end."""
         try:
             self._connection()
@@ -96,7 +96,7 @@ class StationBulk(IoThread):
             self.connected = False
         self._wait(_AGAIN)
 
-    def _mistaken(self) -> None:
+    def _on_error(self) -> None:
         self._wait(_AGAIN)
 
     def _wait(self, seconds: float) -> None:

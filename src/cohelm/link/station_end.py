@@ -1,9 +1,8 @@
 """The station's end of the link: one robot.
 
-A thread of its own moves the datagrams, and connects again by itself. `steer` sends at once. It
-must be called again and again: the link never repeats a deflection by itself, for a station whose
-person or browser is gone must not look alive. Where `steer` is not called, the robot is told that
-there is no stick.
+An I/O thread moves the datagrams, and reconnects by itself. `steer` sends at once, and must be
+called periodically: the link never repeats a deflection, so that a station without its browser does
+not look alive. Without `steer`, "no stick" is sent.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from cohelm.link.scans import Scans, WholeScan
 from cohelm.link.wire import Header, encode, from_robot
 
 FRESH = 0.1
-"""Without `steer` for so long, the robot is told that there is no stick [s]."""
+"""Without `steer` for this long, "no stick" is sent [s]."""
 _BEAT = 0.05  # [s], between messages when there is nothing to say
 _LOST = 2.0  # [s], of silence, until a new connection is tried beside the old one
 _PATIENCE = 5.0  # [s], for a handshake to which nothing is said
@@ -57,7 +56,7 @@ class ReceivedStatus(NamedTuple):
 
 
 class LinkState(NamedTuple):
-    """How the link is."""
+    """State of the link."""
 
     connected: bool
     why: str
@@ -73,7 +72,7 @@ class LinkState(NamedTuple):
     """The robot's clock less this one [s]."""
 
 
-class _Way:
+class _Connection:
     """A socket and a channel to the robot, up or on its way up."""
 
     def __init__(self, channel: Channel, family: int, to: udp.Address, since: float) -> None:
@@ -109,8 +108,8 @@ class StationEnd(IoThread):
         super().__init__("link station")
         self._lock = threading.RLock()
         self._path = Path()
-        self._way: _Way | None = None
-        self._next: _Way | None = None
+        self._connection: _Connection | None = None
+        self._reconnection: _Connection | None = None
         self._try_at = clock()
         self._why = "not connected yet"
         self._sequence = 0
@@ -144,7 +143,7 @@ class StationEnd(IoThread):
         self._waker.wake()
 
     def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
-        """Ask for something once; returns the number its answer will have.
+        """Make a request; returns the number of its answer.
 
         made: when the person did, by this end's clock; None: now [s].
         It is repeated until it is answered, or a second is over; a stop for ever.
@@ -163,7 +162,7 @@ class StationEnd(IoThread):
         return number
 
     def answer(self, number: int) -> Answer | None:
-        """What the robot said to a request; None: nothing yet."""
+        """The answer to a request; None: none yet."""
         with self._lock:
             return self._answers.get(number)
 
@@ -189,7 +188,7 @@ class StationEnd(IoThread):
         """How the link is now."""
         with self._lock:
             path, now = self._path, self.clock()
-            connected = self._way is not None and path.silence(now) < _LOST
+            connected = self._connection is not None and path.silence(now) < _LOST
             return LinkState(
                 connected, "" if connected else self._why, path.round_trip, path.jitter,
                 path.lost, path.silence(now), path.offset,
@@ -197,99 +196,101 @@ class StationEnd(IoThread):
 
     # ---- the thread --------------------------------------------------------------------
 
-    def _mistaken(self) -> None:
+    def _on_error(self) -> None:
         self._why = "a mistake in the link: see the log"
 
-    def _let_go(self) -> None:
-        for way in (self._way, self._next):
-            if way is not None:
-                udp.send(way.socket, way.channel.close())
-                way.socket.close()
-        self._way = self._next = None
+    def _close_all(self) -> None:
+        for connection in (self._connection, self._reconnection):
+            if connection is not None:
+                udp.send(connection.socket, connection.channel.close())
+                connection.socket.close()
+        self._connection = self._reconnection = None
 
-    def _turn(self) -> None:
+    def _poll_once(self) -> None:
         waiting = select.poll()
         waiting.register(self._waker, select.POLLIN)
-        for way in (self._way, self._next):
-            if way is not None:
-                waiting.register(way.socket, select.POLLIN)
+        for connection in (self._connection, self._reconnection):
+            if connection is not None:
+                waiting.register(connection.socket, select.POLLIN)
         waiting.poll(1000.0 * _BEAT / 2.0)
         self._waker.drain()
         self._connect()
-        for way in (self._way, self._next):
-            if way is not None:
-                self._receive(way)
-        self._speak()
+        for connection in (self._connection, self._reconnection):
+            if connection is not None:
+                self._receive(connection)
+        self._send_command()
 
     def _connect(self) -> None:
         now = self.clock()
-        if self._next is not None:
+        if self._reconnection is not None:
             try:
-                self._next.channel.tick()
+                self._reconnection.channel.tick()
             except HandshakeRefused as refused:
-                self._failed(self._next, str(refused))
+                self._failed(self._reconnection, str(refused))
                 return
-            udp.send(self._next.socket, self._next.channel.waiting())
-            if now - self._next.since > self._next.patience:
-                self._failed(self._next, "the robot does not answer")
+            udp.send(self._reconnection.socket, self._reconnection.channel.waiting())
+            if now - self._reconnection.since > self._reconnection.patience:
+                self._failed(self._reconnection, "the robot does not answer")
             return
         silence = self._path.silence(now)
-        well = self._way is not None and not (
-            silence > _LOST or (math.isnan(silence) and now - self._way.since > _LOST)
+        well = self._connection is not None and not (
+            silence > _LOST or (math.isnan(silence) and now - self._connection.since > _LOST)
         )
         if well or now < self._try_at:
             return
         try:
-            self._next = _Way(Channel(self._context, server=False), self._family, self._to, now)
+            self._reconnection = _Connection(
+                Channel(self._context, server=False), self._family, self._to, now
+            )
         except OSError as error:
             self._why, self._try_at = f"no way to the robot: {error.strerror}", now + 1.0
             return
-        self._advance(self._next, None)
+        self._advance(self._reconnection, None)
 
-    def _advance(self, way: _Way, datagram: bytes | None) -> list[bytes]:
-        """Give a datagram to a channel (or begin), send what it says; returns messages."""
+    def _advance(self, connection: _Connection, datagram: bytes | None) -> list[bytes]:
+        """Pass a datagram to a channel (or begin), send its output; returns messages."""
         try:
             if datagram is None:
-                way.channel.start()
+                connection.channel.start()
                 return []
-            return way.channel.take(datagram)
+            return connection.channel.take(datagram)
         except HandshakeRefused as refused:
-            self._failed(way, str(refused))
+            self._failed(connection, str(refused))
             return []
         finally:
-            udp.send(way.socket, way.channel.waiting())
+            udp.send(connection.socket, connection.channel.waiting())
 
-    def _failed(self, way: _Way, why: str) -> None:
+    def _failed(self, connection: _Connection, why: str) -> None:
         if why != self._why:
             _log.warning("no link to the robot: %s", why)
         with self._lock:
             self._why = why
             self._try_at = self.clock() + 0.5
-            way.socket.close()
-            if way is self._next:
-                self._next = None
-            elif way is self._way:
-                self._way = None
+            connection.socket.close()
+            if connection is self._reconnection:
+                self._reconnection = None
+            elif connection is self._connection:
+                self._connection = None
 
-    def _receive(self, way: _Way) -> None:
-        for datagram, _ in udp.receive(way.socket, _PER_TURN):
-            if math.isinf(way.answered):
-                way.answered = self.clock()
-            messages = self._advance(way, datagram)
-            if way is self._next and way.channel.up:
-                self._established(way)
+    def _receive(self, connection: _Connection) -> None:
+        for datagram, _ in udp.receive(connection.socket, _PER_TURN):
+            if math.isinf(connection.answered):
+                connection.answered = self.clock()
+            messages = self._advance(connection, datagram)
+            if connection is self._reconnection and connection.channel.up:
+                self._established(connection)
             for message in messages:
                 self._message(message)
-            if way is not self._way and way is not self._next:
+            if connection is not self._connection and connection is not self._reconnection:
                 return  # refused meanwhile
 
-    def _established(self, way: _Way) -> None:
-        _log.info("linked to %s", way.channel.name)
+    def _established(self, connection: _Connection) -> None:
+        _log.info("linked to %s", connection.channel.name)
         with self._lock:
-            if self._way is not None:
-                self._way.socket.close()
-            self._way, self._next = way, None
-            way.since = self.clock()
+            if self._connection is not None:
+                self._connection.socket.close()
+            self._connection, self._reconnection = connection, None
+            connection.since = self.clock()
             self._why = "the robot is silent"
             self._sent_at = -math.inf
 
@@ -306,10 +307,10 @@ class StationEnd(IoThread):
                 self._robot = header.session
                 self._status = self._discs = None
                 self._scans = Scans()
-            newest = self._path.heard(header, now)
-            if newest and self._next is not None and self._way is not None:
-                self._next.socket.close()  # the old way works again
-                self._next = None
+            newest = self._path.update(header, now)
+            if newest and self._reconnection is not None and self._connection is not None:
+                self._reconnection.socket.close()  # the old way works again
+                self._reconnection = None
             self._keep(header, message, newest)
 
     def _keep(self, header: Header, message: FromRobot, newest: bool) -> None:
@@ -333,8 +334,8 @@ class StationEnd(IoThread):
         self._requests.remove(request)
         self._answers[request.number] = Answer(request.number, False, why)
 
-    def _speak(self) -> None:
-        """Send the newest command, or a beat that says there is no stick."""
+    def _send_command(self) -> None:
+        """Send the newest command, or "no stick"."""
         now = self.clock()
         with self._lock:
             for request in list(self._requests):
@@ -347,15 +348,15 @@ class StationEnd(IoThread):
             command = NO_STICK if gone or self._steered is None else self._steered
             command = command._replace(requests=tuple(self._requests))
             self._sent_at = now
-            way = self._way
-            if way is None:
+            connection = self._connection
+            if connection is None:
                 return
             self._sequence += 1
             echo, hold = self._path.echo(now)
             header = Header(self.session, self._sequence, now, echo, hold)
         try:
-            datagrams = way.channel.seal(encode(header, command))
+            datagrams = connection.channel.seal(encode(header, command))
         except HandshakeRefused as refused:
-            self._failed(way, str(refused))
+            self._failed(connection, str(refused))
             return
-        udp.send(way.socket, datagrams)
+        udp.send(connection.socket, datagrams)

@@ -1,4 +1,4 @@
-"""One MCAP file of ROS 2's own messages (`topics`), written as a run or a drive goes."""
+"""Writes one MCAP file of ROS 2 messages (`topics`) during a run or a drive."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STOPPED = "cohelm stopped"
 
 
 class About(NamedTuple):
-    """What a file is of."""
+    """Metadata of a record."""
 
     kind: str
     """run: a simulated one, by its compiled stepper. drive: of a robot, by its loop."""
@@ -82,16 +82,16 @@ class RecordWriter:
         self._topics.period(row, h, discs, beside)
 
     def stopped(self, by: str) -> None:
-        """It was stopped before its end."""
+        """The run was stopped before its end."""
         self._mcap.add_metadata(STOPPED, {"by": by})
 
     def flush(self) -> None:
-        """Everything so far stands in the file."""
+        """Write everything so far to the file."""
         self._mcap.flush()
         self._file.flush()
 
     def finish(self) -> None:
-        """The file is whole."""
+        """Complete the file."""
         self._mcap.finish()
         self._file.flush()
 

@@ -1,4 +1,4 @@
-"""Any MCAP file, as far as it is whole, and its ROS 2 messages by the definitions in it."""
+"""Reads any MCAP file, as far as it is whole, and its ROS 2 messages by their definitions."""
 
 from __future__ import annotations
 
@@ -24,8 +24,7 @@ _DAMAGED = (
 
 
 def records(path: Path, damaged: Callable[[str], None] = lambda _: None) -> Iterator[Any]:
-    """All that stands in the file before the end of its data, or before where it is damaged: then
-    `damaged` is told how.
+    """All records of the file up to its end, or up to the damage, which is passed to `damaged`.
 
     Raises CohelmError where there is no such file, or it is no MCAP.
     """

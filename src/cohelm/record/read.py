@@ -69,7 +69,7 @@ class Record(NamedTuple):
 
 @dataclass
 class RecordedPeriods:
-    """The control periods of a record, and what it says of itself."""
+    """The control periods of a record, and its metadata."""
 
     about: dict[str, str]
     scenario: str = ""
@@ -92,7 +92,7 @@ class RecordedPeriods:
 
 
 def read_record(path: str | Path) -> Record:
-    """What stands in a record. One that was cut short is read up to there.
+    """Read a record. One that was cut short is read up to there.
 
         >>> import cohelm
         >>> record = cohelm.read_record("drive.mcap")  # doctest: +SKIP

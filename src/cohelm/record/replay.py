@@ -1,4 +1,4 @@
-"""Replays a recorded drive as a robot behind the port: it senses again what it sensed then."""
+"""Replays a recorded drive as a robot behind the port."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Replayed(Paced):
     """Plays `/odom`, `/scan` (and those of further LiDARs), `/cmd_vel` and the camera's pictures of
     a record; time 0 is its first odometry reading.
 
-    It does not obey: `send` and `stop` answer with, and change nothing of, what was driven. After
-    the record's end nothing new comes.
+    Commands have no effect: `send` returns the recorded command. After the record's end nothing
+    new comes.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Replayed(Paced):
         return self._stamps[-1]
 
     def read(self) -> Readings:
-        """What was newest then."""
+        """The newest readings at that time."""
         now = self.now() + 1e-9
         k = bisect.bisect_right(self._stamps, now)
         s = bisect.bisect_right(self._ends, now)
@@ -99,12 +99,12 @@ class Replayed(Paced):
         return self._frame
 
     def send(self, twist: Twist) -> Twist:
-        """What was driven then."""
+        """The command recorded at that time."""
         k = bisect.bisect_right(self._turns, self.now() + 1e-9)
         return self._driven[k - 1][1] if k else Twist(0.0, 0.0)
 
     def stop(self) -> None:
-        """What is past can not be stopped."""
+        """Without effect."""
         self._open()
 
 

@@ -1,4 +1,4 @@
-"""What the stations were told of a drive, as ROS 2's own messages, and back.
+"""Converts what the stations displayed to ROS 2 messages, and back.
 
 | topic | type | what |
 |---|---|---|
@@ -82,7 +82,7 @@ def said(
 
 
 def understood(topic: str, message: Any) -> StatusWords | Map | ZoneMap | Polyline | Discs:
-    """What a message on one of `TOPICS` said."""
+    """Inverse of `said`: the content of a message on one of `TOPICS`."""
     match topic:
         case "/diagnostics":
             return _told(message)

@@ -1,9 +1,9 @@
-"""What there is on each topic of a record: readings, periods and events as ROS 2's own messages.
+"""The topics of a record: readings, periods and events as ROS 2 messages.
 
 `/odom` in the odometry frame, `/scan` (of further LiDARs `/scan_NAME`), `/tf` (map, odom,
-base_link), `/cmd_vel` and `/cmd_vel_safe`, `/joy`, `/camera/image/compressed`, `/rosout` for what
-happened, and `/period`: every number of a period; besides, what the stations were shown
-(`shown.TOPICS`). Where the bytes go is for others to say: into a file, to who looks on.
+base_link), `/cmd_vel` and `/cmd_vel_safe`, `/joy`, `/camera/image/compressed`, `/rosout` for
+events, `/period` for every number of a period, and what the stations displayed (`shown.TOPICS`).
+The caller decides where the bytes go: into a file, or to viewers.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ for; `/joy` has axes fore-aft and left-right; `/scene` holds the robot's outline
 """
 
 LASTING = frozenset({"/tf_static", "/scene", *shown.TOPICS}) - {"/obstacles"}
-"""Topics that speak once, or when something changes: what they said last still holds."""
+"""Topics published once or on change: their last message stays valid (latched)."""
 
 NO_WALLS: Floats = np.empty((0, 4))
 
@@ -119,7 +119,7 @@ def _text(name: str) -> str:
 
 
 class RecordTopics:
-    """Makes the messages of a run or a drive, and puts them where they belong."""
+    """Makes the messages of a run or a drive, and passes them on."""
 
     def __init__(
         self, epoch: int, put: Callable[[str, bytes, int, int | None], None],

@@ -1,4 +1,4 @@
-"""Puts a robot of one's own behind the port: limits, time-out, closing, and errors as faults."""
+"""Adapts a user's `Robot` to the port: limits, time-out, closing, and exceptions as faults."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Health, Odometry, Readings
 
 _STILL = Twist(0.0, 0.0)
-_SAME = 0.005  # one reading, asked for twice, is stamped so differently where its age is given [s]
-_AGAIN = 0.1  # a stop is said again after so long, should the first have been lost [s]
-_LOOK = 0.05  # from one look of the watchdog to the next [s]
-_HANGS = 0.1  # a call that is not back by then is not waited for before stopping [s]
+_SAME = 0.005  # stamps of one reading, read twice with its age, differ by less [s]
+_AGAIN = 0.1  # a stop is repeated after this time, in case one was lost [s]
+_LOOK = 0.05  # period of the watchdog [s]
+_HANGS = 0.1  # a call that takes longer is not waited for before stopping [s]
 
 
 def _again(new: Odometry, old: Odometry | None) -> bool:
-    """Whether it is the reading that was there already."""
+    """Whether it is the same reading as before."""
     if old is None or (new.pose, new.twist) != (old.pose, old.twist):
         return False
     return abs(new.stamp - old.stamp) < _SAME
@@ -66,7 +66,7 @@ class RobotAdapter:
         return self._robot.now()
 
     def wait(self, until: float) -> None:
-        """Let time pass; a robot that is not told anything is stopped meanwhile."""
+        """Let time pass; a robot without commands is stopped meanwhile."""
         self._open()
         due = self._commanded + self._robot.timeout
         if self._moves and due < until:
@@ -76,7 +76,7 @@ class RobotAdapter:
         self._robot.wait(until)
 
     def read(self) -> Readings:
-        """The newest of everything; what went wrong in the robot's own code is a fault."""
+        """The newest of everything; an exception in the robot's code becomes a fault."""
         self._open()
         with self._calls:
             try:
@@ -92,7 +92,7 @@ class RobotAdapter:
         return self._newest._replace(health=health._replace(faults=(*health.faults, *faults)))
 
     def send(self, twist: Twist) -> Twist:
-        """Ask for a twist, within the speeds; what is not finite is a stop."""
+        """Send a twist, limited to the speeds; one that is not finite is a stop."""
         self._open()
         self._commanded = self._robot.now()
         if not (is_finite(twist.v) and is_finite(twist.omega)):
@@ -108,13 +108,13 @@ class RobotAdapter:
         return possible
 
     def stop(self) -> None:
-        """Brake; said at once, and again now and then."""
+        """Brake; sent at once, and repeated."""
         self._open()
         with self._calls:
             self._brake()
 
     def close(self) -> None:
-        """Stop, and let go of the hardware."""
+        """Stop, and release the hardware."""
         if self._closed.is_set():
             return
         with self._calls:
@@ -145,7 +145,7 @@ class RobotAdapter:
         return self._moves and self._robot.now() - self._commanded >= self._robot.timeout - 1e-9
 
     def _watch(self) -> None:
-        """Where time passes by itself: the time-out also while nobody calls, or a call hangs."""
+        """In real time: apply the time-out also without calls, or while a call hangs."""
         while not self._closed.wait(_LOOK):
             if self._late():
                 free = self._calls.acquire(timeout=_HANGS)
@@ -162,7 +162,7 @@ class RobotAdapter:
 
 
 def _newest(new: Readings, old: Readings) -> Readings:
-    """Of everything what is new, and what was there where nothing is."""
+    """The new readings, and the old ones where there is no new one."""
     scans = {scan.sensor: scan for scan in (*old.further, *new.further)}
     contacts = {one.sensor: one for one in (*old.contacts, *new.contacts)}
     both = zip(new, old, strict=True)

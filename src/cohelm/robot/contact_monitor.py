@@ -1,5 +1,5 @@
-"""Watches bumpers and cliff sensors beside the gate: while one is on, only motion away from it is
-let through. Where the robot was driven against it the gate latches a fault."""
+"""Monitor of bumpers and cliff sensors: while one is on, only motion away from it passes. Where the
+robot was driven against it, the gate latches a fault."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cohelm.robot.port import Contact, Readings
 AHEAD = 0.02
 """A stamp may be this far ahead of the clock [s]; more, and a clock has jumped."""
 ALONG = 1e-9
-"""What goes outwards no faster goes along [m/s]."""
+"""Slower outward motion counts as along the surface [m/s]."""
 
 
 class _Side(NamedTuple):
@@ -38,7 +38,7 @@ class ContactMonitor:
     def observe(
         self, now: float, readings: Readings, applied: Twist, stopped: bool = False
     ) -> Restriction:
-        """Take in what they say; a fault where the robot is driven against one that is newly on."""
+        """Take their readings; a fault where the robot is driven against one that is newly on."""
         newly: list[_Side] = []
         known = {one.sensor: one for one in readings.contacts}
         for side in self._sides:
@@ -55,7 +55,7 @@ class ContactMonitor:
         return UNRESTRICTED
 
     def restrict(self, now: float, twist: Twist) -> Restriction:
-        """Nothing of a motion towards one that is on, and of any motion where one is not heard."""
+        """Share 0 for a motion towards one that is on, and for any motion while one is silent."""
         if twist == Twist(0.0, 0.0) or not math.isfinite(twist.v + twist.omega):
             return UNRESTRICTED  # nothing to take from; the gate knows what to do with no number
         for side in self._sides:
@@ -71,7 +71,7 @@ class ContactMonitor:
 
 
 def unheard(model: ContactModel, newest: Contact | None, now: float) -> str:
-    """What is wrong with the age of what it says last, or nothing."""
+    """What is wrong with the age of its last reading, or ""."""
     if newest is None:
         return f"nothing is heard of the {model.said}"
     if not math.isfinite(newest.stamp):

@@ -1,4 +1,4 @@
-"""What a robot offers and takes, whatever it is made of: twin, simulator, record, hardware.
+"""The robot port: the interface of every robot, be it twin, simulator, record or hardware.
 
 One clock: `now()` is the robot's own, monotonic, in seconds; every stamp is of that clock. Wall
 time is only ever used to label records.
@@ -16,7 +16,7 @@ from cohelm.robot.model import RobotModel
 
 
 class Odometry(NamedTuple):
-    """Where the wheels and the gyro say the robot is [m, rad, m/s, rad/s]; it drifts.
+    """Pose and twist by wheels and gyro [m, rad, m/s, rad/s]; the pose drifts.
 
         >>> import cohelm
         >>> ahead = cohelm.Odometry(0.1, cohelm.Pose(0.05, 0.0, 0.0), cohelm.Twist(0.5, 0.0))
@@ -27,9 +27,9 @@ class Odometry(NamedTuple):
     """
 
     stamp: float
-    """When it was so [s]."""
+    """Time of the measurement [s]."""
     pose: Pose
-    """In the odometry frame, which is smooth and starts anywhere."""
+    """In the odometry frame, which is smooth and has any origin."""
     twist: Twist
     """Measured, in the body frame."""
 
@@ -56,15 +56,15 @@ class Scan(NamedTuple):
     sensor: str = ""
     """Name of the LiDAR that it is of, as the robot's model has it."""
     edges: NDArray[np.bool_] | None = None
-    """(n,), which beams end where floor that should be seen is not: nothing that could move. None:
-    no beam does."""
+    """(n,), whether a beam ends where expected floor is missing (an edge, which can not move).
+    None: no beam does."""
 
 
 class Contact(NamedTuple):
-    """What a bumper or cliff sensor says."""
+    """A reading of a bumper or cliff sensor."""
 
     stamp: float
-    """When it said it [s]."""
+    """Time of the reading [s]."""
     sensor: str
     """Its name, as the robot's model has it."""
     on: bool
@@ -94,13 +94,13 @@ class Encoded(NamedTuple):
 
 
 class Health(NamedTuple):
-    """How the robot says it is."""
+    """The robot's own report of its state."""
 
     stamp: float
     battery: float
     """Share of its charge, NaN if not known."""
     faults: tuple[str, ...]
-    """What is wrong, a sentence each; the robot does not drive while there is one."""
+    """Faults, a sentence each; the robot does not drive while there is one."""
 
 
 class Readings(NamedTuple):
@@ -115,17 +115,17 @@ class Readings(NamedTuple):
     """
 
     odometry: Odometry | None = None
-    """Where the wheels say it is."""
+    """The newest odometry."""
     scan: Scan | None = None
     """One turn of the LiDAR; of several, of the first."""
     frame: Frame | None = None
     """One picture of the camera."""
     health: Health | None = None
-    """What the robot says of itself."""
+    """The robot's report of its own state."""
     further: tuple[Scan, ...] = ()
     """Of each further LiDAR that has given one, the newest scan."""
     contacts: tuple[Contact, ...] = ()
-    """Of each bumper and cliff sensor that has said anything, the newest."""
+    """The newest reading of each bumper and cliff sensor."""
     outline: Floats | None = None
     """The robot's own, convex, counter-clockwise, (k, 2) in the body frame [m]; None: as its model
     has it."""
@@ -174,14 +174,14 @@ class RobotPort(Protocol):
         ...
 
     def read(self) -> Readings:
-        """What is newest. Reading twice gives the same again."""
+        """The newest readings. Reading twice gives the same again."""
         ...
 
     def send(self, twist: Twist) -> Twist:
         """Ask for a twist until the next call; returns what the robot will try to do.
 
-        A twist that is not finite, or beyond the limits, is not passed on as it is: the answer
-        says what is. The robot stops by itself if nothing is sent for its own time-out.
+        A twist that is not finite, or beyond the limits, is changed, as the return value shows.
+        Without a call for its own time-out the robot stops by itself.
         """
         ...
 
@@ -190,5 +190,5 @@ class RobotPort(Protocol):
         ...
 
     def close(self) -> None:
-        """Stop, and let go of everything. Calls after this raise `CohelmError`."""
+        """Stop, and release everything. Calls after this raise `CohelmError`."""
         ...

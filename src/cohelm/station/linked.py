@@ -1,4 +1,4 @@
-"""The way to a robot over the real link: datagrams and bulk of one operator."""
+"""A `RobotLink` over the network: datagrams and bulk of one operator."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from cohelm.station.robot_link import News, Quality
 
 
 class Linked:
-    """`RobotLink` over the network. The robot's clock is only known once it was heard."""
+    """`RobotLink` over the network. The robot's clock is known after its first message."""
 
     def __init__(
         self, keys: Keys, host: str, port: int, over: Callable[[], str] = lambda: "",
         fresh: float = FRESH,
     ) -> None:  # fmt: skip
-        """over: why there is no robot any more, where somebody knows; else empty.
+        """over: returns why the robot has ended, where that is known; else empty.
         fresh: as in `StationEnd`."""
         self._over = over
         self._end = StationEnd(keys, host, port, fresh=fresh)
@@ -29,18 +29,18 @@ class Linked:
         self._bulk = StationBulk(keys, host, port, self._end.session)
         self._name = f"{host}:{port}"
         self._proposals = 0
-        self._told: object = None
+        self._status: object = None
         self._scans: dict[int, object] = {}
         self._discs: object = None
 
     def news(self) -> list[News]:
-        """What has come since the last call."""
+        """New messages since the last call."""
         out: list[News] = []
-        told, scans, discs = self._end.status(), self._end.scans(), self._end.discs()
-        now = math.nan if told is None else told.stamp + told.age
-        if told is not None and told.status is not self._told:
-            self._told = told.status
-            out.append(News(told.status, told.stamp, told.age))
+        received, scans, discs = self._end.status(), self._end.scans(), self._end.discs()
+        now = math.nan if received is None else received.stamp + received.age
+        if received is not None and received.status is not self._status:
+            self._status = received.status
+            out.append(News(received.status, received.stamp, received.age))
         for scan in scans:
             if scan is not self._scans.get(scan.lidar):
                 self._scans[scan.lidar] = scan

@@ -49,7 +49,7 @@ class ListeningSocket(socket.socket):
     def __init__(self, family: socket.AddressFamily) -> None:
         super().__init__(family, socket.SOCK_STREAM)
         self._all: dict[Address, _Connection] = {}
-        self._let_go = 0
+        self._closed_count = 0
         self._logged = 0.0
 
     def accept(self) -> tuple[socket.socket, Any]:
@@ -108,8 +108,8 @@ class ListeningSocket(socket.socket):
             else:  # it is still shaking hands: the server closes what is shut down
                 with contextlib.suppress(OSError):
                     connection.sock.shutdown(socket.SHUT_RDWR)
-            self._let_go += 1
+            self._closed_count += 1
         now = time.monotonic()
         if now - self._logged >= 1.0:
             self._logged = now
-            _log.warning("too many connections; %d let go so far", self._let_go)
+            _log.warning("too many connections; %d let go so far", self._closed_count)

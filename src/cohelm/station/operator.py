@@ -1,7 +1,7 @@
-"""One operator: a page, its own link to the robot, and the watch over its stick.
+"""One operator: a page, its link to the robot, and the check that its stick is fresh.
 
-An operator outlives its WebSocket by a few seconds, so that a page that is loaded again is still
-who it was; meanwhile its stick counts as gone.
+An operator outlives its WebSocket by a few seconds, so that a reloaded page keeps its identity;
+meanwhile its stick counts as lost.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FRAME_RATE = 1 / 30
 LINK_EVERY = 0.25
 """[s]"""
 SEND_WITHIN = 5.0
-"""A page that takes nothing for so long is let go [s]."""
+"""A page that reads nothing for this long is disconnected [s]."""
 _POLL = 0.01
 _REPEAT = 0.05
 _NO_STICK = (Stick(0.0, 0.0), False, False, robot.Device.NONE, 1.0)
@@ -42,14 +42,14 @@ class PageOperator:
     def __init__(self, key: str, name: str, connect: Connect, stale: float) -> None:
         self.key, self.name, self.stale = key, name, stale
         self.client = 0
-        """The number the robot gave it; 0 before the robot was heard."""
+        """The client number assigned by the robot; 0 before its first status."""
         self.socket: WebSocket | None = None
         self.left = time.monotonic()
         """When its last page went away."""
         self.names: dict[int, str] = {}
         self.others: list[str] = []
         self._outbox = Outbox()
-        self._kept: dict[object, str | bytes] = {}
+        self._published: dict[object, str | bytes] = {}
         self._status: News | None = None
         self._status_at = 0.0
         """Our clock when the newest status was true [s]."""
@@ -57,29 +57,29 @@ class PageOperator:
         self._health: bulk.HealthReport | None = None
         self._steered: tuple[Stick, bool, bool, robot.Device, float] = _NO_STICK
         self._stick_at = self._steered_at = -math.inf
-        """When the page's newest stick was made at the earliest: then it had just heard us [s]."""
+        """Earliest time of the page's newest stick: that of the beat it echoes [s]."""
         self._stick_n = -1
         self._state_at = self._link_at = self._beat_at = -math.inf
         self._page_ms: float | None = None
-        self._asked: dict[int, str] = {}
+        self._requested: dict[int, str] = {}
         self._proposed: dict[int, bool] = {}
         self.link = connect(name)
 
     # ---- the robot's side --------------------------------------------------------------
 
-    def _listen(self) -> None:
-        """What the robot told, into what the page is to be sent."""
+    def _poll_link(self) -> None:
+        """Convert the robot's messages for the page."""
         for news in self.link.news():
-            self._take(news)
-        for number, what in list(self._asked.items()):
+            self._on_news(news)
+        for number, what in list(self._requested.items()):
             answer = self.link.answer(number)
             if answer is None:
                 continue
-            del self._asked[number]
+            del self._requested[number]
             if not answer.granted:
-                self._say(page.Refused(what=what.replace("_", " "), why=answer.reason))
+                self._send(page.Refused(what=what.replace("_", " "), why=answer.reason))
 
-    def _take(self, news: News) -> None:
+    def _on_news(self, news: News) -> None:
         message, _, age = news
         match message:
             case robot.Status():
@@ -93,21 +93,21 @@ class PageOperator:
             case bulk.Picture():
                 self._outbox.put("frame", binary.frame(message, age))
             case robot.Discs():
-                self._keep("discs", view.discs(message).model_dump_json())
+                self._publish("discs", view.discs(message).model_dump_json())
             case bulk.Hello():
-                self._keep("robot", view.hello(message).model_dump_json())
+                self._publish("robot", view.hello(message).model_dump_json())
             case bulk.Polyline():
                 slot = (bulk.Polyline, message.what)
-                self._keep(slot, view.line(message).model_dump_json())
+                self._publish(slot, view.line(message).model_dump_json())
             case bulk.Map():
                 slot = (bulk.Map, message.column, message.row)
-                self._keep(slot, binary.map_part(message))
+                self._publish(slot, binary.map_part(message))
             case bulk.ZoneMap():
-                self._keep((bulk.ZoneMap, message.what), binary.zones(message))
+                self._publish((bulk.ZoneMap, message.what), binary.zones(message))
             case bulk.Docks():
-                self._keep("docks", view.docks(message).model_dump_json())
+                self._publish("docks", view.docks(message).model_dump_json())
             case bulk.Records():
-                self._keep("records", view.records(message).model_dump_json())
+                self._publish("records", view.records(message).model_dump_json())
             case bulk.HealthReport():
                 self._health = message
             case bulk.Checked():
@@ -115,24 +115,24 @@ class PageOperator:
             case _:
                 pass
 
-    def _keep(self, slot: object, message: str | bytes) -> None:
-        """What a page that comes later must be told too."""
-        self._kept[slot] = message
+    def _publish(self, slot: object, message: str | bytes) -> None:
+        """Send to the page, and to pages that connect later."""
+        self._published[slot] = message
         self._outbox.put(slot, message)
 
     def _checked(self, message: bulk.Checked) -> None:
         number, ok, why = message.answer
         worst = None if message.worst == 65535 else message.worst
         only = self._proposed.pop(number, True)
-        self._say(page.Checked(ok=ok, only_check=only, why=why, worst=worst))
+        self._send(page.Checked(ok=ok, only_check=only, why=why, worst=worst))
 
-    def _say(self, message: page.ToPage) -> None:
+    def _send(self, message: page.ToPage) -> None:
         self._outbox.put(message.type, message.model_dump_json())
 
     # ---- the page's side ---------------------------------------------------------------
 
     async def attend(self, socket: WebSocket) -> None:
-        """Speak with a page until it goes away."""
+        """Serve a page until it disconnects."""
         self.socket = socket
         self._outbox = Outbox()
         self._stick_n, self._stick_at = -1, -math.inf
@@ -142,7 +142,7 @@ class PageOperator:
         try:
             welcome = view.welcome(self.name, self.key, self.stale, self.link)
             await socket.send_text(welcome.model_dump_json())
-            for slot, message in self._kept.items():
+            for slot, message in self._published.items():
                 self._outbox.put(slot, message)
             both |= {asyncio.create_task(do(socket)) for do in (self._read, self._write)}
             done, _ = await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
@@ -165,27 +165,27 @@ class PageOperator:
             text = await socket.receive_text()
             if not rate.take(time.monotonic()):
                 _log.warning("%s says too much; let go", self.name)
-                await _let_go(socket, 1008, "too many messages")
+                await _disconnect(socket, 1008, "too many messages")
                 return
             try:
                 message = page.from_page(text)
             except ValidationError as error:
                 where = error.errors(include_url=False, include_input=False)[0]
                 _log.warning("%s sent what is no message: %s", self.name, where["msg"])
-                await _let_go(socket, 1008, "not a message")
+                await _disconnect(socket, 1008, "not a message")
                 return
-            self._said(message)
+            self._on_message(message)
 
-    def _said(self, message: page.FromPage) -> None:
+    def _on_message(self, message: page.FromPage) -> None:
         match message:
             case page.Stick():
                 self._stick(message)
             case page.Do():
-                what, value = view.asked(message)
+                what, value = view.request_of(message)
                 made = None if message.heard_ms is None else message.heard_ms / 1e3
-                self._asked[self.link.ask(what, value, made)] = message.what
-                while len(self._asked) > 32:
-                    self._asked.pop(next(iter(self._asked)))
+                self._requested[self.link.ask(what, value, made)] = message.what
+                while len(self._requested) > 32:
+                    self._requested.pop(next(iter(self._requested)))
                 if what is robot.Ask.RECORD:
                     self.link.fetch("")
             case page.Waypoints():
@@ -202,7 +202,7 @@ class PageOperator:
         now = time.monotonic()
         age = now - stick.heard_ms / 1e3
         if stick.n <= self._stick_n or not -BEAT <= age <= self.stale:
-            return  # the watch says that it is gone, if nothing better comes
+            return  # `watch` declares it lost, if nothing newer comes
         self._stick_n, self._stick_at = stick.n, now - max(age, 0.0)
         before = self._page_ms
         self._page_ms = age * 1e3 if before is None else 0.9 * before + 0.1 * age * 1e3
@@ -217,7 +217,7 @@ class PageOperator:
         self.link.steer(*self._steered)
 
     def watch(self, now: float) -> None:
-        """Called at 50 Hz: goes on with the newest stick while it may, then it is gone."""
+        """Called at 50 Hz: repeats the newest stick while it is fresh; then it is lost."""
         if now - self._stick_at > self.stale:
             self._steered = _NO_STICK
         if now - self._steered_at > _REPEAT:
@@ -226,26 +226,26 @@ class PageOperator:
     async def _write(self, socket: WebSocket) -> None:
         while True:
             await asyncio.sleep(_POLL)
-            self._listen()
-            self._due(time.monotonic())
+            self._poll_link()
+            self._send_due(time.monotonic())
             for message in self._outbox.take():
                 sent = socket.send_text if isinstance(message, str) else socket.send_bytes
                 try:
                     await asyncio.wait_for(sent(message), SEND_WITHIN)  # type: ignore[arg-type]
                 except TimeoutError:
                     _log.warning("%s takes nothing; let go", self.name)
-                    await _let_go(socket, 1013, "too slow")
+                    await _disconnect(socket, 1013, "too slow")
                     return
                 except (WebSocketDisconnect, RuntimeError):  # it is gone, or closing
                     return
 
-    def _due(self, now: float) -> None:
-        """What is sent by the clock."""
+    def _send_due(self, now: float) -> None:
+        """Send what is due periodically."""
         if now - self._beat_at >= BEAT:
             self._beat_at = now
-            self._say(page.Beat(at_ms=now * 1e3, page_ms=self._page_ms))
+            self._send(page.Beat(at_ms=now * 1e3, page_ms=self._page_ms))
         if self._status is not None and now - self._state_at >= FRAME_RATE:
-            self._tell_state(self._status, now)
+            self._send_state(self._status, now)
         if now - self._link_at >= LINK_EVERY:
             self._link_at = now
             timing = self._now.timing if self._now is not None else None
@@ -254,14 +254,14 @@ class PageOperator:
             self._outbox.put("link", quality.model_dump_json())
             if isinstance(self.link, ReplayLink):
                 at, playing, speed = self.link.place
-                self._say(page.Playing(at_s=at, playing=playing, speed=speed))
+                self._send(page.Playing(at_s=at, playing=playing, speed=speed))
 
     @property
     def _now(self) -> robot.Status | None:
         status = None if self._status is None else self._status.message
         return status if isinstance(status, robot.Status) else None
 
-    def _tell_state(self, news: News, now: float) -> None:
+    def _send_state(self, news: News, now: float) -> None:
         status = self._now
         if status is None:
             return
@@ -276,10 +276,10 @@ class PageOperator:
 
 
 def _open(socket: WebSocket) -> bool:
-    """Whether neither of the two that speak with the page has found it gone, or has let it go."""
+    """Whether the socket is still connected."""
     return socket.application_state is WebSocketState.CONNECTED
 
 
-async def _let_go(socket: WebSocket, code: int, why: str) -> None:
+async def _disconnect(socket: WebSocket, code: int, why: str) -> None:
     if _open(socket):
         await socket.close(code, why)

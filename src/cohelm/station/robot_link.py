@@ -1,4 +1,4 @@
-"""What the station needs of the way to a robot. A record that is replayed offers the same."""
+"""The station's port to a robot; playback of a record implements it too."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cohelm.link.scans import WholeScan
 
 
 class News(NamedTuple):
-    """Something the robot told."""
+    """A message from the robot."""
 
     message: FromRobot | WholeScan
     stamp: float
@@ -22,43 +22,43 @@ class News(NamedTuple):
 
 
 class Quality(NamedTuple):
-    """How good the way is; NaN for what is not known."""
+    """Quality of the link; NaN for what is not known."""
 
     connected: bool
     name: str
-    """What the robot is reached by."""
+    """The robot's address."""
     why: str
     """Why it is not connected; empty while it is."""
     round_trip: float
     """[s]"""
     loss: float
-    """Share of the robot's datagrams that never came."""
+    """Share of the robot's datagrams lost."""
     offset: float
     """The robot's clock less ours [s]."""
 
 
 class RobotLink(Protocol):
-    """One operator's own way to the robot. Calls return at once."""
+    """One operator's link to the robot. Calls return at once."""
 
     def news(self) -> list[News]:
-        """What has come since the last call; of what only the newest counts, the newest."""
+        """New messages since the last call; of replaceable ones the newest."""
         ...
 
     def steer(
         self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float
     ) -> None:
-        """What the person wants now; the newest wins. To be called at 50 Hz."""
+        """Send the operator's command; the newest wins. To be called at 50 Hz."""
         ...
 
     def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
-        """Ask for something once; returns the number of its answer.
+        """Make a request; returns the number of its answer.
 
         made: when the person did, by the monotonic clock; None: now [s].
         """
         ...
 
     def answer(self, number: int) -> Answer | None:
-        """What became of what was asked; None: nothing yet."""
+        """The answer to a request; None: none yet."""
         ...
 
     def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
@@ -71,11 +71,11 @@ class RobotLink(Protocol):
         ...
 
     def quality(self) -> Quality:
-        """How good the link is."""
+        """The link's quality."""
         ...
 
     def close(self) -> None:
-        """Leave."""
+        """Close the link."""
         ...
 
 
@@ -90,7 +90,7 @@ class PlaybackPosition(NamedTuple):
 
 @runtime_checkable
 class ReplayLink(Protocol):
-    """What a link to a record can do besides."""
+    """What playback of a record offers in addition."""
 
     @property
     def duration(self) -> float:

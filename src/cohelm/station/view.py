@@ -45,16 +45,16 @@ def welcome(name: str, key: str, stale: float, link: object) -> page.Welcome:
     )  # fmt: skip
 
 
-def hello(said: bulk.Hello) -> page.Robot:
+def hello(message: bulk.Hello) -> page.Robot:
     """What robot it is."""
-    angle, x, z, tilt = said.camera
+    angle, x, z, tilt = message.camera
     camera = None
-    if all(math.isfinite(v) for v in said.camera):
+    if all(math.isfinite(v) for v in message.camera):
         camera = page.Camera(field_of_view_rad=angle, mount_x_m=x, mount_z_m=z, tilt_rad=tilt)
     return page.Robot(
-        name=said.name, outline=_points(said.outline), v_max=_or_0(said.v_max),
-        omega_max=_or_0(said.omega_max), watchdog_s=_or_0(said.watchdog), on_loss=said.on_loss,
-        camera=camera,
+        name=message.name, outline=_points(message.outline), v_max=_or_0(message.v_max),
+        omega_max=_or_0(message.omega_max), watchdog_s=_or_0(message.watchdog),
+        on_loss=message.on_loss, camera=camera,
     )  # fmt: skip
 
 
@@ -196,7 +196,7 @@ _ASKS: dict[str, tuple[robot.Ask, int | None]] = {
 }
 
 
-def asked(do: page.Do) -> tuple[robot.Ask, int]:
+def request_of(do: page.Do) -> tuple[robot.Ask, int]:
     """What the robot is to be asked for."""
     what, value = _ASKS[do.what]
     return what, do.value if value is None else int(value)

@@ -12,7 +12,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.files import make_folder, unmade
 from cohelm.core.trace import Trace
 from cohelm.core.types import Progress
-from cohelm.drive.shown import way, zoned
+from cohelm.drive.shown import reference_lines, zone_messages
 from cohelm.record.write import Recorder, RunScene
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup
@@ -64,7 +64,10 @@ def scene(setup: Setup) -> RunScene:
     """What a record of a run draws once."""
     zones = None if setup.pilot is None else setup.pilot.zones
     return RunScene(
-        setup.outline, setup.obstacles.walls, way(setup.reference), zoned(zones, setup.gains.u_d)
+        setup.outline,
+        setup.obstacles.walls,
+        reference_lines(setup.reference),
+        zone_messages(zones, setup.gains.u_d),
     )
 
 

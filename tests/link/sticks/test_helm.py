@@ -145,7 +145,7 @@ def test_the_command_says_what_is_missing_and_lists_what_there_is(tmp_path, monk
     run = CliRunner().invoke
     assert "--robot" in str(run(app, ["stick"]).exception)
     assert "paired with no robot" in str(run(app, ["stick", "--robot", HERE]).exception)
-    pairing.let_in("anna", tmp_path / "anna.pair")
+    pairing.pair("anna", tmp_path / "anna.pair")
     pairing.install(tmp_path / "anna.pair")
     missing = run(app, ["stick", "--robot", HERE, "--device", str(tmp_path / "none.csv")])
     assert "none.csv" in str(missing.exception)

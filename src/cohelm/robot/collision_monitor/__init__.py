@@ -1,9 +1,8 @@
-"""The second layer: protective fields on the raw scan, in the gate process.
+"""The collision monitor: protective fields on the raw scan, in the gate process.
 
-What safety scanners (IEC 61496-3, ISO 13855) and Nav2's collision monitor are. It shares no code
-with perception, filter or the robot's kinematics. `returns` where a scan's returns are and how
-surely, `surroundings` those and what went out of sight, `free_space` ground that was never in
-view, `source` all this of one LiDAR, `odometry` where the robot was when, `sweep` when an outline
-on an arc meets a point, `fields` how much of a motion the room ahead allows, `runaway` motion that
-nobody commands, `monitor` all of it.
+Like safety scanners (IEC 61496-3, ISO 13855) and Nav2's collision monitor. It shares no code with
+perception, filter or the robot's kinematics. `returns`: positions and errors of a scan's returns;
+`surroundings`: those, and remembered ones out of view; `free_space`: ground that was never in view;
+`source`: all this of one LiDAR; `odometry`: past poses; `sweep`: time to contact of an outline on
+an arc; `fields`: the allowed share of a motion; `runaway`: uncommanded motion; `monitor`: all of it.
 """

@@ -1,4 +1,4 @@
-"""When a motion that is held meets what is around, and what of it may be left or passed along."""
+"""Time to contact of a motion with the surrounding points, and which of them may be left."""
 
 from __future__ import annotations
 

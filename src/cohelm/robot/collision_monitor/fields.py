@@ -1,4 +1,4 @@
-"""How much of a motion the room ahead allows: the stop field, and the slow-down field before it.
+"""The allowed share of a motion: the stop field, and the slow-down field before it.
 
 A motion goes on for a reaction time and then brakes, on the same arc, as the gate does it. Times
 are of the motion held: braking from it within B goes as far as holding it for B/2.
@@ -12,7 +12,7 @@ CRAWL = 0.08
 """No part of the outline is faster than this where a return may be as near as its error allows
 [m/s]: what is promised, 0.1 m/s, less a fifth that a drive may overshoot by."""
 RESERVE = 0.2
-"""Share of the deceleration that the slow-down field does not count on."""
+"""Share of the deceleration that the slow-down field keeps in reserve."""
 
 
 def allowed(room: float, reaction: float, braking: float, crawl: float = 0.0) -> float:

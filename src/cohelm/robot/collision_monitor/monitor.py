@@ -1,9 +1,8 @@
-"""A collision monitor: on the raw scans, it slows the robot and stops it before what it would hit.
+"""The collision monitor: slows and stops the robot before obstacles in the raw scans.
 
-It asks three ways how the robot moves, and takes the worst: as the odometry measures its twist, as
-the odometry's poses change, and as it was sent. So a sense that lies about motion is not believed
-alone. Where nothing has looked it lets the robot crawl. What it can not know is what the scan does
-not show.
+Three estimates of the motion, of which the worst counts: the odometry's twist, the change of its
+poses, and the commands sent. So one wrong source is not enough to hide motion. In unobserved space
+the robot crawls. It can not know what the scan does not show.
 """
 
 from __future__ import annotations
@@ -41,13 +40,12 @@ from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.port import AHEAD, Odometry, Readings
 
 INCREMENTS = 0.04
-"""Motion is taken from poses so far apart [s]: two readings at 50 Hz, so that the steps of an
-encoder do not make it jitter."""
+"""Baseline of the twist from poses [s]: two readings at 50 Hz, against encoder quantisation."""
 LAG = 0.1
-"""What the robot was sent within so long explains how it moves [s]: drives lag by some 50 ms, and
-odometry is the mean over a reading and comes late."""
+"""Commands within this time explain a measured motion [s]: drives lag by some 50 ms, and odometry
+is averaged over a reading and late."""
 LASTS = 1.0
-"""A reason is told in the same words until it has been away for so long [s]."""
+"""A reason keeps its text until it has been absent for this long [s]."""
 _NONE = Twist(0.0, 0.0)
 _WHAT = {
     -math.inf: "ground that nothing looked at", UNWATCHED: "floor that nothing has seen",
@@ -56,14 +54,14 @@ _WHAT = {
 
 
 class Described(NamedTuple):
-    """The robot, in plain numbers."""
+    """The robot's description as plain numbers."""
 
     corners: Floats
     """Of its outline, convex, counter-clockwise, (k, 2), body frame [m]."""
     sensors: tuple[Sensor, ...]
     """All LiDARs, the first one first."""
     bounds: Bounds
-    """By which the gate brakes it."""
+    """The gate's braking limits."""
     delay: float
     """From a command to the wheels [s]."""
     period: float
@@ -71,24 +69,24 @@ class Described(NamedTuple):
 
 
 class MonitoredMotion(NamedTuple):
-    """A motion, and what is in its way."""
+    """The result of a motion check."""
 
     share: float
-    """Of the motion, so much is allowed; may be above 1."""
+    """Allowed share of the motion; may be above 1."""
     point: int
-    """Which of the points allows the least; -1: none."""
+    """Index of the limiting point; -1: none."""
 
 
 FREE = MonitoredMotion(math.inf, -1)
 
 
 class CollisionMonitor:
-    """Watches one robot. See `robot.monitor.Monitor`."""
+    """A `robot.monitor.Monitor` of one robot."""
 
     def __init__(self, described: Described) -> None:
         self._robot, self._shape = described, outline(described.corners)
         self._outline, self._free = self._shape.corners, False
-        """The outline that the robot said last; and whether the last motion was let through."""
+        """The robot's newest outline; and whether the last motion passed."""
         bounds = described.bounds
         top = Twist(min(bounds.speed, bounds.wheel_speed), 0.0)
         spin = Twist(0.0, min(bounds.yaw_rate, 2.0 * bounds.wheel_speed / bounds.track))
@@ -106,7 +104,7 @@ class CollisionMonitor:
         ]
         self._measured, self._commanded = PoseHistory(), PoseHistory()
         self._sent = -math.inf
-        """When a twist was asked about, and so sent, last [s]."""
+        """When a twist was last checked, and so sent [s]."""
         self._all = NOTHING
         """All returns, remembered ones too, and ground that no beam looks at or has looked at,
         in the odometry's frame."""
@@ -115,13 +113,13 @@ class CollisionMonitor:
         self._wrong = ""
         """What is wrong with the readings; empty: nothing."""
         self._words: dict[str, tuple[str, float]] = {}
-        """Of each kind of restriction: how it was told, and when last."""
+        """Text and last time of each kind of restriction."""
         self._rehearse()
 
     def observe(
         self, now: float, readings: Readings, applied: Twist, stopped: bool = False
     ) -> Restriction:
-        """Take in odometry and scan; a fault where the robot moves and nobody wants it to."""
+        """Take odometry and scans; a fault on uncommanded motion."""
         self._heed(readings.outline, applied)
         self._reckon(now, applied)
         self._wrong = self._take(now, readings.odometry) or self._look(now, readings)
@@ -132,7 +130,7 @@ class CollisionMonitor:
         return UNRESTRICTED
 
     def restrict(self, now: float, twist: Twist) -> Restriction:
-        """So much of a twist as the room ahead allows, and of what the robot does already."""
+        """The share of a twist that the free space ahead allows, the present motion considered."""
         found = self._restricted(now, twist)
         self._free = found == UNRESTRICTED and twist != _NONE
         return found
@@ -170,8 +168,8 @@ class CollisionMonitor:
         return (self._top.v + self._top.omega * self._shape.reach) * self._stopping
 
     def _heed(self, told: Floats | None, applied: Twist) -> None:
-        """Another outline, if the robot says one: at once, and the one before too, until a motion
-        is let through with both, or the robot stands."""
+        """Use another outline, together with the previous one until a motion passes with both, or
+        the robot stands."""
         if told is not None and not np.array_equal(told, self._outline):
             self._outline, self._free = np.array(told, dtype=np.float64), False
             self._become(around(np.vstack((self._shape.corners, told))))
@@ -201,7 +199,7 @@ class CollisionMonitor:
         return seen_by_both(self._all, measured, self._by_command, commanded, within)
 
     def _take(self, now: float, odometry: Odometry | None) -> str:
-        """Remember where the robot says it is; what is wrong with that, or nothing."""
+        """Store the odometry; returns what is wrong with it, or ""."""
         if odometry is None:
             return "there is no odometry"
         if not all(map(math.isfinite, (odometry.stamp, *odometry.pose, *odometry.twist))):
@@ -219,7 +217,7 @@ class CollisionMonitor:
         return ""
 
     def _reckon(self, now: float, applied: Twist) -> None:
-        """On with the poses that the robot has if it does what it is sent."""
+        """Extend the poses predicted from the commands sent."""
         path = self._commanded
         effect = max(self._sent, now - self._robot.period) + self._robot.delay
         if not len(path):
@@ -228,7 +226,7 @@ class CollisionMonitor:
             path.add(effect, path.at(effect), applied)
 
     def _look(self, now: float, readings: Readings) -> str:
-        """Take in new scans; what is wrong with any, or nothing."""
+        """Take new scans; returns what is wrong with any, or ""."""
         looks = [
             source.look(now, readings, self._measured, self._commanded) for source in self._sources
         ]
@@ -246,11 +244,11 @@ class CollisionMonitor:
         return next((wrong for _, wrong in looks if wrong), "")
 
     def _stale(self, now: float) -> str:
-        """What is wrong with the age of any LiDAR's newest scan, or nothing."""
+        """What is wrong with the age of any LiDAR's newest scan, or ""."""
         return next((said for source in self._sources if (said := source.stale(now))), "")
 
     def _motions(self) -> tuple[Twist, Twist]:
-        """What the odometry's twist says, and what its poses say."""
+        """The measured twists: the odometry's, and that of its poses."""
         return self._measured.twist, self._measured.mean_twist(INCREMENTS)
 
     def _braking(self, now: float, things: MonitorSurroundings, met: Met) -> str:
@@ -275,7 +273,7 @@ class CollisionMonitor:
         return ""
 
     def _unexplained(self, twist: Twist) -> bool:
-        """Whether a measured twist differs from all that the wheels were sent of late."""
+        """Whether a measured twist differs from all recent commands."""
         stamp = self._measured.stamp
         return all(
             fastest(Twist(twist.v - sent.v, twist.omega - sent.omega), self._shape) > CRAWL
@@ -306,7 +304,7 @@ class CollisionMonitor:
         )
 
     def _brakes(self, twist: Twist, brakes: float) -> float:
-        """How long a motion takes to stand, with a share of the deceleration [s]."""
+        """Braking time of a motion with a share of the deceleration [s]."""
         return change_time(twist, self._robot.bounds) / brakes
 
     def _met(self, things: MonitorSurroundings, twist: Twist) -> Met:
@@ -315,7 +313,7 @@ class CollisionMonitor:
         return met(things, Twist(float(twist.v), float(twist.omega)), self._shape)
 
     def _where(self, things: MonitorSurroundings, which: int) -> str:
-        """In words: what it is, how far from the outline, and on which side."""
+        """Description of a point: kind, distance from the outline, and side."""
         shape, point = self._shape, things.points[which]
         what = _WHAT.get(float(things.errors[which]), "something")
         outside = shape.normals @ point - shape.offsets
@@ -327,7 +325,7 @@ class CollisionMonitor:
         return f"{what} {max(float(outside.max()), 0.0):.2f} m {side}"
 
     def _told(self, now: float, share: float, kind: str, because: str) -> Restriction:
-        """A restriction, in the words in which it began: else every period would be a line."""
+        """A restriction with the text with which it began: else every period would be logged."""
         words, last = self._words.get(kind, ("", -math.inf))
         if not 0.0 <= now - last <= LASTS:
             words = f"collision monitor: {because}"
