@@ -1,8 +1,8 @@
 """Ctrl-C between two steps, never in the middle of one.
 
 numba (0.68) converts results of compiled code to Python objects by calls that it does not expect
-to fail: an interrupt there ends the process with a segmentation fault, and leaves the record without
-its end. So it is delayed by a moment.
+to fail: an interrupt there ends the process with a segmentation fault, and truncates the record. So
+it is delayed by a moment.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from cohelm.robot.collision_monitor.surroundings import (
     NOTHING,
     REMEMBERED,
     MonitorSurroundings,
-    PosedScan,
+    ScanWithPoses,
     all_round,
     joined,
     looked_past,
@@ -169,7 +169,7 @@ CENTRE = sensor(180.0, mount=Pose(0.0, 0.0, 0.0))._replace(range_max=12.0)
 
 def past(thing, ranges, s=CENTRE, stamp=1.0, first=HERE, last=HERE):
     """Whether a scan shows that one thing is not there any more."""
-    found = looked_past(thing, PosedScan(s, Scan(stamp, 0, ranges, 0.1), first, last))
+    found = looked_past(thing, ScanWithPoses(s, Scan(stamp, 0, ranges, 0.1), first, last))
     assert found.shape == (1,)
     return bool(found[0])
 
@@ -184,11 +184,13 @@ def test_what_all_beams_go_past_is_not_there_any_more():
     assert past(at(0.3), ranges_but())
     assert past(at(0.3), ranges_but(5.0))
     assert (
-        looked_past(NOTHING, PosedScan(CENTRE, Scan(1.0, 0, ranges_but(), 0.0), HERE, HERE)).size
+        looked_past(
+            NOTHING, ScanWithPoses(CENTRE, Scan(1.0, 0, ranges_but(), 0.0), HERE, HERE)
+        ).size
         == 0
     )
     both = looked_past(
-        joined(at(0.3), at(2.0)), PosedScan(CENTRE, Scan(1.0, 0, ranges_but(), 0.0), HERE, HERE)
+        joined(at(0.3), at(2.0)), ScanWithPoses(CENTRE, Scan(1.0, 0, ranges_but(), 0.0), HERE, HERE)
     )
     assert both.tolist() == [True, False]
 

@@ -17,7 +17,7 @@ from cohelm.robot.collision_monitor.surroundings import (
     LEVEL,
     NOTHING,
     MonitorSurroundings,
-    PosedScan,
+    ScanWithPoses,
     all_round,
     joined,
     looked_past,
@@ -54,7 +54,7 @@ class MonitorSource:
         """Which floor it has seen, if it watches that."""
         self.reshape(shape, farthest)
         self._scan: Scan | None = None
-        self._newest: PosedScan | None = None
+        self._newest: ScanWithPoses | None = None
         self.by_odometry = NOTHING
         """Returns of the newest scan, in the frame of the odometry's poses, and remembered ones."""
         self.by_command = NOTHING
@@ -105,7 +105,7 @@ class MonitorSource:
         if sensor.forgets < math.inf:
             lately = scan.stamp - before.seen <= sensor.forgets
             before = MonitorSurroundings(*(column[lately] for column in before))
-        self._scan, self._newest = scan, PosedScan(sensor, scan, first, last)
+        self._scan, self._newest = scan, ScanWithPoses(sensor, scan, first, last)
         found = returns(scan.ranges, sensor, self._near)
         self.by_odometry = joined(of_scan(found, scan, measured), before)
         self.by_command = of_scan(found, scan, commanded)

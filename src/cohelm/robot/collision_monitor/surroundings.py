@@ -47,7 +47,7 @@ class MonitorSurroundings(NamedTuple):
 NOTHING = MonitorSurroundings(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
 
 
-class PosedScan(NamedTuple):
+class ScanWithPoses(NamedTuple):
     """A scan, and where it was taken."""
 
     sensor: Sensor
@@ -147,7 +147,7 @@ def out_of_sight(
     return left
 
 
-def looked_past(old: MonitorSurroundings, look: PosedScan) -> NDArray[np.bool_]:
+def looked_past(old: MonitorSurroundings, look: ScanWithPoses) -> NDArray[np.bool_]:
     """Which of these a scan shows not to be there any more, (n,): all beams that would meet the
     thing, wherever it is within its margin, go past it, and have done so since it was seen.
 
