@@ -1,7 +1,7 @@
 """What is installed elsewhere runs there, with all it needs: no checkout, no tools of ours.
 
 `make package` runs all of it, also with a wheel built as from a fresh clone, without the pages that
-`make` left here, and every scenario. What CI runs takes those pages, and what this tree has compiled.
+`make` left here, and every scenario. CI takes those pages, and what this tree has compiled.
 """
 
 import json
