@@ -193,7 +193,7 @@ def test_a_gamepad_that_stays_deflected_and_says_nothing_new_is_not_held(page: P
     page.wait_for_timeout(4_000)  # a hand trembles
     expect(device(page)).to_contain_text("gamepad: ready")
     page.evaluate("clearInterval(testPad.hand)")
-    expect(device(page)).to_contain_text("the gamepad has said nothing new for 3 s")
+    expect(device(page)).to_contain_text("the gamepad has sent nothing new for 3 s")
     expect(given(page)).to_contain_text(STILL)
     page.evaluate("testPad.deflect(0, 0.7)")  # it is back, and was not centred
     expect(device(page)).to_contain_text("let it go to the centre first")
@@ -300,12 +300,12 @@ def test_the_sticks_settings_are_remembered(page: Page) -> None:
     page.evaluate("testPad.plug()")
     page.get_by_role("button", name="Stick settings").click()
     page.get_by_label("dead band").fill("0.5")
-    page.get_by_label("turned round").first.uncheck()
+    page.get_by_label("inverted").first.uncheck()
     page.reload()
     page.evaluate("testPad.plug()")
     page.get_by_role("button", name="Stick settings").click()
     expect(page.get_by_label("dead band")).to_have_value("0.5")
-    expect(page.get_by_label("turned round").first).not_to_be_checked()
+    expect(page.get_by_label("inverted").first).not_to_be_checked()
     drive(page)
     page.evaluate("testPad.deflect(0, 0.45)")
     page.wait_for_timeout(400)

@@ -26,7 +26,7 @@ export function readPad(now: number): Reading {
   const x = shaped(set.foreAftTurned ? -fore : fore, set)
   const psi = shaped(set.leftRightTurned ? -left : left, set)
   const silent = silentFor(heard, x !== 0 ? fore : 0, psi !== 0 ? left : 0, now)
-  const why = silent > 0 ? `the gamepad has said nothing new for ${silent} s: let it go to the centre` : ''
+  const why = silent > 0 ? `the gamepad has sent nothing new for ${silent} s: centre its stick` : ''
   return { present: Number.isFinite(fore) && Number.isFinite(left) && why === '', x, psi, why }
 }
 

@@ -194,7 +194,7 @@ export function MapPanel() {
 /** For those who cannot see it. */
 function described(): string {
   const state = s.state.value
-  if (state === null) return 'Map; the robot has not been heard yet'
+  if (state === null) return 'Map; no data from the robot yet'
   const [x, y, psi] = state.pose
   const degrees = Math.round((psi * 180) / Math.PI)
   const gap = state.clearance_m === null ? '' : `, nearest thing ${state.clearance_m.toFixed(1)} m away`

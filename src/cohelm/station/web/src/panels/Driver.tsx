@@ -49,7 +49,7 @@ export function Driver() {
       {!who.you_drive && who.driver !== null && !who.you_ask && (
         <button type="button" onClick={() => ask('take')}>Ask for it</button>
       )}
-      {who.you_ask && <span role="status">asked{left}</span>}
+      {who.you_ask && <span role="status">requested{left}</span>}
     </div>
   )
 }

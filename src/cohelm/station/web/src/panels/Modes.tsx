@@ -108,8 +108,8 @@ function StickSettings() {
         </select>
       </label>
       <p>{pad()?.id ?? 'No gamepad; plug one in and press a button on it.'}</p>
-      {axis('foreAft', 'fore-aft')}{tick('foreAftTurned', 'turned round')}
-      {axis('leftRight', 'left-right')}{tick('leftRightTurned', 'turned round')}
+      {axis('foreAft', 'fore-aft')}{tick('foreAftTurned', 'inverted')}
+      {axis('leftRight', 'left-right')}{tick('leftRightTurned', 'inverted')}
       {slide('deadBand', 'dead band', 0, 0.5)}{slide('curve', 'fine near the centre', 0, 1)}
       {slide('ramp', 'keyboard: seconds to full', 0.05, 2)}
       {tick('rumble', 'rumble near obstacles')}

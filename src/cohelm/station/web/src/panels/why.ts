@@ -1,17 +1,17 @@
-// Why the robot does something else than was asked of it.
+// Why the applied command differs from the nominal one.
 
 import type { State } from '../messages'
 
 /** Nearer than this is close [m]. */
 export const CLOSE_M = 0.25
 
-/** The gate's word where nobody asks for anything. */
+/** The gate's reason without a command. */
 const IDLE = 'idle'
 
 const GUARDED: Partial<Record<State['verdict'], string>> = {
   shaped: 'held back: something is near',
   braking: 'braking: something is near',
-  standing: 'standing: no way to go is safe',
+  standing: 'standing: no safe motion',
   invalid: 'standing: a number is not finite',
 }
 
@@ -25,7 +25,7 @@ export function why(state: State | null): string {
   if (state === null) return '–'
   if (state.why === IDLE) return 'idle: it waits for a mode'
   if (state.why !== '') return state.why
-  if (!other(state)) return 'as asked'
+  if (!other(state)) return 'as commanded'
   return guarded(state) ?? 'as fast as the robot may'
 }
 
@@ -35,7 +35,7 @@ function guarded({ verdict, limiting, clearance_m }: State): string | undefined 
   return verdict === 'shaped' && !close ? undefined : GUARDED[verdict]
 }
 
-/** Whether the robot does something else than it was asked, and not because it is to hold. */
+/** Whether the applied command differs, other than in hold. */
 export function abnormal(state: State | null): boolean {
   if (state === null || (state.mode === 'hold' && state.stopped === '')) return false
   return state.why !== '' || (other(state) && guarded(state) !== undefined)
