@@ -23,26 +23,26 @@ from cohelm.ros.types import packed, unpacked
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser()
-    ask.add_argument("--points", type=int, default=24_000)
-    ask.add_argument("--count", type=int, default=300)
-    given = ask.parse_args()
-    rows = np.random.default_rng(1).uniform(-8.0, 8.0, (given.points, 4)).astype("<f4")
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--points", type=int, default=24_000)
+    parser.add_argument("--count", type=int, default=300)
+    args = parser.parse_args()
+    rows = np.random.default_rng(1).uniform(-8.0, 8.0, (args.points, 4)).astype("<f4")
     rows[:, 2] = 0.1 * rows[:, 2] + 0.6
     fields = [PointField(name, 4 * k, 7, 1) for k, name in enumerate(("x", "y", "z", "intensity"))]
     data = packed(
         PointCloud2(
-            header(0, "lidar"), 1, given.points, fields, False, 16, 16 * given.points,
+            header(0, "lidar"), 1, args.points, fields, False, 16, 16 * args.points,
             rows.view(np.uint8).ravel(), True,
         ),
         CLOUD,
     )  # fmt: skip
     model = LidarModel(field_of_view_deg=360.0, height_band_m=(0.1, 1.0))
     ranges, took = CloudRanges(model, np.eye(4), "/points"), list[float]()
-    for _ in range(given.count):
-        begun = time.perf_counter()
+    for _ in range(args.count):
+        start = time.perf_counter()
         ranges.of(unpacked(data, CLOUD)[0])
-        took.append(1e3 * (time.perf_counter() - begun))
+        took.append(1e3 * (time.perf_counter() - start))
     for name, q in (("least", 0.0), ("median", 50.0), ("99 %", 99.0), ("most", 100.0)):
         print(f"{name}: {np.percentile(took, q):.2f} ms")
 

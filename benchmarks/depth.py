@@ -20,17 +20,17 @@ from cohelm.ros.types import packed, unpacked
 
 
 def main() -> None:
-    ask = argparse.ArgumentParser()
-    ask.add_argument("--width", type=int, default=640)
-    ask.add_argument("--height", type=int, default=480)
-    ask.add_argument("--float", action="store_true", help="32FC1 instead of 16UC1")
-    ask.add_argument("--count", type=int, default=300)
-    given = ask.parse_args()
-    width, height = given.width, given.height
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--width", type=int, default=640)
+    parser.add_argument("--height", type=int, default=480)
+    parser.add_argument("--float", action="store_true", help="32FC1 instead of 16UC1")
+    parser.add_argument("--count", type=int, default=300)
+    args = parser.parse_args()
+    width, height = args.width, args.height
     camera = Intrinsics(width, height, 0.95 * width, 0.95 * width, 0.5 * width, 0.5 * height)
     depth = np.random.default_rng(1).uniform(0.0, 5.0, (height, width))
-    rows = depth.astype("<f4") if given.float else np.rint(1e3 * depth).astype("<u2")
-    kind = "32FC1" if given.float else "16UC1"
+    rows = depth.astype("<f4") if args.float else np.rint(1e3 * depth).astype("<u2")
+    kind = "32FC1" if args.float else "16UC1"
     data = packed(
         Image(
             header(0, "camera"), height, width, kind, 0, rows.strides[0],
@@ -46,10 +46,10 @@ def main() -> None:
     model = LidarModel(height_band_m=(0.05, 1.0), depth_image=True, range_max_m=4.0)
     model = described(camera, body, model, "/depth")
     ranges, took = DepthRanges(model, camera, body, "/depth"), list[float]()
-    for _ in range(given.count):
-        begun = time.perf_counter()
+    for _ in range(args.count):
+        start = time.perf_counter()
         ranges.of(unpacked(data, IMAGE)[0])
-        took.append(1e3 * (time.perf_counter() - begun))
+        took.append(1e3 * (time.perf_counter() - start))
     for name, q in (("least", 0.0), ("median", 50.0), ("99 %", 99.0), ("most", 100.0)):
         print(f"{name}: {np.percentile(took, q):.2f} ms")
 

@@ -1,10 +1,10 @@
-"""The lab driven by hand from far away, on the twin: `python -m benchmarks.far [--delay 0.075]`.
+"""The lab driven manually from far away, on the twin: `python -m benchmarks.far [--delay 0.075]`.
 
-`cohelm robot --twin --listen` in a network namespace of its own, and a scripted person at the
-other end of a bad network of real packets (tests/link/net.py), 150 ms round trip unless told
-otherwise. He sees what the link tells him, as late as it comes, thinks ahead by as much, and steers
-in manual mode along the reference he is shown, around the obstacles that he is shown, 50 times a
-second; the guard on the robot keeps clear. Contacts are judged by the truth.
+`cohelm robot --twin --listen` in a network namespace of its own, and a scripted operator at the
+other end of a bad network of real packets (tests/link/net.py), 150 ms round trip by default. It
+gets the link's messages, as late as they come, predicts ahead by as much, and steers in manual mode
+along the reference, around the obstacles that it is shown, 50 times a second; the guard on the
+robot keeps clear. Contacts are judged by the truth.
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ class Thing(NamedTuple):
 
 
 class Person:
-    """Pure pursuit with a hand: aims at a place on the line, slower the more he must turn.
+    """A scripted operator: pure pursuit of the line, slower the more it must turn.
 
-    What stands on the line he passes, on the side that he chose when he saw it.
+    It passes what stands on the line, on the side chosen when first seen.
     """
 
     def __init__(self, line: Floats) -> None:
@@ -67,7 +67,7 @@ class Person:
         self.row = 0
         along = np.gradient(line, axis=0)
         self._left = np.column_stack((-along[:, 1], along[:, 0])) / np.hypot(*along.T)[:, None]
-        self._things: list[Thing] = []
+        self._obstacles: list[Thing] = []
         self.free = math.nan  # when the robot last went on
         self.back_until = -math.inf
 
@@ -79,24 +79,28 @@ class Person:
         off = np.sum((points - self.reference[k]) * self._left[k], axis=1)
         inside = (np.abs(off) < ON_THE_LINE) & (k > first) & (k < first + len(window) - 1)
         points, k, off = points[inside], k[inside], off[inside]
-        before = self._things
-        # beside him he remembers; further ahead what is not seen any more has gone
-        self._things = [thing for thing in before if first <= thing.row < self.row + BEHIND]
+        before = self._obstacles
+        # beside the robot it remembers; further ahead what is not seen any more has gone
+        self._obstacles = [
+            obstacle for obstacle in before if first <= obstacle.row < self.row + BEHIND
+        ]
         while len(points):
             one = np.hypot(*(points - points[0]).T) < SAME
             at, mean = points[one].mean(axis=0), float(off[one].mean())
-            known = [thing for thing in before if np.hypot(*(thing.at - at)) < SAME]
+            known = [obstacle for obstacle in before if np.hypot(*(obstacle.at - at)) < SAME]
             side = known[0].side if known else math.copysign(1.0, -mean)
             far = BERTH + float((side * off[one]).max())
-            self._things = [thing for thing in self._things if np.hypot(*(thing.at - at)) >= SAME]
-            self._things.append(Thing(at, int(np.median(k[one])), side, far))
+            self._obstacles = [
+                obstacle for obstacle in self._obstacles if np.hypot(*(obstacle.at - at)) >= SAME
+            ]
+            self._obstacles.append(Thing(at, int(np.median(k[one])), side, far))
             points, k, off = points[~one], k[~one], off[~one]
         shift = np.zeros(len(self.reference))
-        for thing in self._things:
-            near = np.hypot(*(self.reference - self.reference[thing.row]).T)
+        for obstacle in self._obstacles:
+            near = np.hypot(*(self.reference - self.reference[obstacle.row]).T)
             shift += (
-                thing.side
-                * thing.far
+                obstacle.side
+                * obstacle.far
                 * (0.5 + 0.5 * np.cos(np.pi * np.minimum(near / BESIDE, 1.0)))
             )
         self.line = self.reference + shift[:, None] * self._left
@@ -146,7 +150,7 @@ def drive(path: dict[str, float], scenario: str, limit: float) -> dict[str, obje
                     bulk = StationBulk(own, net.ROBOT, PORT, station.session)
                 with station, bulk:
                     network.be(**path)
-                    took, stops, arrived, caps = _by_hand(station, bulk, limit)
+                    took, stops, arrived, caps = _drive_manually(station, bulk, limit)
                     state = station.state()
             finally:
                 summary = robot.end()
@@ -159,15 +163,15 @@ def drive(path: dict[str, float], scenario: str, limit: float) -> dict[str, obje
     }  # fmt: skip
 
 
-def _by_hand(
+def _drive_manually(
     station: StationEnd, bulk: StationBulk, limit: float
 ) -> tuple[float, list[str], bool, float]:
     """Seconds driven, why it was stopped meanwhile, whether it arrived, the least speed cap."""
     person: Person | None = None
     asked, stops, least, wanted = -math.inf, [], math.inf, Stick(0.0, 0.0)
     began = math.nan
-    begun = time.monotonic()
-    while (now := time.monotonic()) - begun < limit:
+    start = time.monotonic()
+    while (now := time.monotonic()) - start < limit:
         for message in bulk.news():
             if isinstance(message, Polyline) and message.what is LineKind.REFERENCE:
                 person = Person(np.asarray(message.points, dtype=np.float64))
@@ -192,7 +196,7 @@ def _by_hand(
             continue
         began = now if math.isnan(began) else began
         least = min(least, status.speed_cap)
-        here = arc(status.pose, status.twist, max(told.age, 0.0))  # a person thinks ahead
+        here = arc(status.pose, status.twist, max(told.age, 0.0))  # an operator predicts
         if person.done(here):
             return now - began, stops, True, least
         scan = station.scan()
@@ -210,12 +214,12 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=4e6, help="[bit/s]")
     parser.add_argument("--scenario", default="lab-guard")
     parser.add_argument("--limit", type=float, default=300.0, help="[s]")
-    given = parser.parse_args()
+    args = parser.parse_args()
     why_not = net.why_not()
     if why_not:
         raise SystemExit(f"no bad network can be made: {why_not}")
-    path = {key: getattr(given, key) for key in ("delay", "jitter", "loss", "rate")}
-    print(json.dumps({**path, **drive(path, given.scenario, given.limit)}, indent=1))
+    path = {key: getattr(args, key) for key in ("delay", "jitter", "loss", "rate")}
+    print(json.dumps({**path, **drive(path, args.scenario, args.limit)}, indent=1))
 
 
 if __name__ == "__main__":

@@ -74,11 +74,11 @@ def measure(progress: Callable[[str, float], None], quick: bool) -> GuardTimes:
     timed: dict[tuple[str, int], Callable[[int], object]] = {}
 
     def step(
-        around: Surroundings, poses: tuple[Pose, ...], asked: tuple[Twist, ...]
+        obstacles: Surroundings, poses: tuple[Pose, ...], asked: tuple[Twist, ...]
     ) -> Callable[[int], object]:
         def call(i: int) -> object:
-            wish = asked[i % POSES]
-            return guarded(poses[i % POSES], before, wish, around)
+            nominal = asked[i % POSES]
+            return guarded(poses[i % POSES], before, nominal, obstacles)
 
         before = Twist(0.4, 0.1)
         call(0)

@@ -123,9 +123,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--push", type=float, default=0.0, help="metres to the east")
     parser.add_argument("--at", type=float, default=22.0, help="when; at 22 s in the corridor")
-    given = parser.parse_args()
-    for seed in range(given.seeds):
-        r = drive(given.kind, seed, given.push, given.at)
+    args = parser.parse_args()
+    for seed in range(args.seeds):
+        r = drive(args.kind, seed, args.push, args.at)
         print(
             f"{r.kind} seed {r.seed}: {'arrived' if r.arrived else 'NOT ARRIVED'} {r.time:.1f} s, "
             f"least gap {100 * r.least:.1f} cm, path {100 * r.path_rms:.1f} cm rms "

@@ -35,7 +35,7 @@ BEAT = 0.02  # a page sends its stick 50 times a second [s]
 
 @dataclass(frozen=True)
 class Timed(Simulated):
-    """Notes when its wheels are told what."""
+    """Logs its wheels' commands and when they came."""
 
     log: str = ""
 

@@ -46,7 +46,7 @@ TICK = os.sysconf("SC_CLK_TCK")
 
 
 def burn() -> None:
-    """A busy process: arithmetic and memory, until whoever began it is gone."""
+    """A busy process: arithmetic and memory, until its parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     block, parent = bytearray(8 << 20), os.getppid()
     k = 0

@@ -1,9 +1,9 @@
-"""Let go of in a tight spot: does the robot get away, and back on its path?
+"""Released in a tight spot: does the robot get away, and back on its path?
 
     python -m benchmarks.release [--seed 3000] [--n 1000] [--json FILE]
 
-Each case is a room of the suite `random` without its walkers, everything known. A hand that wants
-no good drives the robot about under the safety filter, anywhere, and presses it against things,
+Each case is a room of the suite `random` without its walkers, with true obstacles. An adversarial
+operator drives the robot under the safety filter, anywhere, and presses it against obstacles,
 until it stands with less than TIGHT to something; there it lets go. As it got there, and wheels go
 both ways, a motion out exists: the way it came. The robot then follows the room's route. Counted
 are those that are back on a path, E_P (51) below 0.03, and those that arrive, within LIMIT.
@@ -39,7 +39,7 @@ TIGHT = 0.04
 """Clearance of a tight spot [m]."""
 LIMIT = 120.0
 """[s]"""
-_LEADS = 60.0  # a hand that has found no tight spot by then begins anew [s]
+_LEADS = 60.0  # an operator that has found no tight spot by then starts again [s]
 _AT_LEAST = 6.0  # and one that finds it at once goes on looking [s]
 
 
@@ -60,8 +60,8 @@ class Released(NamedTuple):
     """Whether it came nearer to anything than the promise, or than it was where it was let go."""
 
 
-def still_room(seed: int, number: int) -> Setup:
-    """A room of `random` in which nobody walks."""
+def room_without_walkers(seed: int, number: int) -> Setup:
+    """A room of `random` without walkers."""
     setup = rooms.case(seed, number).setup
     discs = setup.obstacles.discs
     rests = np.diff(setup.obstacles.path_first) == 0
@@ -69,25 +69,25 @@ def still_room(seed: int, number: int) -> Setup:
     bodies = [Body(tuple(row)) for row in discs[rests].tolist()]
     names = tuple(f"disc_{i}" for i in range(len(bodies)))
     setup = replace(
-        setup, around=world((bodies, setup.obstacles.walls)), names=names, duration=LIMIT
+        setup, obstacles=world((bodies, setup.obstacles.walls)), names=names, duration=LIMIT
     )
     return with_pilot(setup, max_acceleration=0.0, gains=lively(setup.gains))
 
 
 def pressed(setup: Setup, rng: np.random.Generator) -> tuple[Pose, float]:
-    """A tight spot that a hand has driven the robot into, under the filter, and its clearance."""
+    """A tight spot that the operator has driven into, under the filter, and its clearance."""
     dt, limits, reach = setup.dt, setup.limits, float(np.hypot(*setup.outline.T).max())
-    around = surroundings(setup.obstacles.discs, None, setup.obstacles.walls)
+    obstacles = surroundings(setup.obstacles.discs, None, setup.obstacles.walls)
     guard = prepared(setup.outline, limits, Rules(dt=dt))
     while True:
-        pose, twist, wish, until = setup.start, Twist(0.0, 0.0), Twist(0.0, 0.0), 0.0
+        pose, twist, nominal, until = setup.start, Twist(0.0, 0.0), Twist(0.0, 0.0), 0.0
         for k in range(round(_LEADS / dt)):
             t = k * dt
             if t >= until:
                 v = float(rng.choice([1.0, 1.0, 0.5, 0.0, -1.0])) * limits.speed
-                wish = Twist(v, rng.uniform(-1.0, 1.0) * limits.yaw_rate)
+                nominal = Twist(v, rng.uniform(-1.0, 1.0) * limits.yaw_rate)
                 until = t + rng.uniform(0.3, 3.0)
-            passed = guard(pose, twist, wish, around)
+            passed = guard(pose, twist, nominal, obstacles)
             twist = Twist(passed.v, passed.omega)
             pose = arc(pose, twist, dt)
             if t > _AT_LEAST and abs(twist.v) + abs(twist.omega) < 1e-3:
@@ -100,7 +100,7 @@ def pressed(setup: Setup, rng: np.random.Generator) -> tuple[Pose, float]:
 
 def released(seed: int, number: int) -> Released:
     """One case."""
-    setup = still_room(seed, number)
+    setup = room_without_walkers(seed, number)
     pose, gap = pressed(setup, sequence(seed, "release", number))
     rows = run(replace(setup, start=pose, near=rooms.NEAR)).rows
     on, free = rows["e_p"] < BACK_ON_PATH, rows["clearance"] > 0.1
@@ -117,15 +117,15 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--n", type=int, default=1000)
     parser.add_argument("--json", type=Path)
-    asked = parser.parse_args()
+    args = parser.parse_args()
     began, found = time.process_time(), list[Released]()
-    for number in range(asked.first, asked.first + asked.n):
-        found.append(released(asked.seed, number))
+    for number in range(args.first, args.first + args.n):
+        found.append(released(args.seed, number))
         one = found[-1]
         if not (one.arrived and math.isfinite(one.back)) or one.touched:
             print(f"not well: {one}", flush=True)
         if len(found) % 100 == 0:
-            print(f"{len(found)} of {asked.n}", file=sys.stderr, flush=True)
+            print(f"{len(found)} of {args.n}", file=sys.stderr, flush=True)
     away, back = (np.array([getattr(one, name) for one in found]) for name in ("away", "back"))
     made = {
         "released": len(found),
@@ -140,8 +140,8 @@ def main() -> None:
         "processor_s": (time.process_time() - began) / len(found),
     }
     print(json.dumps(made, indent=1))
-    if asked.json:
-        asked.json.write_text(json.dumps(made, indent=1) + "\n", "utf-8")
+    if args.json:
+        args.json.write_text(json.dumps(made, indent=1) + "\n", "utf-8")
 
 
 if __name__ == "__main__":

@@ -42,35 +42,35 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--rate", type=float, default=50.0)
     parser.add_argument("--scenario", default="lab-guard")
-    asked = parser.parse_args()
+    args = parser.parse_args()
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     os.environ.setdefault("ROS_DOMAIN_ID", "87")
-    base = started("base", asked.scenario)
+    base = started("base", args.scenario)
     transport = DdsTransport("controller")
     sent: dict[float, float] = {}
     took: list[float] = []
 
-    def heard(received) -> None:
+    def on_command(received) -> None:
         v = received.message.linear.x
         if v in sent:
             took.append(received.stamp - sent.pop(v))
 
-    transport.subscribe("/cmd_vel", TWIST, SENSOR, heard)
+    transport.subscribe("/cmd_vel", TWIST, SENSOR, on_command)
     out = transport.publish("/cmd_vel_nav", TWIST, COMMAND)
     over, number = threading.Event(), 0
 
-    def ask() -> None:
+    def publish() -> None:
         nonlocal number
         due = time.monotonic()
         while not over.is_set():
-            due += 1.0 / asked.rate
+            due += 1.0 / args.rate
             time.sleep(max(due - time.monotonic(), 0.0))
             number += 1
             v = 0.1 + 1e-5 * (number % 1000)
             sent[v] = time.monotonic()
             out.send(command(Twist(v, 0.4), TWIST, ""))
 
-    threading.Thread(target=ask, daemon=True).start()
+    threading.Thread(target=publish, daemon=True).start()
     while not any(e.topic == "/odom" for e in transport.endpoints()):
         time.sleep(0.2)
     node = started("filter", "--robot", "sally", "--wait", "60")
@@ -81,11 +81,11 @@ def main() -> None:
     sent.clear()
     first = number
     pids = {"filter": node.pid, **children(node.pid)}
-    before, begun = {name: used(pid) for name, pid in pids.items()}, time.monotonic()
-    while number - first < asked.count:
+    before, start = {name: used(pid) for name, pid in pids.items()}, time.monotonic()
+    while number - first < args.count:
         time.sleep(0.1)
     time.sleep(0.2)
-    wall = time.monotonic() - begun
+    wall = time.monotonic() - start
     shares = {name: (used(pid) - before[name]) / wall for name, pid in pids.items()}
     over.set()
     milliseconds = 1e3 * np.array(took)

@@ -1,4 +1,4 @@
-"""The lab closed on sensors only, beside what is asked of it: `python benchmarks/sensors.py`.
+"""The lab closed on sensors only, with its requirements: `python benchmarks/sensors.py`.
 
 Odometry 1-2 % wrong, a gyro that drifts, LiDAR of 2 cm noise at 10 Hz, 50 ms late. First the parts
 with truth beside them (map, localisation, pushes), then whole drives through the loop in simulated

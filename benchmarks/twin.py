@@ -55,11 +55,11 @@ def rates(seconds: float) -> list[tuple[str, float, float]]:
     """How many times faster than real time, wall and CPU, with LiDAR and without camera."""
     sally, start, course = lab()
     found: list[tuple[str, float, float]] = []
-    for name, place, around in (
+    for name, place, obstacles in (
         ("nothing around", Pose(0.0, 0.0, 0.0), EMPTY), ("the lab", start, course),
         ("200 cylinders", Pose(0.0, 0.0, 0.0), field(200)),
     ):  # fmt: skip
-        robot = Twin(sally, place, around, camera="none")
+        robot = Twin(sally, place, obstacles, camera="none")
         drive(robot, Twist(0.2, 0.6), 1.0)
         wall, cpu = time.perf_counter(), time.process_time()
         drive(robot, Twist(0.2, 0.6), seconds)
@@ -114,7 +114,7 @@ def stopped(robot: Twin | Kinematic, asked: Twist) -> tuple[float, float, float]
 
 
 class Errors(NamedTuple):
-    """How far the outline's corners are from where a stop was foretold to take them [m]."""
+    """How far the outline's corners are from where a stop was predicted to take them [m]."""
 
     in_step: float
     """While the command is held: assumption 2."""
@@ -123,10 +123,10 @@ class Errors(NamedTuple):
     typical: float
     """Median over the stops of the largest along each."""
     longer: float
-    """How much longer the stop was than foretold, at most."""
+    """How much longer the stop was than predicted, at most."""
 
 
-def foretold(
+def predicted(
     model: RobotModel, settings: TwinModel, delay: float, episodes: int, commanded: bool = True
 ) -> Errors:
     """Hold a command for a step and brake, from random driving: the twin beside the arithmetic.
@@ -143,9 +143,9 @@ def foretold(
         command, sent = Twist(0.0, 0.0), [Twist(0.0, 0.0)] * (steps + 1)
         for k in range(int(rng.integers(40, 120))):
             if k % 15 == 0:
-                wish = Twist(rng.uniform(-1.0, 1.0) * limits.speed,
+                nominal = Twist(rng.uniform(-1.0, 1.0) * limits.speed,
                              rng.uniform(-1.0, 1.0) * limits.yaw_rate)  # fmt: skip
-            command = achievable(wish, command, limits, DT)
+            command = achievable(nominal, command, limits, DT)
             robot.send(command)
             sent.append(command)
             robot.wait(robot.now() + DT)
@@ -221,7 +221,7 @@ def main() -> None:
     ):  # fmt: skip
         asked.append((said, physics, lag(sally, physics, DT)))
     for said, physics, delay in asked:
-        mm = [1e3 * value for value in foretold(sally, physics, delay, episodes)]
+        mm = [1e3 * value for value in predicted(sally, physics, delay, episodes)]
         print(
             f"| {said} | {delay * 1e3:.0f} ms | {mm[0]:.1f} mm | {mm[1]:.1f} mm "
             f"({mm[2]:.1f}) | {mm[3]:.1f} mm |"

@@ -64,7 +64,7 @@ def mount(model: RobotModel, ride: Ride) -> MeasuredMount:
         raise CohelmError("too little was driven to find the LiDAR's mount: let it drive on")
     poses = _matched(lidar, ride.rests, between_rests)
     seen = [between(a, b) for a, b in itertools.pairwise(poses)]
-    given = lidar.mount
+    nominal = lidar.mount
 
     def residual(p: Floats) -> Floats:
         place = Pose(float(p[0]), float(p[1]), float(p[2]))
@@ -77,7 +77,7 @@ def mount(model: RobotModel, ride: Ride) -> MeasuredMount:
         return (out / scale).ravel()
 
     scale = np.array([0.005, 0.005, 0.003])
-    p = np.array([given.x, given.y, given.psi, 1.0, 1.0])
+    p = np.array([nominal.x, nominal.y, nominal.psi, 1.0, 1.0])
     for _ in range(2):
         fit = least_squares(residual, p, loss="soft_l1", x_scale=[0.1, 0.1, 0.05, 0.02, 0.02])
         p = fit.x
@@ -115,8 +115,10 @@ def _integrated(rows: Floats, way: float, heading: float) -> Pose:
     """The motion of the body that so many small ways and turns make."""
     turn = heading * rows[:, 1]
     psi = np.cumsum(turn) - 0.5 * turn
-    gone = way * rows[:, 0]
-    return Pose(float(gone @ np.cos(psi)), float(gone @ np.sin(psi)), wrap(float(turn.sum())))
+    travelled = way * rows[:, 0]
+    return Pose(
+        float(travelled @ np.cos(psi)), float(travelled @ np.sin(psi)), wrap(float(turn.sum()))
+    )
 
 
 def _matched(lidar: Lidar, rests: list[Rest], moves: list[Floats]) -> list[Pose]:
@@ -125,15 +127,15 @@ def _matched(lidar: Lidar, rests: list[Rest], moves: list[Floats]) -> list[Pose]
     Every rest is matched with all that was seen before it. What the odometry's turns are worth is
     learnt on the way, from the small ones, before the half turns need it.
     """
-    care = MatchParams(reach=_REACH, least=0.08, sigma=0.02, rounds=40)
+    params = MatchParams(reach=_REACH, least=0.08, sigma=0.02, rounds=40)
     known: Surfaces | None = None
     points, across = np.empty((0, 2)), np.empty((0, 2))
     poses: list[Pose] = []
-    seen, told = 0.0, 0.0
+    seen, reported = 0.0, 0.0
     at = Pose(0.0, 0.0, 0.0)
     for number, rest in enumerate(rests):
         if number:
-            heading = seen / told if told > 0.5 else 1.0
+            heading = seen / reported if reported > 0.5 else 1.0
             body = _integrated(moves[number - 1], 1.0, heading)
             step = compose(inverse(lidar.mount), compose(body, lidar.mount))
             guess = compose(poses[-1], step)
@@ -142,7 +144,7 @@ def _matched(lidar: Lidar, rests: list[Rest], moves: list[Floats]) -> list[Pose]
                 if known is None:
                     break
                 p, n = _flat(lidar, ranges)
-                fit = align(known, p, n, guess, _NOTHING, care)
+                fit = align(known, p, n, guess, _NOTHING, params)
                 if fit.share > _LEAST and len(p) > 20:
                     found.append(fit.pose)
             if not found:
@@ -154,7 +156,7 @@ def _matched(lidar: Lidar, rests: list[Rest], moves: list[Floats]) -> list[Pose]
             small = between(poses[-1], at).psi
             turned = float(moves[number - 1][:, 1].sum())
             if 0.1 < abs(turned) < 1.5:
-                seen, told = seen + small * math.copysign(1.0, turned), told + abs(turned)
+                seen, reported = seen + small * math.copysign(1.0, turned), reported + abs(turned)
         poses.append(at)
         for ranges in rest.scans[:2]:
             p, n = _flat(lidar, ranges)

@@ -25,15 +25,15 @@ def pictures(
     ):
         last = [s for s in ride.segments if (s[2].twist.v != 0.0) == straight][-8:]
         some = [s for s in last if s[2].hard][-1:] + [s for s in last if not s[2].hard][-1:]
-        for column, (begun, ended, segment) in enumerate(some):
+        for column, (start, ended, segment) in enumerate(some):
             axes = figure.add_subplot(2, 2, 2 * row + column + 1)
-            at = (channel.times > begun - 0.1) & (channel.times < ended + 0.3)
-            sent = (commands[:, 0] > begun - 0.1) & (commands[:, 0] < ended + 0.3)
-            axes.step(commands[sent, 0] - begun, commands[sent, 1 if straight else 2],
+            at = (channel.times > start - 0.1) & (channel.times < ended + 0.3)
+            sent = (commands[:, 0] > start - 0.1) & (commands[:, 0] < ended + 0.3)
+            axes.step(commands[sent, 0] - start, commands[sent, 1 if straight else 2],
                       where="post", color="#777777", label="commanded")  # fmt: skip
-            axes.plot(channel.times[at] - begun, channel.seen[at], ".", color="#0072B2",
+            axes.plot(channel.times[at] - start, channel.seen[at], ".", color="#0072B2",
                       label="odometry")  # fmt: skip
-            axes.plot(channel.times[at] - begun, channel.fitted[at], color="#D55E00",
+            axes.plot(channel.times[at] - start, channel.fitted[at], color="#D55E00",
                       label="delay, ramp and lag fitted")  # fmt: skip
             how = "ended by stop" if segment.hard else "ended by the gate's ramp"
             axes.set_title(f"{'straight' if straight else 'turn'}, {how}")

@@ -62,7 +62,7 @@ class AxisResponse(NamedTuple):
     """Of the odometry's speed to the command's."""
     speed: float
     """Reached and held, by the odometry."""
-    asked: float
+    commanded: float
     """The fastest that was commanded."""
     noise: float
     """Standard deviation of the way between two readings from the model, at a held speed."""
@@ -91,7 +91,7 @@ class _Data(NamedTuple):
     begin: float
     grid: Floats
     """Times of the model [s]."""
-    asked: Floats
+    commanded: Floats
     """Integral of the command up to each command [m, rad], (k,)."""
     at: Floats
     """When each command was sent [s]."""
@@ -196,13 +196,13 @@ def _data(ride: Ride, straight: bool) -> _Data:
     moved = steps(trail)[:, 0 if straight else 1]
     first, last = trail[:-1, 0], trail[1:, 0]
     motion = np.full(len(moved), -1)
-    for number, (begun, ended, segment) in enumerate(ride.segments):
+    for number, (start, ended, segment) in enumerate(ride.segments):
         if (segment.twist.v != 0.0) == straight:
-            motion[(first > begun - 0.1) & (last < ended + _TAIL)] = number
+            motion[(first > start - 0.1) & (last < ended + _TAIL)] = number
     used = motion >= 0
-    asked = np.concatenate(([0.0], np.cumsum(rate[:-1] * np.diff(at))))
+    commanded = np.concatenate(([0.0], np.cumsum(rate[:-1] * np.diff(at))))
     grid = np.arange(trail[0, 0] - _STEP, trail[-1, 0] + _STEP, _STEP)
-    return _Data(float(grid[0]), grid, asked, at, rate, first[used], last[used], moved[used],
+    return _Data(float(grid[0]), grid, commanded, at, rate, first[used], last[used], moved[used],
                  motion[used])  # fmt: skip
 
 
@@ -212,12 +212,12 @@ class _Held:
     def __init__(self, ride: Ride, straight: bool, data: _Data, delay: float) -> None:
         self._ends: list[tuple[float, Any]] = []
         """The commands, and which readings are at their end."""
-        for begun, ended, segment in ride.segments:
-            asked = abs(segment.twist.v if straight else segment.twist.omega)
-            whole = (data.at >= begun) & (data.at < ended) & (abs(data.rate) > _HELD * asked)
-            if asked and whole.any():
+        for start, ended, segment in ride.segments:
+            commanded = abs(segment.twist.v if straight else segment.twist.omega)
+            whole = (data.at >= start) & (data.at < ended) & (abs(data.rate) > _HELD * commanded)
+            if commanded and whole.any():
                 until = data.at[min(np.flatnonzero(whole)[-1] + 1, len(data.at) - 1)] + delay
-                self._ends.append((asked, (data.first > until - _END) & (data.last < until)))
+                self._ends.append((commanded, (data.first > until - _END) & (data.last < until)))
         self._ends = [one for one in self._ends if one[1].sum() >= 3]
 
     def reached(
@@ -229,9 +229,9 @@ class _Held:
         """
         if not self._ends:
             return 0.0, math.nan
-        asked = which([one for one, _ in self._ends])
-        alike = [end for one, end in self._ends if abs(one / asked - 1.0) < 0.01]
-        return float(np.median([np.median(abs(speeds[end])) for end in alike])), asked
+        commanded = which([one for one, _ in self._ends])
+        alike = [end for one, end in self._ends if abs(one / commanded - 1.0) < 0.01]
+        return float(np.median([np.median(abs(speeds[end])) for end in alike])), commanded
 
     def most(self, seen: Floats, fitted: Floats) -> float:
         """The fastest command that is followed, where the robot does not do more; else inf.
@@ -254,13 +254,13 @@ def _ways(
 ) -> Floats:  # fmt: skip
     """What the model goes between the readings."""
     edges = np.append(data.grid, data.grid[-1] + _STEP)
-    end = np.append(data.asked, data.asked[-1] + data.rate[-1])
+    end = np.append(data.commanded, data.commanded[-1] + data.rate[-1])
     total = np.interp(edges, np.append(data.at, data.at[-1] + 1.0), end)
     wanted = np.clip(np.diff(total) / _STEP, -most, most)
-    gone = _answer(wanted, _STEP, lag, rise, brake, integral)
+    travelled = _answer(wanted, _STEP, lag, rise, brake, integral)
     # the answer is shifted, not the command: a ramp forgets by what part of a step it began late
     times = data.grid + (_STEP + delay)
-    return gain * (np.interp(data.last, times, gone) - np.interp(data.first, times, gone))
+    return gain * (np.interp(data.last, times, travelled) - np.interp(data.first, times, travelled))
 
 
 @jit
@@ -268,7 +268,7 @@ def _answer(
     wanted: Floats, step: float, lag: float, rise: float, brake: float, integral: float
 ) -> Floats:
     """Way of the wheels at the end of each step."""
-    gone = np.empty(len(wanted))
+    travelled = np.empty(len(wanted))
     driven, held, speed, way = 0.0, 0.0, 0.0, 0.0
     share = 1.0 - math.exp(-step / max(lag, 1e-6))
     for i in range(len(wanted)):
@@ -284,5 +284,5 @@ def _answer(
         before = speed
         speed += share * (driven + held - speed)
         way += 0.5 * (before + speed) * step
-        gone[i] = way
-    return gone
+        travelled[i] = way
+    return travelled

@@ -116,15 +116,15 @@ class _Rider:
                 raise _EndedError(f"no {what} came within {_PATIENCE:.0f} s: is its sensor on?")
             self._over_now()
             gated.wait(gated.now() + PERIOD)
-        if in_the_way := on_the_floor(gated.model, readings.scan, plan):
-            raise _EndedError(in_the_way)
+        if obstruction := on_the_floor(gated.model, readings.scan, plan):
+            raise _EndedError(obstruction)
         for _ in range(25):
             self._period(_STILL)
         self._go()
 
     def rest(self) -> None:
         """Stand, until enough scans were measured."""
-        began, still = self.gated.now(), math.nan
+        began, resting = self.gated.now(), math.nan
         rest: Rest | None = None
         lidar = self.gated.model.lidar
         longest = _PATIENCE + (0.0 if lidar is None else _SCANS / lidar.rate_hz)
@@ -132,10 +132,10 @@ class _Rider:
             odometry = self._period(_STILL)
             now = self.gated.now()
             if not standing(odometry.twist):
-                still = math.nan
-            elif still != still:
-                still = odometry.stamp
-            if rest is None and now - still > _SETTLED:
+                resting = math.nan
+            elif resting != resting:
+                resting = odometry.stamp
+            if rest is None and now - resting > _SETTLED:
                 rest = self._resting = Rest(now)
             if now - began > longest:
                 why = "it does not come to stand" if rest is None else "no new scan comes"
@@ -165,12 +165,12 @@ class _Rider:
         if segment.hard:
             gated.stop("measuring how it brakes")
             self.made.commands.append((gated.now(), 0.0, 0.0))
-        still = 0
+        resting = 0
         ended = gated.now()
         # a robot that brakes harder than its file states stands before the gate has braked to 0
-        while still < 5 or (segment.hard and gated.gate.out != _STILL):
+        while resting < 5 or (segment.hard and gated.gate.out != _STILL):
             odometry = self._period(_STILL, stopped=segment.hard)
-            still = still + 1 if standing(odometry.twist) else 0
+            resting = resting + 1 if standing(odometry.twist) else 0
             if gated.now() - ended > _PATIENCE:
                 raise _EndedError("the robot does not come to stand: measuring ends here")
         if segment.hard:
@@ -245,8 +245,8 @@ class _Rider:
         return passed.reason
 
     def _over_now(self) -> None:
-        if said := self._over():
-            raise _EndedError(said)
+        if reason := self._over():
+            raise _EndedError(reason)
 
 
 def _wrapped(angle: float) -> float:

@@ -70,7 +70,7 @@ def findings(
         ("limits.speed_mps", given.speed_mps, straight, way.value),
         ("limits.yaw_rate_radps", given.yaw_rate_radps, turn, heading.value),
     ):
-        if assumed is not None and channel.asked > 0.98 * assumed:
+        if assumed is not None and channel.commanded > 0.98 * assumed:
             found.append(_speed(key, assumed, channel.speed * factor))
     if mount is None:
         return found

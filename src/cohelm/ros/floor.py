@@ -51,9 +51,9 @@ class Floor:
     def begins(self) -> float:
         """From so far from the sensor cells are checked in all sectors; inf: in some none is
         [m]."""
-        asked = self._ought.any(axis=1)
+        checked = self._ought.any(axis=1)
         first = self._floor.from_m + self._long * self._ought.argmax(axis=1)
-        return float(np.where(asked, first, math.inf).max())
+        return float(np.where(checked, first, math.inf).max())
 
     def expect(self, beams: Ints, far: Floats) -> None:
         """On flat floor there would be a point along each of these beams, so far from the sensor
@@ -98,8 +98,8 @@ class Floor:
         # end where that cell begins.
         ends: Floats = (floor.from_m + self._long * np.maximum(stops - 1, 0))[self._beams]
         np.maximum.at(ends, beams[last], far[last])
-        beside = np.maximum(ends[2:], ends[:-2])
-        ends[1:-1] = np.maximum(ends[1:-1], np.minimum(beside, hides[1:-1]))
+        neighbours = np.maximum(ends[2:], ends[:-2])
+        ends[1:-1] = np.maximum(ends[1:-1], np.minimum(neighbours, hides[1:-1]))
         ends = np.where(first, self._hidden(ranges), ends - self._long)
         self.edges = ~(ranges < hides) & np.isfinite(hides)
         made: Floats = np.where(self.edges, ends, ranges)

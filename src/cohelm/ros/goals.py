@@ -89,10 +89,10 @@ class Goals:
         """What became of something on a topic, in a sentence; returns at once."""
         self.note(f"{topic}: {what}")
 
-    def note(self, said: str) -> None:
+    def note(self, text: str) -> None:
         """Logs and publishes a sentence; returns at once."""
-        self._executor.submit(self._reason.send, messages.reason(said))
-        self._executor.submit(self._log, said)
+        self._executor.submit(self._reason.send, messages.reason(text))
+        self._executor.submit(self._log, text)
 
     def close(self) -> None:
         """Publish no more."""
@@ -146,14 +146,14 @@ class Goals:
         self.report(topic, error)
 
 
-def placed(topic: str, said: Any) -> Placed | str:
+def placed(topic: str, message: Any) -> Placed | str:
     """Of a `geometry_msgs/msg/PoseWithCovariance`; or what is wrong with it."""
-    at, psi = said.pose.position, yaw_of(said.pose.orientation)
+    at, psi = message.pose.position, yaw_of(message.pose.orientation)
     if not (math.isfinite(at.x) and math.isfinite(at.y)):
         return "the initial pose is no number"
     if math.isnan(psi):
         return "the initial pose's orientation is no rotation"
-    worst = max(float(said.covariance[0]), float(said.covariance[7]))
+    worst = max(float(message.covariance[0]), float(message.covariance[7]))
     if not math.isfinite(worst) or worst < 0.0:
         return "the initial pose's covariance is none"
     sigma = min(max(math.sqrt(worst), _LEAST), _MOST_SIGMA) if worst > 0.0 else _SURE

@@ -107,11 +107,11 @@ class JoyOperator(NullOperator):
         if not 0.0 <= age <= STALE:
             known = age if math.isfinite(age) else math.nan
             return OperatorInput(1, self.topic, None, known, 0.0, (), why=self.problem())
-        said = self._read()
-        stick = CENTRED if isinstance(said, str) else said
-        valid = not isinstance(said, str)
+        reading = self._read()
+        stick = CENTRED if isinstance(reading, str) else reading
+        valid = not isinstance(reading, str)
         command = Command(stick, valid, True, Device.GAMEPAD, 1.0, ())
-        why = "" if valid else f"{self.topic}: {said}"
+        why = "" if valid else f"{self.topic}: {reading}"
         return OperatorInput(1, self.topic, command, age, 0.0, (), why=why)
 
     def problem(self) -> str:
@@ -124,8 +124,8 @@ class JoyOperator(NullOperator):
             return f"{self.topic}: " + (
                 f"silent for {age:.1f} s" if known else "nothing is received"
             )
-        said = self._read()
-        return f"{self.topic}: {said}" if isinstance(said, str) else ""
+        reading = self._read()
+        return f"{self.topic}: {reading}" if isinstance(reading, str) else ""
 
     def held(self) -> bool:
         """Whether there is a stick, and its button is held."""

@@ -76,13 +76,13 @@ def markers(
         )
     ]  # fmt: skip
     at = pose(*limiting, 0.0) if limiting is not None else here
-    thing = marker(
+    limit_marker = marker(
         header(0, odom), "cohelm limiting", 1, Marker.SPHERE, at, (0.12, 0.12, 0.12),
         _COLOURS[ERROR],
     )  # fmt: skip
     if limiting is None:
-        thing.action = Marker.DELETE
-    both: list[Any] = [*drawn, thing]
+        limit_marker.action = Marker.DELETE
+    both: list[Any] = [*drawn, limit_marker]
     return MarkerArray(both)
 
 

@@ -248,7 +248,7 @@ def topics_of(pairs: Sequence[str]) -> Topics:
     """From `odom=/odom` and the like; `scan_NAME=` is of a further LiDAR, `contact_NAME=` of a
     bumper or cliff sensor. CohelmError for what is none of them."""
     names = ("out", "scan", "odom", "lock", "namespace", "camera", "footprint")
-    given: dict[str, str] = {}
+    named: dict[str, str] = {}
     several: dict[str, list[str]] = {"scan_": [], "contact_": []}
     for pair in pairs:
         key, equals, name = pair.partition("=")
@@ -261,5 +261,5 @@ def topics_of(pairs: Sequence[str]) -> Topics:
                 f"{pair!r}: name topics as KEY=NAME, KEY one of {', '.join(names)}, scan_NAME, "
                 "contact_NAME"
             )
-        given[key] = name
-    return Topics.named(**given, further=several["scan_"], contacts=several["contact_"])
+        named[key] = name
+    return Topics.named(**named, further=several["scan_"], contacts=several["contact_"])

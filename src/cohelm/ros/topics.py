@@ -57,14 +57,14 @@ class Topics(NamedTuple):
     def of_lidars(self, model: RobotModel) -> tuple[str, ...]:
         """The topics of its LiDARs' scans, the first one first. CohelmError for a topic of a LiDAR
         that the robot does not have."""
-        names, given = [lidar.name for lidar in model.further_lidars], dict(self.further)
-        if strange := [name for name in given if name not in names]:
+        names, named = [lidar.name for lidar in model.further_lidars], dict(self.further)
+        if strange := [name for name in named if name not in names]:
             raise CohelmError(
                 f"{model.name} has no further LiDAR {strange[0]!r}: describe it under "
                 "further_lidars in the robot's YAML file"
             )
         usual = (resolved(f"scan_{name}", self.namespace) for name in names)
-        topics = (self.scan, *(given.get(*one) for one in zip(names, usual, strict=True)))
+        topics = (self.scan, *(named.get(*one) for one in zip(names, usual, strict=True)))
         if shared := [one for i, one in enumerate(topics) if one in topics[:i]]:
             raise CohelmError(
                 f"two LiDARs of {model.name} can not share a topic, and both are on {shared[0]}: "
@@ -87,22 +87,22 @@ class Topics(NamedTuple):
     def of_contacts(self, model: RobotModel) -> tuple[str, ...]:
         """The topics of its bumpers and cliff sensors. CohelmError for one that the robot does not
         have."""
-        given = dict(self.contacts)
+        named = dict(self.contacts)
         names = [one.name for one in model.contacts]
-        if strange := [name for name in given if name not in names]:
+        if strange := [name for name in named if name not in names]:
             raise CohelmError(
                 f"{model.name} has no bumper or cliff sensor {strange[0]!r}: describe it under "
                 "bumpers or cliff_sensors in the robot's YAML file"
             )
         return tuple(
-            given.get(one.name) or resolved(usual_topic(one), self.namespace)
+            named.get(one.name) or resolved(usual_topic(one), self.namespace)
             for one in model.contacts
         )
 
 
-def _pairs(given: Sequence[str], what: str, space: str) -> tuple[tuple[str, str], ...]:
+def _pairs(named: Sequence[str], what: str, space: str) -> tuple[tuple[str, str], ...]:
     """Names and topics. CohelmError for what is no `NAME=TOPIC`."""
-    pairs = [one.partition("=") for one in given]
-    if bad := [one for one, (_, _, topic) in zip(given, pairs, strict=True) if not topic]:
+    pairs = [one.partition("=") for one in named]
+    if bad := [one for one, (_, _, topic) in zip(named, pairs, strict=True) if not topic]:
         raise CohelmError(f"{bad[0]!r}: name {what} as NAME=TOPIC")
     return tuple((name, resolved(topic, space)) for name, _, topic in pairs)

@@ -41,7 +41,7 @@ def setup(scenario: Scenario) -> Setup:
     alone = standing_alone(scenario, Path())
     robot = _robot(alone)
     reference = alone.reference.spline()
-    recorded_stick, alone = _hands(alone)
+    recorded_stick, alone = _recorded_stick(alone)
     operator = alone.stick.person() if isinstance(alone.stick, StickOperator) else OperatorModel()
     limits = robot.bounds(enforced=alone.simulation.wheel_limits)
     gains = alone.law.gains(alone.reference.speed_mps)
@@ -73,8 +73,8 @@ def warnings(scenario: Scenario) -> list[str]:
     alone = standing_alone(scenario, Path())
     reference = alone.reference.spline()
     found = _beyond_limits(reference, _robot(alone))
-    found += [f"world: {said}" for said in alone.scenery().left_out]
-    recorded_stick, _ = _hands(alone)
+    found += [f"world: {note}" for note in alone.scenery().left_out]
+    recorded_stick, _ = _recorded_stick(alone)
     if alone.simulation.plant == "twin" and not alone.simulation.wheel_limits:
         found.append("simulation.wheel_limits: the twin's wheels always have their limits")
     run_s = alone.simulation.duration_s or reference.duration
@@ -156,7 +156,7 @@ def _start(alone: Scenario, reference: Reference) -> Pose:
     return Pose(first.x, first.y, first.psi)
 
 
-def _hands(alone: Scenario) -> tuple[Replay, Scenario]:
+def _recorded_stick(alone: Scenario) -> tuple[Replay, Scenario]:
     """The stick's table, and the scenario with the digest of the file it came from."""
     stick = alone.stick
     if isinstance(stick, StickScript):
@@ -234,13 +234,13 @@ def _beyond_limits(reference: Reference, robot: RobotModel) -> list[str]:
     table = tabulate(reference, reference.duration / steps, steps, True)
     speed, yaw_rate = np.abs(table[:, 3]), np.abs(table[:, 4])
     rim = speed + 0.5 * limits.track * yaw_rate
-    asked = (
+    requested = (
         ("a speed", speed, limits.speed, "m/s"),
         ("a yaw rate", yaw_rate, limits.yaw_rate, "rad/s"),
         ("a wheel speed", rim, limits.wheel_speed, "m/s"),
     )
     found: list[str] = []
-    for what, series, bound, unit in asked:
+    for what, series, bound, unit in requested:
         worst = int(series.argmax())
         if series[worst] > bound:
             t = worst * reference.duration / steps

@@ -66,9 +66,9 @@ def checked(
         )
     made = tuple(model.dock() for model in docks)
     for dock in made:
-        said = _wrong(dock, outline, hard_margin, known, zones)
-        if said:
-            raise CohelmError(f"dock {dock.name}: {said}")
+        problem = _wrong(dock, outline, hard_margin, known, zones)
+        if problem:
+            raise CohelmError(f"dock {dock.name}: {problem}")
     return made
 
 
@@ -91,8 +91,8 @@ def _wrong(
     ):
         if not _on_map(known, x, y):
             return f"{what}, at {x:.2f}, {y:.2f}, is not where the map knows of free ground"
-    if said := no_room(dock, outline, occupied(known), known.resolution):
-        return f"{said}: correct its pose, or shorten approach_m"
+    if problem := no_room(dock, outline, occupied(known), known.resolution):
+        return f"{problem}: correct its pose, or shorten approach_m"
     kept_out = None if zones is None else zones.keep_out
     if kept_out is not None:
         body = covering(outline, kept_out.depth.resolution)

@@ -29,11 +29,11 @@ def sentences(error: ValidationError, root: Node, model: type[Schema]) -> list[s
     found: list[str] = []
     for detail in error.errors(include_url=False):
         if detail["type"] == "problems":
-            for below, said in cast(list[tuple[str, str]], detail.get("ctx", {})["said"]):
+            for below, text in cast(list[tuple[str, str]], detail.get("ctx", {})["said"]):
                 parts = (int(p) if p.isdigit() else p for p in below.split(".") if p)
-                found.append(_line(root, (*detail["loc"], *parts), said))
+                found.append(_line(root, (*detail["loc"], *parts), text))
         else:
-            found.append(_line(root, detail["loc"], _said(detail, root, schema)))
+            found.append(_line(root, detail["loc"], _sentence(detail, root, schema)))
     return found
 
 
@@ -53,12 +53,12 @@ def unit_of(path: Path) -> str:
     return UNITS[max(ends, key=len)] if ends else ""
 
 
-def _line(root: Node, loc: Path, said: str) -> str:
+def _line(root: Node, loc: Path, text: str) -> str:
     node, path = at(root, loc)
-    return f"{where(node)}: {dotted(path)}: {said}" if path else f"{where(node)}: {said}"
+    return f"{where(node)}: {dotted(path)}: {text}" if path else f"{where(node)}: {text}"
 
 
-def _said(detail: ErrorDetails, root: Node, schema: JsonSchema) -> str:
+def _sentence(detail: ErrorDetails, root: Node, schema: JsonSchema) -> str:
     kind, loc, value = detail["type"], detail["loc"], detail["input"]
     context = detail.get("ctx", {})
     _, path = at(root, loc)

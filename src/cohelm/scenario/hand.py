@@ -37,9 +37,9 @@ class StickScript(Schema):
         times = [event[0] for event in self.events]
         for i in range(1, len(times)):
             if times[i] < times[i - 1]:
-                said = f"comes after an event at {times[i - 1]:g} s but says {times[i]:g} s"
+                problem = f"comes after an event at {times[i - 1]:g} s but says {times[i]:g} s"
                 raise PydanticCustomError(
-                    "problems", "{said}", {"said": ((f"events.{i}", f"{said}; sort by time"),)}
+                    "problems", "{said}", {"said": ((f"events.{i}", f"{problem}; sort by time"),)}
                 )
         return self
 

@@ -42,8 +42,8 @@ def scenario(path: str | Path, overrides: Sequence[str] = (), stick: str | None 
     if isinstance(made.robot, str):
         made = made.model_copy(update={"robot": robot(made.robot, file.parent, f"{file}: ")})
     if stick is not None:
-        hand = StickFile(kind="file", path=str(Path(stick).absolute()))
-        made = made.model_copy(update={"stick": hand})
+        played = StickFile(kind="file", path=str(Path(stick).absolute()))
+        made = made.model_copy(update={"stick": played})
     return standing_alone(made, file.parent)
 
 
@@ -118,7 +118,7 @@ def standing_alone(made: Scenario, folder: Path) -> Scenario:
     return made.model_copy(update=update)
 
 
-def _found(world: AnyWorld, folder: Path, asked_by: str) -> AnyWorld:
+def _found(world: AnyWorld, folder: Path, requested_by: str) -> AnyWorld:
     """A world by absolute paths, with the digest of its file."""
     update: dict[str, object] = {"file": str((folder / world.file).absolute())}
     if isinstance(world, GazeboWorld) and world.path_file is not None:
@@ -126,8 +126,8 @@ def _found(world: AnyWorld, folder: Path, asked_by: str) -> AnyWorld:
     made = world.model_copy(update=update)
     file = Path(made.file)
     if not file.is_file():
-        close = did_you_mean(file.name, _beside(file.parent))
-        raise CohelmError(f"{asked_by}: world.file: {file}: no such file{close}")
+        close = did_you_mean(file.name, _siblings(file.parent))
+        raise CohelmError(f"{requested_by}: world.file: {file}: no such file{close}")
     now = digest(file)
     if made.sha256 is not None and made.sha256 != now:
         raise CohelmError(
@@ -156,22 +156,22 @@ def _on_course(made: Scenario, world: AnyWorld) -> dict[str, object]:
     return update
 
 
-def robot(name: str, folder: Path = Path(), asked_by: str = "") -> RobotModel:
+def robot(name: str, folder: Path = Path(), requested_by: str = "") -> RobotModel:
     """A robot by its shipped name, or from its YAML file, relative to `folder`.
 
-    asked_by: where the name stands, for the error's beginning.
+    requested_by: where the name is, for the error's beginning.
     """
     if name in SHIPPED:
         return _shipped(name).model_copy(deep=True)
     file = folder / name
     if not file.exists() and Path(name).suffix not in (".yaml", ".yml"):
         raise CohelmError(
-            f"{asked_by}robot: no robot is called {name!r}; there are {', '.join(SHIPPED)}, "
+            f"{requested_by}robot: no robot is called {name!r}; there are {', '.join(SHIPPED)}, "
             f"or give the path of a robot's YAML file{did_you_mean(name, SHIPPED)}"
         )
     if not file.exists():
         close = did_you_mean(file.name, _names(file.parent))
-        raise CohelmError(f"{asked_by}robot: {file}: no such file{close}")
+        raise CohelmError(f"{requested_by}robot: {file}: no such file{close}")
     return read(file, RobotModel)
 
 
@@ -234,8 +234,8 @@ def find(path: str | Path) -> Path:
             f"{path} is a robot that comes with cohelm, not a scenario: give it with "
             f"--set robot={path}, or `robot: {path}` in a scenario"
         )
-    beside = _names(file.parent)
-    close = did_you_mean(file.name, beside) or did_you_mean(file.stem, named)
+    siblings = _names(file.parent)
+    close = did_you_mean(file.name, siblings) or did_you_mean(file.stem, named)
     close = close or did_you_mean(file.stem, SHIPPED)
     raise CohelmError(
         f"{path}: no such file{close}; scenarios that come with cohelm: {', '.join(named)}"
@@ -246,7 +246,7 @@ def _names(folder: Path) -> list[str]:
     return sorted(f.name for f in folder.glob("*.y*ml")) if folder.is_dir() else []
 
 
-def _beside(folder: Path) -> list[str]:
+def _siblings(folder: Path) -> list[str]:
     return sorted(f.name for f in folder.iterdir()) if folder.is_dir() else []
 
 

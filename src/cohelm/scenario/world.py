@@ -150,11 +150,11 @@ def read(world: AnyWorld, reach: float, duration: float) -> Read:
     barn = _barn(world, reach)
     if barn is not None:
         names = tuple(f"cylinder {i}" for i in range(len(barn.discs)))
-        return Read(names, _still(barn.discs), barn.walls, NO_GRID, barn.left_out)
+        return Read(names, _resting_bodies(barn.discs), barn.walls, NO_GRID, barn.left_out)
     seen = read_gazebo(world.file, reach)
     bodies = tuple(
         body if moved is None else replace(body, path=moved.way(duration))
-        for body, moved in zip(_still(seen.discs), seen.animations, strict=True)
+        for body, moved in zip(_resting_bodies(seen.discs), seen.animations, strict=True)
     )
     return Read(_apart(seen.names), bodies, seen.walls, NO_GRID, seen.left_out)
 
@@ -178,7 +178,7 @@ def _collection(file: str, reach: float, changed: int) -> dict[int, Barn]:
     return read_collection(file, reach)
 
 
-def _still(discs: Floats) -> tuple[Body, ...]:
+def _resting_bodies(discs: Floats) -> tuple[Body, ...]:
     return tuple(Body((d[0], d[1], 0.0, 0.0, d[4], d[5])) for d in discs.tolist())
 
 

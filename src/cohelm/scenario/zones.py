@@ -73,7 +73,7 @@ class ZonesModel(Schema):
             refuse(*problems)
         return self
 
-    def standing_alone(self, folder: Path, asked_by: str) -> ZonesModel:
+    def standing_alone(self, folder: Path, requested_by: str) -> ZonesModel:
         """The same with its files by absolute paths; CohelmError where one is not there."""
         update: dict[str, object] = {}
         for key in ("keep_out_file", "speed_file"):
@@ -82,7 +82,7 @@ class ZonesModel(Schema):
                 continue
             file = (folder / name).absolute()
             if not file.is_file():
-                raise CohelmError(f"{asked_by}: zones.{key}: {file}: no such file")
+                raise CohelmError(f"{requested_by}: zones.{key}: {file}: no such file")
             update[key] = str(file)
         return self.model_copy(update=update)
 

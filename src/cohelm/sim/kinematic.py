@@ -117,8 +117,8 @@ class Kinematic(Paced):
         self._odometry = self._odometer.start(0.0)
         self._next_odometry = _ticks(model.odometry.rate_hz, 1, step)
         self._scanners = [
-            KinematicScanner(given, given.lidar(), noise_seed(seed, i))
-            for i, given in enumerate(model.lidars)
+            KinematicScanner(lidar, lidar.lidar(), noise_seed(seed, i))
+            for i, lidar in enumerate(model.lidars)
         ]
         self._on(0)
 
@@ -147,10 +147,10 @@ class Kinematic(Paced):
     def stop(self) -> None:
         """Brake; what is still on its way to the wheels no longer matters, but for a stop."""
         self._catch_up()
-        still = Twist(0.0, 0.0)
-        under_way = [at for at, twist in self._coming if twist == still]
+        zero = Twist(0.0, 0.0)
+        under_way = [at for at, twist in self._coming if twist == zero]
         self._coming.clear()
-        self._coming.append((min([self._tick + self._delay, *under_way]), still))
+        self._coming.append((min([self._tick + self._delay, *under_way]), zero))
         self._arrive()
 
     def truth(self) -> KinematicTruth:

@@ -216,7 +216,7 @@ def in_time(axes: Axes, run: Run, values: Floats, color: str, width: float = 1.8
     axes.set_xlabel("time [s]")
 
 
-def say(
+def annotate(
     axes: Axes,
     text: str,
     at: tuple[float, float],

@@ -140,11 +140,11 @@ def figure_7(ex: Experiments) -> Figure:
         fontsize=8.5, color=PALE,
     )  # fmt: skip
     if math.isfinite(ex.settle_s):
-        draw.say(
+        draw.annotate(
             axes, f"{SETTLED} after\n{ex.settle_s:.1f} s", (ex.settle_s, SETTLED), (-8, 42), ROBOT
         )
     axes.plot([2.0], [SETTLED], marker="v", color=DANGER, ms=7, clip_on=False)
-    draw.say(axes, "paper: 2 s", (2.0, SETTLED), (4, -14), DANGER, left=True)
+    draw.annotate(axes, "paper: 2 s", (2.0, SETTLED), (4, -14), DANGER, left=True)
     return figure
 
 
@@ -185,7 +185,7 @@ def figure_9(ex: Experiments) -> Figure:
         k = int(np.argmin(run.trace.h[:, i]))
         h, t = float(run.trace.h[k, i]), float(run.trace.rows["t"][k])
         aside = {"cone_1": (78, 24), "cone_2": (100, 78)}.get(name, (70, 30))
-        draw.say(axes, f"{name}: {h:.2f} m²", (t, h), aside, ROBOT)
+        draw.annotate(axes, f"{name}: {h:.2f} m²", (t, h), aside, ROBOT)
     axes.set_ylabel("smallest h [m²]")
     draw.key(axes, ("with the barrier", ROBOT, "-"), ("without", DANGER, "-"))
     return figure
@@ -236,7 +236,7 @@ def figure_11(ex: Experiments) -> Figure:
     for (_, b), after in zip(m.human_windows_s, m.return_s, strict=True):
         if math.isfinite(after):
             below.plot([b + after], [BACK_ON_PATH], "o", color=ROBOT, ms=5, zorder=6)
-            draw.say(
+            draw.annotate(
                 below, f"back after {after:.1f} s", (b + after, BACK_ON_PATH), (30, 30), ROBOT,
             )  # fmt: skip
     return figure

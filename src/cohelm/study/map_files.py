@@ -62,14 +62,14 @@ def outcome(
     return MapResult(
         scans=len(made.poses), empty_scans=session.empty, record_whole=session.whole,
         places=len(made.places), loops=len(made.loops), encounters=len(encounters(made)),
-        marks=tuple(_said(mark) for mark in session.marks), odometry_scale=made.scale,
+        marks=tuple(_as_option(mark) for mark in session.marks), odometry_scale=made.scale,
         travelled_m=float(np.hypot(*np.diff(path, axis=0).T).sum()),
         width_m=columns * drawn.resolution, height_m=rows * drawn.resolution,
         resolution_m=drawn.resolution, seconds=seconds,
     )  # fmt: skip
 
 
-def _said(mark: Mark) -> str:
+def _as_option(mark: Mark) -> str:
     """A mark as on the command line."""
     if mark.kind == "remove-loop":
         a, b = (round(value) for value in mark.values[0])
@@ -123,9 +123,9 @@ def shades(
     cells = max(1, math.ceil(max(occupied.shape) / most))
     rows, columns = (cells * math.ceil(n / cells) for n in occupied.shape)
 
-    def any_of(given: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def any_of(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
         padded = np.zeros((rows, columns), np.bool_)
-        padded[: given.shape[0], : given.shape[1]] = given
+        padded[: mask.shape[0], : mask.shape[1]] = mask
         blocks = padded.reshape(rows // cells, cells, columns // cells, cells)
         return np.asarray(blocks.any(axis=(1, 3)), dtype=np.bool_)
 

@@ -89,9 +89,9 @@ class _BetweenScans:
         if self._before is not None:
             signal.signal(signal.SIGINT, self._before)
 
-    def _press(self, *given: Any) -> None:
+    def _press(self, *event: Any) -> None:
         if self._pressed:
-            self._before(*given)
+            self._before(*event)
         self._pressed = True
 
     def now(self) -> None:
@@ -115,19 +115,21 @@ def mapped(
     on with the mapping in the folder, where it was interrupted; or, with another record, from where
     its drive ended. Raises Interrupted where Ctrl-C is not the usual end.
     """
-    begun = time.perf_counter()
+    start = time.perf_counter()
     session = MappingSession.read(folder) if resume else None
-    given = _begun(path, robot) if live else drive(path, robot)
+    recorded = _live_drive(path, robot) if live else drive(path, robot)
     if session is None:
-        session = MappingSession(given.lidar, Mapper(given.lidar.lidar()), resolution or RESOLUTION)
+        session = MappingSession(
+            recorded.lidar, Mapper(recorded.lidar.lidar()), resolution or RESOLUTION
+        )
     else:
         session.resolution = resolution or session.resolution
-        _go_on(session, given, path)
+        _go_on(session, recorded, path)
     try:
         with _BetweenScans() as interruption:
             saved = grown = time.monotonic()
             while True:
-                new = _new(given, session, live)
+                new = _new(recorded, session, live)
                 for k, glimpse in enumerate(new):
                     session.add(glimpse)
                     if k % 20 == 0:
@@ -144,14 +146,14 @@ def mapped(
                     break
                 time.sleep(_LOOK_AGAIN)
                 interruption.now()
-                given = drive(path, robot)
+                recorded = drive(path, robot)
     except KeyboardInterrupt as stop:
         if not session.complete:
             raise
         if not live:  # of a live drive, Ctrl-C is the usual end
             session.save(folder)
             raise Interrupted from stop
-    session.whole = session.whole and (given.whole or live)
+    session.whole = session.whole and (recorded.whole or live)
     if not session.stamps:
         raise CohelmError(f"{path}: no scan came while there was odometry: record both")
     if session.empty == len(session.stamps):
@@ -160,7 +162,7 @@ def mapped(
             "nothing to map: check the LiDAR, or --robot for its range"
         )
     session.save(folder)  # closing loops takes a while, too
-    return _finished(session, folder, progress, begun)
+    return _finished(session, folder, progress, start)
 
 
 def marked(
@@ -172,7 +174,7 @@ def marked(
     remove_loops: numbers in its loops.csv. undo: take back the last mark first. Raises CohelmError
     where there is no such loop, mark or mapping.
     """
-    begun = time.perf_counter()
+    start = time.perf_counter()
     session = MappingSession.read(folder)
     session.resolution = resolution or session.resolution
     if undo:
@@ -190,14 +192,14 @@ def marked(
             pairs = [[float(a), float(b)] for a, b in found[number - 1]]
             session.marks.append(Mark("remove-loop", pairs))
     session.marks += marks
-    return _finished(session, out, progress, begun)
+    return _finished(session, out, progress, start)
 
 
-def _go_on(session: MappingSession, given: RecordedDrive, path: Path) -> None:
+def _go_on(session: MappingSession, recorded: RecordedDrive, path: Path) -> None:
     """The same drive where it was interrupted, or another from where the last one ended."""
-    if given.lidar != session.lidar:
+    if recorded.lidar != session.lidar:
         raise CohelmError(f"{path}: is of another LiDAR than the mapping: map it by itself")
-    if any(abs(s.stamp + s.duration - session.last) < _SAME for s in given.scans):
+    if any(abs(s.stamp + s.duration - session.last) < _SAME for s in recorded.scans):
         session.whole = True  # as the record is now
     else:
         session.survey.set_down()
@@ -219,13 +221,13 @@ def _marked(session: MappingSession) -> tuple[Mapper, NDArray[np.bool_]]:
     return survey, out
 
 
-def _finished(session: MappingSession, folder: Path, progress: Progress, begun: float) -> MapResult:
+def _finished(session: MappingSession, folder: Path, progress: Progress, start: float) -> MapResult:
     survey, out = _marked(session)
     try:
         made = survey.finished(lambda share: progress("closing loops", 0.6 + 0.3 * share))
         progress("drawing", 0.9)
         drawn = _drawn(session, made, out)
-        result = outcome(session, made, drawn, time.perf_counter() - begun)
+        result = outcome(session, made, drawn, time.perf_counter() - start)
         session.save(folder)
         write(folder, session, made, drawn, result)
     except KeyboardInterrupt as stop:
@@ -233,7 +235,7 @@ def _finished(session: MappingSession, folder: Path, progress: Progress, begun: 
     return result
 
 
-def _begun(path: Path, robot: RobotModel | None) -> RecordedDrive:
+def _live_drive(path: Path, robot: RobotModel | None) -> RecordedDrive:
     """What is there of a record that is being written, as soon as something is."""
     end = time.monotonic() + _ENDED
     while True:
@@ -245,12 +247,12 @@ def _begun(path: Path, robot: RobotModel | None) -> RecordedDrive:
         time.sleep(_LOOK_AGAIN)
 
 
-def _new(given: RecordedDrive, session: MappingSession, live: bool) -> list[MappingScan]:
-    later = [s for s in given.scans if s.stamp + s.duration > session.last + _SAME]
+def _new(recorded: RecordedDrive, session: MappingSession, live: bool) -> list[MappingScan]:
+    later = [s for s in recorded.scans if s.stamp + s.duration > session.last + _SAME]
     if session.stamps and not later:
         return []
     try:
-        return mapping_scans(given.lidar.lidar(), given.odometry, later)
+        return mapping_scans(recorded.lidar.lidar(), recorded.odometry, later)
     except CohelmError:
         if session.stamps or live:
             return []

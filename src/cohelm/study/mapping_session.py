@@ -123,20 +123,20 @@ class MappingSession:
         check_regular(path)
         try:
             with path.open("rb") as stored, np.load(stored, allow_pickle=False) as file:
-                given: dict[str, NDArray[Any]] = dict(file)
-            about = json.loads(str(given["about"]))
+                arrays: dict[str, NDArray[Any]] = dict(file)
+            about = json.loads(str(arrays["about"]))
             if about["format"] != _FORMAT:
                 raise CohelmError(f"{path}: is of another cohelm: map the record again")
             lidar = LidarModel.model_validate(about["lidar"])
             state = {
                 name.removeprefix("survey_"): values
-                for name, values in given.items() if name.startswith("survey_")
+                for name, values in arrays.items() if name.startswith("survey_")
             }  # fmt: skip
-            points = np.split(given["points"], np.cumsum(given["size"])[:-1])
+            points = np.split(arrays["points"], np.cumsum(arrays["size"])[:-1])
             return cls(
                 lidar, Mapper.restored(lidar.lidar(), state), about["resolution"], about["whole"],
-                given["stamps"].tolist(), about["last"], about["empty"],
-                dict(zip(given["drawn"].tolist(), points, strict=True)),
+                arrays["stamps"].tolist(), about["last"], about["empty"],
+                dict(zip(arrays["drawn"].tolist(), points, strict=True)),
                 [Mark(mark["kind"], mark["values"]) for mark in about["marks"]],
             )  # fmt: skip
         except FileNotFoundError as error:

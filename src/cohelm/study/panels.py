@@ -34,8 +34,8 @@ def whole_lab(axes: Axes, run: Run, width: float = 2.0) -> None:
 
 def outline_every(run: Run) -> float:
     """How often the robot's outline is drawn: a round time, some dozen times in a run [s]."""
-    wished = float(run.trace.rows["t"][-1]) / 15.0
-    return next((t for t in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0) if t > wished), wished)
+    least = float(run.trace.rows["t"][-1]) / 15.0
+    return next((t for t in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0) if t > least), least)
 
 
 def close_up(axes: Axes, run: Run, names: tuple[str, ...]) -> None:

@@ -63,8 +63,8 @@ class Animation(NamedTuple):
                 f"what repeats every {length:g} s, in {len(pieces)} pieces, can not be followed "
                 f"for {duration:g} s: at most {_MOST} pieces can be"
             )
-        begun = length * np.arange(rounds)[:, None]
-        knots = np.append((begun + times[:-1]).ravel(), rounds * length)
+        started = length * np.arange(rounds)[:, None]
+        knots = np.append((started + times[:-1]).ravel(), rounds * length)
         return Reference(knots, np.tile(pieces, (rounds, 1)), 1.0)
 
 

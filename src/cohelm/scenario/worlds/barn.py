@@ -130,12 +130,12 @@ def read_collection(path: Path | str, reach: float) -> dict[int, Barn]:
     Raises CohelmError where it does not.
     """
     try:
-        given = _Collection.model_validate_json(contents(path, "a JSON file of BARN worlds"))
+        collection = _Collection.model_validate_json(contents(path, "a JSON file of BARN worlds"))
     except ValidationError as error:
         raise faults(path, error) from error
-    meta = given.meta
+    meta = collection.meta
     found: dict[int, Barn] = {}
-    for world in given.worlds:
+    for world in collection.worlds:
         if world.id in found:
             raise CohelmError(f"{path}: world {world.id} is there twice; remove one")
         discs = np.zeros((len(world.cyl), 6))

@@ -170,28 +170,33 @@ class _Reader:
     def pose(self, element: Element, parent: Floats, path: str) -> Floats | None:
         """World pose of an element, (4, 4); None, and noted, where its frame is not known."""
         saved = self.saved.get(path)
-        given = element.find("pose") if saved is None else saved
-        if given is None:
+        pose_element = element.find("pose") if saved is None else saved
+        if pose_element is None:
             return parent
-        frame = given.get("relative_to") or given.get("frame") or ""
+        frame = pose_element.get("relative_to") or pose_element.get("frame") or ""
         if frame == "__model__" and element.tag == "link":
             frame = ""  # the same as none
         if frame not in ("", "world") or element.get("placement_frame"):
             self.left_out.append(f"{path}: its pose is relative to frame {frame!r}")
             return None
         matrix = np.eye(4)
-        values = self.numbers(given.text or "0 0 0 0 0 0", f"the pose of {path}")
+        values = self.numbers(pose_element.text or "0 0 0 0 0 0", f"the pose of {path}")
         matrix[:3, 3] = values[:3]
-        if given.get("rotation_format") == "quat_xyzw" and len(values) == 7 and any(values[3:]):
+        if (
+            pose_element.get("rotation_format") == "quat_xyzw"
+            and len(values) == 7
+            and any(values[3:])
+        ):
             matrix[:3, :3] = scipy.spatial.transform.Rotation.from_quat(values[3:]).as_matrix()
         elif len(values) == 6:
-            degrees = given.get("degrees", "false").lower() in ("true", "1")
+            degrees = pose_element.get("degrees", "false").lower() in ("true", "1")
             matrix[:3, :3] = scipy.spatial.transform.Rotation.from_euler(
                 "xyz", values[3:], degrees=degrees
             ).as_matrix()
         else:
             raise CohelmError(
-                f"{self.file}: the pose of {path} needs x y z roll pitch yaw, got {given.text!r}"
+                f"{self.file}: the pose of {path} needs x y z roll pitch yaw, got "
+                f"{pose_element.text!r}"
             )
         # a saved pose is in the world frame already
         return matrix if saved is not None or frame == "world" else parent @ matrix

@@ -107,9 +107,9 @@ class SpeedMask:
         limits = self.limits()[some]
         if not (limits > 0.0).all() or not np.isfinite(limits).all():
             least = float(limits.min())
-            said = f"{least:g} m/s" if self.absolute else f"{least:g} %"
+            limit = f"{least:g} m/s" if self.absolute else f"{least:g} %"
             raise CohelmError(
-                f"{name}: a zone has a limit of {said}, which is no speed (Nav2 takes 0 for no "
+                f"{name}: a zone has a limit of {limit}, which is no speed (Nav2 takes 0 for no "
                 "limit): use a keep-out mask for where nothing may drive, or fix base, multiplier "
                 "and mode (scale)"
             )
@@ -145,12 +145,12 @@ def read_map(path: Path | str) -> OccupancyMap:
 
 def _read(path: Path | str) -> tuple[_Description, OccupancyMap]:
     try:
-        given = yaml.safe_load(contents(path, "a map_server YAML file"))
-        if not isinstance(given, dict):
+        raw = yaml.safe_load(contents(path, "a map_server YAML file"))
+        if not isinstance(raw, dict):
             raise CohelmError(
                 f"{path}: has no keys such as image and resolution: give a map_server YAML file"
             )
-        about = _Description.model_validate(given)
+        about = _Description.model_validate(raw)
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         where = "" if mark is None else f":{mark.line + 1}"

@@ -194,12 +194,12 @@ def _bumps(
     first: the first of the things that count. gap: so near is as good as touched [m].
     """
     was_x, was_y = discs[i, X], discs[i, Y]
-    for thing in range(first, 1 + len(discs) + len(walls)):
-        clearance = _clearance(pose, outline, discs, walls, i, x, y, thing)[0]
+    for obstacle in range(first, 1 + len(discs) + len(walls)):
+        clearance = _clearance(pose, outline, discs, walls, i, x, y, obstacle)[0]
         if clearance <= gap:
-            before = _clearance(pose, outline, discs, walls, i, was_x, was_y, thing)[0]
+            before = _clearance(pose, outline, discs, walls, i, was_x, was_y, obstacle)[0]
             if before > max(clearance, -_INSIDE):
-                return thing
+                return obstacle
     return _NOTHING
 
 
@@ -207,32 +207,34 @@ def _bumps(
 def _nearest(pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int) -> int:
     """What disc i is nearest to."""
     best, least = _ROBOT, math.inf
-    for thing in range(1 + len(discs) + len(walls)):
-        clearance = _clearance(pose, outline, discs, walls, i, discs[i, X], discs[i, Y], thing)[0]
+    for obstacle in range(1 + len(discs) + len(walls)):
+        clearance = _clearance(pose, outline, discs, walls, i, discs[i, X], discs[i, Y], obstacle)[
+            0
+        ]
         if -_INSIDE < clearance < least:
-            best, least = thing, clearance
+            best, least = obstacle, clearance
     return best
 
 
 @jit
 def _clearance(
     pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int, x: float, y: float,
-    thing: int,
+    obstacle: int,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Gap of disc i, at a place, to a thing [m], and the unit vector that leads away from it."""
     radius = discs[i, RADIUS]
-    if thing == _ROBOT:
+    if obstacle == _ROBOT:
         clearance, tiny = disc_clearance(pose, outline, x, y, radius), 1e-6
         wx = disc_clearance(pose, outline, x + tiny, y, radius) - clearance
         wy = disc_clearance(pose, outline, x, y + tiny, radius) - clearance
         far = math.hypot(wx, wy)
-    elif thing <= len(discs):
-        other = discs[thing - 1]
+    elif obstacle <= len(discs):
+        other = discs[obstacle - 1]
         wx, wy = x - other[X], y - other[Y]
         far = math.hypot(wx, wy)
-        clearance = far - radius - other[RADIUS] if thing - 1 != i else math.inf
+        clearance = far - radius - other[RADIUS] if obstacle - 1 != i else math.inf
     else:
-        wx, wy = from_wall(Pose(x, y, 0.0), walls, thing - 1 - len(discs))
+        wx, wy = from_wall(Pose(x, y, 0.0), walls, obstacle - 1 - len(discs))
         far = math.hypot(wx, wy)
         clearance = far - radius
     return (clearance, wx / far, wy / far) if far > 0.0 else (clearance, 1.0, 0.0)

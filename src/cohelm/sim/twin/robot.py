@@ -160,8 +160,8 @@ class Twin(Paced):
         self._odometry = self._odometer.start(0.0)
         self._next_odometry = self._at(model.odometry.rate_hz, 1)
         self._scanners = [
-            TwinScanner(given, noise_seed(seed, i), self._steps(given.sweep_s))
-            for i, given in enumerate(model.lidars)
+            TwinScanner(lidar, noise_seed(seed, i), self._steps(lidar.sweep_s))
+            for i, lidar in enumerate(model.lidars)
         ]
         longest = max((scanner.sweep for scanner in self._scanners), default=0)
         size = rows(longest * step, step) + _CHUNK

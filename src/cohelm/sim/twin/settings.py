@@ -50,19 +50,19 @@ class TwinModel(Schema):
 
         Raises CohelmError where they do not fit the robot's own.
         """
-        odometry = _given(
+        odometry = _set_values(
             distance_error=self.odometry_distance_error, slip=self.odometry_slip,
             gyro_drift_degps=self.gyro_drift_degps, gyro_noise_degps=self.gyro_noise_degps,
         )  # fmt: skip
-        lidar = _given(
+        lidar = _set_values(
             noise_m=self.lidar_noise_m, dropout=self.lidar_dropout, rate_hz=self.lidar_rate_hz,
             sweep_s=self.lidar_sweep_s, latency_s=self.lidar_latency_s,
         )  # fmt: skip
         changed: dict[str, Any] = robot.model_dump()
         changed["odometry"].update(odometry)
-        for given in (changed["lidar"], *changed["further_lidars"]):
-            if given is not None:
-                given.update(lidar)
+        for lidar_keys in (changed["lidar"], *changed["further_lidars"]):
+            if lidar_keys is not None:
+                lidar_keys.update(lidar)
         try:
             return RobotModel.model_validate(changed)
         except ValidationError as error:
@@ -73,7 +73,7 @@ class TwinModel(Schema):
             ) from error
 
 
-def _given(**values: float | None) -> dict[str, float]:
+def _set_values(**values: float | None) -> dict[str, float]:
     return {key: value for key, value in values.items() if value is not None}
 
 

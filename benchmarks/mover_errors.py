@@ -1,17 +1,17 @@
-"""How far off what moves is told to be, in the fields of `movers`: `python -m benchmarks.told`.
+"""Errors of estimated movers in the fields of `movers`: `python -m benchmarks.mover_errors`.
 
 Each field is driven once under the guard with the robot's own LiDAR, exact arcs. Along that way
 perception is driven again with the sensors of campaigns (2 cm of noise, a sweep of 75 ms that
-comes 50 ms late, wheels 1.5 % wrong), and whatever it tells the filter is held against the truth,
-at every scan, for each disc that is within NEAR of the outline and touches it not.
+comes 50 ms late, wheels 1.5 % wrong), and its obstacles are compared with the truth,
+at every scan, for each disc that is within NEAR of the outline and does not touch it.
 
-A disc is told *too far* where nothing that is told within ABOUT of it, disc or point, is as near
-to the outline as it is, by more than SLACK; ground that may hold anything also counts where it
+A disc is estimated *too far* where no obstacle within ABOUT of it, disc or point, is as near
+to the outline as it is, by more than SLACK; unobserved ground also counts where it
 begins on the way to it. *View*: the share of the beams that would end on it,
-if the LiDAR looked all round and nothing else stood there. Who is out of view is asked for by when
-it last was in view: nobody can tell who never was.
+if the LiDAR looked all round and nothing else stood there. A disc out of view is counted by when
+it last was in view.
 
-    python -m benchmarks.told [--seed 3000] [--n 30] [--json FILE]
+    python -m benchmarks.mover_errors [--seed 3000] [--n 30] [--json FILE]
 
 Seeds below 2000 may be tuned on; the docs count from 3000 on.
 """
@@ -51,15 +51,15 @@ from tests.perceive.drives import LIDAR, drive  # noqa: E402
 NEAR = 1.5
 """From the outline to a disc that counts [m]."""
 ABOUT = 0.5
-"""What is told so near to a disc's surface is told of it [m]."""
+"""An obstacle so near to a disc's surface counts as its estimate [m]."""
 ROUND = 0.15
 """By so much longer the way from the outline to a disc is through what begins on that way [m]."""
 SLACK = 0.05
-"""By more than this a disc is told too far [m]."""
+"""By more than this a disc is estimated too far [m]."""
 FULL, BEAMS = 0.9, 5
-"""In full view is who has that share of its beams; out of view who has fewer beams than that."""
+"""A disc is in full view with that share of its beams, out of view with fewer beams than that."""
 JUST, LONG = 1.5, 4.0
-"""Since when somebody is out of view [s]."""
+"""Times out of view that divide its rows [s]."""
 VIEWS = ("full", "part", "out, just", "out, a while", "out, long or never seen")
 SALLY = robot("sally").model_copy(update={"lidar": LIDAR})
 
@@ -78,8 +78,8 @@ class Sample(NamedTuple):
     view: str
     true: float
     """Clearance of the outline [m]."""
-    told: float
-    """The same, of what is told of it; inf where nothing is [m]."""
+    estimated: float
+    """The same, of its estimate; inf where there is none [m]."""
     time: float
     """[s]"""
     disc: int
@@ -106,28 +106,28 @@ def at(world: World, t: float) -> Floats:
     return discs
 
 
-def sampled(way: Way, seed: int, care: TrackerParams | None = None) -> Iterator[Sample]:
-    """What perception told on the way."""
-    around, outline = way.setup.obstacles, way.setup.outline
+def sampled(way: Way, seed: int, params: TrackerParams | None = None) -> Iterator[Sample]:
+    """Samples of perception on the way."""
+    world, outline = way.setup.obstacles, way.setup.outline
     lidar = LIDAR.lidar()
     eyes = Perception(
-        SALLY, tracker_params=care or TrackerParams(max_acceleration=MAX_ACCELERATION)
+        SALLY, tracker_params=params or TrackerParams(max_acceleration=MAX_ACCELERATION)
     )
-    last = np.full(len(around.discs), -math.inf)  # in view for the third scan in a row
-    runs = np.zeros(len(around.discs), np.int64)
+    last = np.full(len(world.discs), -math.inf)  # in view for the third scan in a row
+    runs = np.zeros(len(world.discs), np.int64)
     number = None
     for moment in drive(
-        way.poses, way.twists, seed, around=lambda t: at(around, t), walls=around.walls
+        way.poses, way.twists, seed, around=lambda t: at(world, t), walls=world.walls
     ):
         seen = eyes.take(moment.now, moment.readings)
         scan = moment.readings.scan
         if scan is None or scan.number == number:
             continue
         number = scan.number
-        discs = at(around, moment.now)
-        things = told(seen, moment.truth)
-        ground = things[len(things) - seen.unobserved :]
-        beams = in_view(moment.truth, lidar, discs, around.walls)
+        discs = at(world, moment.now)
+        obstacles = estimated(seen, moment.truth)
+        ground = obstacles[len(obstacles) - seen.unobserved :]
+        beams = in_view(moment.truth, lidar, discs, world.walls)
         far = np.maximum(distances(moment.truth, lidar, discs), discs[:, RADIUS])
         whole = 2.0 * np.arcsin(discs[:, RADIUS] / far) / lidar.step
         runs = np.where(beams >= BEAMS, runs + 1, 0)
@@ -141,23 +141,27 @@ def sampled(way: Way, seed: int, care: TrackerParams | None = None) -> Iterator[
             else:
                 since = moment.now - last[i]
                 view = VIEWS[2 if since <= JUST else 3 if since <= LONG else 4]
-            gap = nearest(moment.truth, outline, d, things)
+            gap = nearest(moment.truth, outline, d, obstacles)
             gap = min(gap, before(moment.truth, outline, d, true, ground))
             yield Sample(view, true, gap, moment.now, i)
 
 
-def told(seen: Seen, truth: Pose) -> Floats:
-    """All that the filter is told, as discs in the world: (n, 3), points of radius 0."""
+def estimated(seen: Seen, truth: Pose) -> Floats:
+    """All obstacles given to the filter, as discs in the world: (n, 3), points of radius 0."""
     frame = compose(truth, inverse(seen.odometry))
     discs = np.column_stack((placed(seen.mobile[:, :2], frame), seen.mobile[:, 4]))
     points = placed(seen.points, frame)
     return np.vstack((discs, np.column_stack((points, np.zeros(len(points))))))
 
 
-def nearest(pose: Pose, outline: Floats, disc: Floats, things: Floats) -> float:
-    """The least clearance of what is told about a disc [m]."""
-    far = np.hypot(things[:, 0] - disc[X], things[:, 1] - disc[Y]) - things[:, 2] - disc[RADIUS]
-    gaps = [disc_clearance(pose, outline, x, y, r) for x, y, r in things[far < ABOUT].tolist()]
+def nearest(pose: Pose, outline: Floats, disc: Floats, obstacles: Floats) -> float:
+    """The least clearance of a disc's estimate [m]."""
+    far = (
+        np.hypot(obstacles[:, 0] - disc[X], obstacles[:, 1] - disc[Y])
+        - obstacles[:, 2]
+        - disc[RADIUS]
+    )
+    gaps = [disc_clearance(pose, outline, x, y, r) for x, y, r in obstacles[far < ABOUT].tolist()]
     return min(gaps, default=math.inf)
 
 
@@ -191,10 +195,10 @@ def in_view(pose: Pose, lidar: Lidar, discs: Floats, walls: Floats) -> Floats:
 
 
 def table(samples: list[Sample]) -> dict[str, dict[str, float]]:
-    """By view: how many, the share told too far, and by how much it is told too near."""
+    """By view: how many, the share too far, and by how much they are too near."""
     made = {}
     for view in VIEWS:
-        some = np.array([(s.true, s.told) for s in samples if s.view == view]).reshape(-1, 2)
+        some = np.array([(s.true, s.estimated) for s in samples if s.view == view]).reshape(-1, 2)
         if not len(some):
             continue
         off = some[:, 1] - some[:, 0]
@@ -212,11 +216,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=3000)
     parser.add_argument("--n", type=int, default=30)
     parser.add_argument("--json", type=Path)
-    asked = parser.parse_args()
+    args = parser.parse_args()
     samples: list[Sample] = []
-    for number in range(asked.n):
-        samples += sampled(driven(asked.seed, number), number)
-        print(f"{number + 1} of {asked.n} fields", file=sys.stderr)
+    for number in range(args.n):
+        samples += sampled(driven(args.seed, number), number)
+        print(f"{number + 1} of {args.n} fields", file=sys.stderr)
     made = table(samples)
     print(f"{'in view':25s} {'samples':>8s} {'too far':>8s} {'too near, median':>17s} {'90 %':>7s}")
     for view, row in made.items():
@@ -224,8 +228,8 @@ def main() -> None:
             f"{view:25s} {row['samples']:8.0f} {100 * row['too_far']:6.1f} % "
             f"{row['too_near_median_m']:15.2f} m {row['too_near_90_m']:5.2f} m"
         )
-    if asked.json:
-        asked.json.write_text(json.dumps(made, indent=1) + "\n", "utf-8")
+    if args.json:
+        args.json.write_text(json.dumps(made, indent=1) + "\n", "utf-8")
 
 
 if __name__ == "__main__":
