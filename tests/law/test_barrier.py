@@ -41,10 +41,10 @@ def differenced(pose, nominal, scene, dt=1e-5):
 def test_the_growth_of_B_is_its_finite_difference(pose, nominal, data):
     """(26), (27) with the true sign, and (31) at once: L_gB and the discs' own motion."""
     scene = data.draw(states.scenes(pose, nearest=0.05))
-    told = differenced(pose, nominal, scene)
+    reported = differenced(pose, nominal, scene)
     steep = np.sum(1 / paper.margins(np.array(pose), states.as_rows(scene)) ** 2)
     slack = 1e-6 + 1e-7 * steep
-    assert growth(pose, nominal, scene) == pytest.approx(told, rel=1e-6, abs=slack)
+    assert growth(pose, nominal, scene) == pytest.approx(reported, rel=1e-6, abs=slack)
 
 
 @given(states.poses, st.data())
@@ -53,8 +53,8 @@ def test_each_entry_of_L_gB_is_the_growth_under_that_input_alone(pose, data):
     scene[:, 2:4] = 0.0
     along = growth(pose, Twist(1.0, 0.0), scene)
     turning = growth(pose, Twist(0.0, 1.0), scene)
-    told = paper.L_gB(np.array(pose), states.as_rows(scene))
-    assert (along, turning) == pytest.approx(tuple(told), rel=1e-9, abs=1e-9)
+    reported = paper.L_gB(np.array(pose), states.as_rows(scene))
+    assert (along, turning) == pytest.approx(tuple(reported), rel=1e-9, abs=1e-9)
     assert turning == pytest.approx(differenced(pose, Twist(0.0, 1.0), scene), rel=1e-6, abs=1e-4)
 
 

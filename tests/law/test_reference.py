@@ -49,8 +49,8 @@ def test_the_path_is_scipys_natural_spline(points, speed):
     ours = through(points, speed)
     scipys = CubicSpline(ours.knots, points, bc_type="natural")
     for t in np.linspace(0.0, ours.duration, 37):
-        told = (*scipys(t), *scipys(t, 1), *scipys(t, 2))
-        assert at(ours, t) == pytest.approx(told, rel=1e-9, abs=1e-9)
+        reported = (*scipys(t), *scipys(t, 1), *scipys(t, 2))
+        assert at(ours, t) == pytest.approx(reported, rel=1e-9, abs=1e-9)
 
 
 @given(routes(), speeds)
@@ -102,11 +102,13 @@ def test_the_desired_pose_is_the_twins_with_either_feed_forward(points, speed, s
     if at(ours, t).vx ** 2 + at(ours, t).vy ** 2 < 1e-3 * speed**2:
         return
     for own, u_d in ((False, speed), (True, None)):
-        told = twin.goal(t, u_d)
+        reported = twin.goal(t, u_d)
         got = desired(ours, t, own)
-        assert (got.x, got.y, got.u) == pytest.approx((told.x, told.y, told.u), abs=1e-9)
-        assert wrap(got.psi - told.psi) == pytest.approx(0.0, abs=1e-8)
-        assert got.r == pytest.approx(told.r, rel=1e-6, abs=1e-8)
+        assert (got.x, got.y, got.u) == pytest.approx(
+            (reported.x, reported.y, reported.u), abs=1e-9
+        )
+        assert wrap(got.psi - reported.psi) == pytest.approx(0.0, abs=1e-8)
+        assert got.r == pytest.approx(reported.r, rel=1e-6, abs=1e-8)
 
 
 def test_on_the_lab_the_splines_own_speed_differs_from_u_d_by_some_percent():

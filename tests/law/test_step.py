@@ -51,7 +51,7 @@ inputs = [
 ]
 
 
-def told(where, k, value, gains=PAPER):
+def reported(where, k, value, gains=PAPER):
     """A healthy scene with one number replaced."""
     given = {"pose": POSE, "desired": DESIRED, "stick": STICK}
     scene = SCENE.copy()
@@ -71,7 +71,7 @@ STANDING = Step(*[0.0] * 17, INVALID, -1)
 def test_a_number_that_is_not_finite_means_stand_still(where, k, value):
     if not COMPILED and (math.isinf(value) or where == "scene"):
         pytest.skip("uncompiled, Python's math raises where IEEE arithmetic gives inf or NaN")
-    assert told(where, k, value) == STANDING
+    assert reported(where, k, value) == STANDING
 
 
 @pytest.mark.parametrize(

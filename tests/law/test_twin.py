@@ -24,33 +24,33 @@ def test_every_number_of_a_control_step_is_the_papers(data):
     discs = data.draw(states.scenes(pose))
     rows, parameters = states.as_rows(discs), states.as_parameters(gains)
     eta, goal = states.eta(pose), states.as_goal(desired)
-    told = paper.step(eta, goal, gains.u_d, np.array(stick), rows, parameters)
+    reported = paper.step(eta, goal, gains.u_d, np.array(stick), rows, parameters)
     slope = paper.L_gB(eta, rows)
     # I = J is a jump of (33) and L_gB = 0 its pole: on either, rounding decides.
-    size = float(np.abs(slope) @ np.abs(told.tau)) + abs(told.I) + abs(told.J)
-    assume(abs(told.I - told.J) > 1e-6 * size)
-    assume(slope @ slope > 1e-10 or told.I <= told.J)
+    size = float(np.abs(slope) @ np.abs(reported.tau)) + abs(reported.I) + abs(reported.J)
+    assume(abs(reported.I - reported.J) > 1e-6 * size)
+    assume(slope @ slope > 1e-10 or reported.I <= reported.J)
 
     ours = step(pose, desired, stick, discs, gains)
 
     same = {"rel": CLOSE, "abs": CLOSE}
-    assert (ours.tracking_v, ours.tracking_omega) == pytest.approx(tuple(told.tau_c), **same)
-    assert (ours.operator_v, ours.operator_omega) == pytest.approx(tuple(told.tau_h), **same)
-    assert (ours.authority_x, ours.authority_psi) == pytest.approx(tuple(told.k_c), **same)
-    assert (ours.nominal_v, ours.nominal_omega) == pytest.approx(tuple(told.tau), **same)
+    assert (ours.tracking_v, ours.tracking_omega) == pytest.approx(tuple(reported.tau_c), **same)
+    assert (ours.operator_v, ours.operator_omega) == pytest.approx(tuple(reported.tau_h), **same)
+    assert (ours.authority_x, ours.authority_psi) == pytest.approx(tuple(reported.k_c), **same)
+    assert (ours.nominal_v, ours.nominal_omega) == pytest.approx(tuple(reported.tau), **same)
     assert (ours.intent_x, ours.intent_psi) == pytest.approx(
         tuple(paper.intent(np.array(stick), parameters)), **same
     )
     assert (ours.avoid_v, ours.avoid_omega) == pytest.approx(
-        tuple(told.u), rel=CLOSE, abs=CLOSE * (1 + np.abs(told.u).max())
+        tuple(reported.u), rel=CLOSE, abs=CLOSE * (1 + np.abs(reported.u).max())
     )
     assert (ours.safe_v, ours.safe_omega) == pytest.approx(
-        tuple(told.U), rel=CLOSE, abs=CLOSE * (1 + np.abs(told.u).max())
+        tuple(reported.U), rel=CLOSE, abs=CLOSE * (1 + np.abs(reported.u).max())
     )
     if gains.barrier:
-        assert ours.verdict == (SHAPED if told.I > told.J else UNTOUCHED)
-        assert ours.I == pytest.approx(told.I, rel=CLOSE, abs=CLOSE * (1 + size))
-        assert ours.J == pytest.approx(told.J, **same)
+        assert ours.verdict == (SHAPED if reported.I > reported.J else UNTOUCHED)
+        assert ours.I == pytest.approx(reported.I, rel=CLOSE, abs=CLOSE * (1 + size))
+        assert ours.J == pytest.approx(reported.J, **same)
         h = paper.margins(eta, rows).min() if len(rows) else math.inf
         assert ours.h == pytest.approx(h, rel=CLOSE, abs=1e-12)
     else:
@@ -59,11 +59,13 @@ def test_every_number_of_a_control_step_is_the_papers(data):
 
 @given(states.poses, states.desireds, states.gains())
 def test_the_tracking_law_is_the_papers(pose, desired, gains):
-    told = paper.tracking(states.eta(pose), states.as_goal(desired), states.as_parameters(gains))
-    assert track(pose, desired, gains) == pytest.approx(Twist(*told), rel=CLOSE, abs=CLOSE)
+    reported = paper.tracking(
+        states.eta(pose), states.as_goal(desired), states.as_parameters(gains)
+    )
+    assert track(pose, desired, gains) == pytest.approx(Twist(*reported), rel=CLOSE, abs=CLOSE)
 
 
 @given(states.poses, states.desireds)
 def test_the_pose_error_is_the_papers_with_the_heading_wrapped(pose, desired):
-    told = paper.pose_error(states.eta(pose), states.as_goal(desired))
-    assert pose_error(pose, desired) == pytest.approx(told, rel=CLOSE, abs=CLOSE)
+    reported = paper.pose_error(states.eta(pose), states.as_goal(desired))
+    assert pose_error(pose, desired) == pytest.approx(reported, rel=CLOSE, abs=CLOSE)

@@ -57,9 +57,9 @@ def along(waypoints, speed=0.5, start=None):
     before = Twist(0.0, 0.0)
     for k in range(int(reference.duration / DT)):
         d = Desired(*desired(reference, k * DT, False))
-        wish = track(pose, d, gains)
-        v = before.v + np.clip(wish.v - before.v, -1.0 * DT, 1.0 * DT)
-        omega = before.omega + np.clip(wish.omega - before.omega, -4.0 * DT, 4.0 * DT)
+        nominal = track(pose, d, gains)
+        v = before.v + np.clip(nominal.v - before.v, -1.0 * DT, 1.0 * DT)
+        omega = before.omega + np.clip(nominal.omega - before.omega, -4.0 * DT, 4.0 * DT)
         before = Twist(float(v), float(np.clip(omega, -1.5, 1.5)))
         pose = arc(pose, before, DT)
         poses.append(pose)

@@ -63,8 +63,8 @@ def lost_at(pose, odds=0.0, was_known=True):
     return found
 
 
-def at(x, log, agree=0.9, told=700):
-    judged = Judgement(agree, 0.0, 1.0 - agree, log, told, log, 0.0)
+def at(x, log, agree=0.9, reported=700):
+    judged = Judgement(agree, 0.0, 1.0 - agree, log, reported, log, 0.0)
     return Hypothesis(Pose(x, 0.0, 0.0), np.diag([0.02, 0.02, 0.01]) ** 2, 0.0, log, judged)
 
 
@@ -100,7 +100,7 @@ def test_where_it_left_off_is_believed_though_a_third_of_the_map_is_wrong():
 
 def along_a_wall(x, log):
     """A place that a match tells across the wall only."""
-    one = at(x, log, agree=0.67, told=105)
+    one = at(x, log, agree=0.67, reported=105)
     one.covariance = np.diag([0.3, 0.02, 0.01]) ** 2
     return one
 

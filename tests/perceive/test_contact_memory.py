@@ -51,8 +51,8 @@ def test_perception_tells_the_filter_of_it():
 
     def seen(t, pressed):
         scan = Scan(t, round(50 * t), np.full(model.lidar.beams, np.inf), 0.0)
-        told = Readings(Odometry(t, HERE, still), scan, contacts=on(t, pressed))
-        return eyes.take(t, told)
+        reported = Readings(Odometry(t, HERE, still), scan, contacts=on(t, pressed))
+        return eyes.take(t, reported)
 
     before = len(seen(0.0, False).points)
     assert len(seen(0.02, True).points) == before + 9

@@ -1,4 +1,4 @@
-"""Who has left the view is remembered once, and no longer than until he is seen again."""
+"""A mover that left the view is remembered once, and only until it is seen again."""
 
 import math
 
@@ -63,8 +63,8 @@ def rim(place: tuple[float, float], stood: float = 0.0) -> Floats:
     return np.column_stack((x, y, np.full(16, stood)))
 
 
-def after(before: Floats, came: Floats, loose: Floats, sweeps: tuple[PosedScan, ...]) -> Floats:
-    return departed(before, NOBODY, came, loose, LIDAR, sweeps, DT, AGILE, WARY)
+def after(before: Floats, came: Floats, points: Floats, sweeps: tuple[PosedScan, ...]) -> Floats:
+    return departed(before, NOBODY, came, points, LIDAR, sweeps, DT, AGILE, WARY)
 
 
 def test_the_potentially_dynamic_points_of_one_body_are_one_mover_out_of_view():
@@ -72,7 +72,7 @@ def test_the_potentially_dynamic_points_of_one_body_are_one_mover_out_of_view():
     assert len(gone) == 1
     where = out_of_view(NOBODY, gone, AGILE)[0]
     far = np.hypot(*(rim(at(1.2, EDGE - 0.1))[:, :2] - where[:2]).T)
-    assert far.max() < where[4] + 0.05  # he may be wherever his points are
+    assert far.max() < where[4] + 0.05  # it may be wherever its points are
 
 
 def test_two_bodies_are_two():
@@ -85,7 +85,8 @@ def test_potentially_dynamic_points_amid_the_view_have_not_left_it():
 
 
 def test_potentially_dynamic_points_are_deleted_with_the_mover_they_belong_to():
-    """He has been in view all along: his points were loose, until it was proved that he moves."""
+    """It was in view all along: its points were potentially dynamic, until its motion was
+    proved."""
     place = at(1.2, EDGE - 0.1)
     gone = after(NOBODY, NOBODY, rim(place), looks(0.0))
     assert not len(after(gone, track(place, seen=10), NOTHING, looks(0.0, 0.0)))
@@ -101,7 +102,8 @@ def test_potentially_dynamic_points_of_another_object_stay():
 def test_a_mover_that_comes_into_view_as_the_robot_turns_is_no_longer_out_of_view(
     turn: float, far: float
 ):
-    """As far within the view as it turns in one sweep. He is found to move two sweeps later."""
+    """As far within the view as the robot turns in one sweep. Its motion is proved two sweeps
+    later."""
     place = at(far, EDGE + 0.05 * turn)
     gone = track(place, missed=1.5)
     sweeps = looks(0.0, 0.0, turn, 2.0 * turn, 3.0 * turn)

@@ -1,4 +1,4 @@
-"""What a map has wrong is charged to a place once, by its length; and who is believed for it."""
+"""A map error costs a place once, by its length; and which place is believed for it."""
 
 import math
 from itertools import pairwise
@@ -58,9 +58,9 @@ def charge(ranges, pose, charges=None, model=LIDAR, every=1, stamp=0.0, made=Non
     made = made or map_from_occupancy(*room(CELL), CELL, Pose(0.0, 0.0, 0.0))
     own = charges or MapErrorCosts()
     care = 0.5 * CELL, 0.05, own.cells, own.off, stamp
-    told = new_errors(made, model.lidar(), pose, ranges, every, *care)
-    own.take(told)
-    return told
+    reported = new_errors(made, model.lidar(), pose, ranges, every, *care)
+    own.take(reported)
+    return reported
 
 
 def test_where_the_map_is_right_nothing_costs():
@@ -123,13 +123,13 @@ def test_a_possible_person_costs_for_good_once_it_has_stood():
     for k in range(10):
         charge(seen(world, AT, number=k), AT, charges, stamp=0.3 * k)
         logs.append((charges.errors, charges.errors + charges.in_view))
-    assert logs[0][0] == 0.0  # he may walk away
+    assert logs[0][0] == 0.0  # it may walk away
     assert logs[-1][0] < -1.5
     assert all(-3.0 < whole < -1.5 for _, whole in logs)  # it speaks against the place all along
 
 
 def test_a_passer_by_costs_no_longer_than_it_is_in_view():
-    """A person of 0.4 m, who crosses the room at 0.7 m/s."""
+    """A person of 0.4 m that crosses the room at 0.7 m/s."""
     charges, drawn = MapErrorCosts(), standing()
     for k in range(12):
         world = drawn.copy()
@@ -169,24 +169,24 @@ def test_a_wall_in_unknown_space_is_no_error_as_a_missing_wall_is():
 
 
 def test_how_closely_ends_lie_on_a_wall_tells_once_however_long_one_looks():
-    charges, told = MapErrorCosts(), []
+    charges, reported = MapErrorCosts(), []
     for k in range(20):
         charge(seen(standing(), AT, number=k), AT, charges)
-        told.append(charges.closer)
-    assert told[-1] == pytest.approx(told[0], rel=0.25)
+        reported.append(charges.closer)
+    assert reported[-1] == pytest.approx(reported[0], rel=0.25)
 
 
 def test_each_wall_that_comes_into_view_tells_how_closely_it_fits():
     """On the mean over the way, what a place does not fit hid behind the corridor that it does."""
     charges = MapErrorCosts()
     narrow = LIDAR.model_copy(update={"field_of_view_deg": 90.0, "beams": 240})
-    told = []
+    reported = []
     for psi in (0.0, 0.5 * math.pi, math.pi):
         there = Pose(AT.x, AT.y, psi)
         charge(seen(standing(), there, narrow), there, charges, narrow)
-        told.append(charges.closer)
-    assert told[1] > 1.5 * told[0]
-    assert told[2] > 1.2 * told[1]
+        reported.append(charges.closer)
+    assert reported[1] > 1.5 * reported[0]
+    assert reported[2] > 1.2 * reported[1]
 
 
 def test_a_place_where_all_is_wrong_accumulates_cost_without_end():
@@ -204,7 +204,7 @@ def at(x, log, now, passed=0):
 
 @pytest.mark.parametrize(("now", "why"), [(-3.0, True), (-8.0, False)])
 def test_switched_on_it_believes_no_place_where_another_explains_better_what_it_sees_now(now, why):
-    """One wall that is gone at the right place may have told the two apart."""
+    """One wall that is gone at the right place may have separated the two."""
     kept = [at(0.0, -2.0, -7.0), at(9.0, -12.0, now)]
     found = verdict(kept)
     assert found.best is kept[0]

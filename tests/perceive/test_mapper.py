@@ -178,14 +178,14 @@ def test_false_loops_that_came_first_are_found_out_by_those_that_can_be_true_tog
 
 
 def test_views_of_two_places_count_together_only_where_the_way_between_these_is_known():
-    """Two laps lie on each other only because nobody knows how far drift has torn them apart. What
+    """Two laps lie on each other only because the drift between them is unknown. What
     a look-alike in the first one says, a right view of the second one says too, by chance."""
-    graph, firm, loose = PlaceGraph(), np.eye(3) * 1e6, np.diag([0.1, 0.1, 100.0])
+    graph, firm, weak = PlaceGraph(), np.eye(3) * 1e6, np.diag([0.1, 0.1, 100.0])
     laps = [[Pose(0.5 * k, y, 0.0) for k in range(10)] for y in (0.0, 0.0, 5.0)]
     for k, pose in enumerate(pose for lap in laps for pose in lap):
         step = None
         if k > 0:
-            information = loose if k % 10 == 0 else firm
+            information = weak if k % 10 == 0 else firm
             step = Link(k - 1, k, between(graph.poses[-1], pose), information, False)
         graph.add(Place(k, np.empty((0, 2)), np.empty((0, 2))), pose, step)
 
@@ -227,8 +227,8 @@ def test_what_wheels_measure_wrongly_is_learnt_from_matches(scale, bend):
     for _ in range(600):
         true = compose(true, Pose(0.1, 0.0, 0.0))
         step = wheels.corrected(Pose(0.1 / (1.0 + scale), 0.0, -0.1 * bend))
-        foretold, joint = foretell(pose, joint, step)
-        off = np.array(between(foretold, true))
+        predicted, joint = foretell(pose, joint, step)
+        off = np.array(between(predicted, true))
         wheels, joint, pose = wheels.updated_by(joint, off), updated(joint, sure), true
     assert wheels.scale == pytest.approx(scale, abs=0.003)
     assert wheels.bend == pytest.approx(bend * (1.0 + scale), abs=0.0008)
@@ -306,13 +306,13 @@ def known(walls):
 
 def two_laps(torn):
     """A graph of two laps that see the same, the second one beside the first, by chance, so far."""
-    graph, firm, loose = PlaceGraph(), np.eye(3) * 1e6, np.diag([1.0, 1.0, 100.0])
+    graph, firm, weak = PlaceGraph(), np.eye(3) * 1e6, np.diag([1.0, 1.0, 100.0])
     lap = [Pose(2.0 + 0.3 * k, 2.5, 0.0) for k in range(45)]
     beside = [Pose(p.x + 0.7 * torn, p.y + 0.7 * torn, p.psi) for p in lap]
     for k, pose in enumerate([*lap, *beside]):
         step = None
         if k > 0:
-            information = loose if k == len(lap) else firm
+            information = weak if k == len(lap) else firm
             step = Link(k - 1, k, between(graph.poses[-1], pose), information, False)
         graph.add(Place(k, *lined(RING, lap[k % len(lap)])), pose, step)
     return graph
@@ -382,7 +382,7 @@ def bays_passed(bays, thought):
 
 
 @pytest.mark.parametrize(
-    ("bays", "thought", "sigma", "told"),
+    ("bays", "thought", "sigma", "reported"),
     [
         # drift can hardly have led so far: a landmark only
         ((5,), Pose(30.0, 9.0, 0.0), 0.5, True),
@@ -395,14 +395,14 @@ def bays_passed(bays, thought):
     ],
 )
 def test_a_loop_that_a_look_alike_explains_as_well_as_drift_does_is_not_believed(
-    bays, thought, sigma, told
+    bays, thought, sigma, reported
 ):
     """Buildings whose rooms are all alike were glued 8 m off: by the one look-alike within reach of
     drift, and where drift was just within three sigma of one."""
     graph, newest = bays_passed(bays, thought)
     loop = Link(10, 90, Pose(0.0, 0.0, 0.0), np.eye(3), True)
     unsure = np.array([np.diag([sigma, sigma, 0.1 * sigma]) ** 2] * 56)
-    assert distinct(graph, loop, newest, 1.0, unsure) is told
+    assert distinct(graph, loop, newest, 1.0, unsure) is reported
 
 
 def test_how_far_drift_strays_is_learnt_from_loops_and_a_false_one_hardly_counts():

@@ -202,10 +202,10 @@ def test_a_wrong_pose_that_is_set_is_contradicted_by_the_lidar_within_3_seconds(
     first = round(at / DT)
     poses, twists = tour[0][first : first + 250], tour[1][first : first + 249]
     perception = Perception(SALLY, lab, poses[0])
-    told, sure = False, 0.0
+    reported, sure = False, 0.0
     for moment in drive(poses, twists, 5):
-        if moment.now >= 1.0 and not told:
-            told = True
+        if moment.now >= 1.0 and not reported:
+            reported = True
             x, y, psi = moment.truth
             perception.place(Pose(x + off[0], y + off[1], psi))
         seen = perception.take(moment.now, moment.readings)
@@ -220,10 +220,10 @@ def test_a_right_pose_that_is_set_is_kept_and_corrects_a_wrong_one(lab, tour):
     poses, twists = tour[0][650:850], tour[1][650:849]
     x, y, psi = poses[0]
     perception = Perception(SALLY, lab, Pose(x - 3.2, y, psi))
-    told = False
+    reported = False
     for moment in drive(poses, twists, 5):
-        if moment.now >= 0.5 and not told:
-            told = True
+        if moment.now >= 0.5 and not reported:
+            reported = True
             perception.place(moment.truth)
         seen = perception.take(moment.now, moment.readings)
         if moment.now > 0.6:

@@ -30,7 +30,7 @@ NO_WALLS = np.empty((0, 4))
 
 
 def followed(known, poses, twists, seed, walls=NO_WALLS, **how):
-    """Errors of a drive, whether lost, and squared error over told covariance, by scans."""
+    """Errors of a drive, whether lost, and squared error over reported covariance, by scans."""
     perception = Perception(SALLY, known, poses[0])
     rows, number = [], None
     for moment in drive(poses, twists, seed, around=NO_DISCS, walls=walls, **how):
@@ -39,8 +39,8 @@ def followed(known, poses, twists, seed, walls=NO_WALLS, **how):
         if scan is not None and scan.number != number:
             number = scan.number
             e = np.array([seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y])
-            told = float(e @ np.linalg.solve(seen.covariance[:2, :2], e))
-            rows.append((float(np.hypot(*e)), seen.lost, told))
+            reported = float(e @ np.linalg.solve(seen.covariance[:2, :2], e))
+            rows.append((float(np.hypot(*e)), seen.lost, reported))
     return np.array(rows)
 
 
@@ -202,7 +202,7 @@ def test_what_ends_where_the_map_knows_nothing_speaks_for_no_place():
 
 def test_with_a_start_beside_unmapped_niches_it_is_not_turned_round():
     """A quarter of the view ends where the map knows nothing. Turned round, the other wall explains
-    that a little worse than not at all, and the told place contradicts nothing."""
+    that a little worse than not at all, and the set pose contradicts nothing."""
     cell, origin = 0.05, Pose(0.0, 0.0, 0.0)
     drawn = np.zeros((120, 280), dtype=bool)
     drawn[[20, 100], 20:261] = drawn[20:101, [20, 260]] = True  # 12 m by 4 m
@@ -254,8 +254,8 @@ def test_put_down_beside_the_given_start_it_is_never_sure_of_a_wrong_place():
     """A metre along a corridor and half of one across, turned by 20 deg."""
     occupied, free, cell, origin = dotted(4, length=60.0)
     poses, twists = along([(14.0 + 0.7 * k, 0.0) for k in range(3)])
-    told = Pose(poses[0].x + 0.8, poses[0].y + 0.5, poses[0].psi - 0.35)
-    perception = Perception(SALLY, map_from_occupancy(occupied, free, cell, origin), told)
+    reported = Pose(poses[0].x + 0.8, poses[0].y + 0.5, poses[0].psi - 0.35)
+    perception = Perception(SALLY, map_from_occupancy(occupied, free, cell, origin), reported)
     seen = None
     for moment in drive(poses, twists, 1, NO_DISCS, NO_WALLS, grid=grid(occupied, cell, origin)):
         seen = perception.take(moment.now, moment.readings)
@@ -268,15 +268,15 @@ def test_put_down_beside_the_given_start_it_is_never_sure_of_a_wrong_place():
 @pytest.mark.parametrize(("at", "off"), [(3977, (0.95, 0.31, -0.35)), (6858, (-0.66, 0.75, -0.35))])
 def test_set_a_metre_along_a_corridor_it_is_sure_of_no_look_alike(at, off):
     """Niches and doors make places along this corridor fit alike; by the matches the robot was
-    sure to 5 cm of the one beside which it was told to be, for 5 and 9 s."""
+    sure to 5 cm of the one beside which its pose was set, for 5 and 9 s."""
     place = building(8677)
     poses, twists = along(tour(place, 8646, 80.0), 0.5)
     poses, twists = poses[at - 100 : at + 300], twists[at - 100 : at + 299]
-    perception, told, wrong = Perception(SALLY, place.known, poses[0]), False, 0
+    perception, reported, wrong = Perception(SALLY, place.known, poses[0]), False, 0
     for moment in drive(poses, twists, 4, NO_DISCS, place.walls, grid=place.grid):
         x, y, psi = moment.truth
-        if moment.now >= 2.0 and not told:
-            told = True
+        if moment.now >= 2.0 and not reported:
+            reported = True
             perception.place(Pose(x + off[0], y + off[1], psi + off[2]))
         seen = perception.take(moment.now, moment.readings)
         wrong += not seen.lost and math.hypot(seen.pose.x - x, seen.pose.y - y) > 0.3
@@ -315,7 +315,7 @@ def test_boxes_on_no_map_where_it_begins_send_it_to_no_place_that_looks_alike(st
 
 
 def standing_without_a_third(start, steps, seed=4, lidar=LIDAR, beside=0.0):
-    """What a robot that stands in the dotted corridor is told, and what it reads there where a
+    """The pose set for a robot that stands in the dotted corridor, and its scan there where a
     third of the walls is gone. beside: from the middle of the corridor [m]."""
     occupied, free, cell, origin = dotted(seed, length=60.0)
     here = Pose(start, beside, 0.0)
@@ -329,7 +329,7 @@ def standing_without_a_third(start, steps, seed=4, lidar=LIDAR, beside=0.0):
 
 @pytest.mark.parametrize("start", few.first([14.0, 38.0, 22.0, 30.0]))
 def test_with_a_start_where_a_third_of_the_walls_is_gone_it_believes_it(start):
-    """The map is as wrong elsewhere, and nobody moved the robot: it need not drive to be sure."""
+    """The map is as wrong elsewhere, and the robot was not moved: it need not drive to be sure."""
     perception, moments = standing_without_a_third(start, 300)
     seen = None
     for moment in moments:
@@ -431,7 +431,7 @@ def test_one_scan_does_not_outweigh_what_a_pose_was_believed_for():
 
     assert not left(11.3)
     assert left(3.0)
-    assert left(None)  # a start that was told was seen by nobody
+    assert left(None)  # a given start is not confirmed
 
 
 @pytest.mark.parametrize("field", few.first([9, 3, 6, 12], 1))
@@ -451,7 +451,7 @@ def test_people_in_a_symmetric_hall_do_not_make_the_robot_lost(field):
         robot = poses[min(max(int(t / DT), 0), len(poses) - 1)]
         away = discs[:, :2] - (robot.x, robot.y)
         far = np.hypot(*away.T)
-        out = np.maximum((discs[:, RADIUS] + 0.8) / far, 1.0)  # nobody walks through it
+        out = np.maximum((discs[:, RADIUS] + 0.8) / far, 1.0)  # movers do not walk through it
         discs[:, :2] = (robot.x, robot.y) + out[:, None] * away
         return discs
 

@@ -1,4 +1,4 @@
-"""What may set off is told to the guard before anybody knows that it moves."""
+"""Objects that may set off are reported to the guard before their motion is proved."""
 
 import math
 
@@ -45,7 +45,7 @@ def watch(path, around, known=None, start=HERE):
 
 
 def reached(moment, seen, x, y, radius, after=0.3):
-    """How far beyond what the guard is told a disc's nearest point to the robot is, `after` on."""
+    """How far a disc's nearest point to the robot is beyond the reported ones, `after` on."""
     frame = compose(moment.truth, inverse(seen.odometry))
     c, s = math.cos(frame.psi), math.sin(frame.psi)
     away = math.hypot(x - HERE.x, y - HERE.y)
@@ -102,25 +102,25 @@ def test_three_walkers_shoulder_to_shoulder_are_covered(lab):
 
 def test_on_the_map_no_point_is_potentially_dynamic(lab):
     poses, twists = along(TOUR)
-    told = [
+    reported = [
         len(seen.mobile) for _, seen in watch((poses[:1000], twists[:999]), CONES, lab, poses[0])
     ]
-    assert len(told) > 90
-    assert sum(n > 0 for n in told) <= 1
+    assert len(reported) > 90
+    assert sum(n > 0 for n in reported) <= 1
 
 
 def test_a_stopped_mover_may_set_off_again_and_is_static_in_the_end():
     def around(t):
         return discs(disc(4.5, -2.6 + 1.0 * min(t, 1.6), 0.25))
 
-    told = [(m.now, s) for m, s in watch(standing(15.5), around)]
-    beside = [s for t, s in told if 5.8 < t < 9.0]
+    reported = [(m.now, s) for m, s in watch(standing(15.5), around)]
+    beside = [s for t, s in reported if 5.8 < t < 9.0]
     assert beside
     for seen in beside:
         assert len(seen.mobile) > 0
         assert seen.mobile_max_acceleration.min() >= 1.0
         assert np.hypot(seen.mobile[:, VX], seen.mobile[:, VY]).max() < 0.15
-    assert len(told[-1][1].mobile) == 0
+    assert len(reported[-1][1].mobile) == 0
 
 
 def test_without_a_map_what_always_stood_is_not_potentially_dynamic():
@@ -181,10 +181,10 @@ def test_a_thin_wall_that_is_driven_through_by_its_door_has_not_come():
     door = np.array([[4.2, -4.0, 4.2, -1.5], [4.2, -0.5, 4.2, 2.9]])
     path = along([[3.0, -1.0], [5.6, -1.0]])
     perception = Perception(SALLY, None, None)
-    told = 0
+    reported = 0
     for moment in drive(*path, 0, around=CONES[:0], walls=np.vstack([WALLS, door])):
-        told += len(perception.take(moment.now, moment.readings).mobile)
-    assert told == 0
+        reported += len(perception.take(moment.now, moment.readings).mobile)
+    assert reported == 0
 
 
 def test_the_spread_of_a_disc_covers_every_velocity_and_acceleration():

@@ -83,8 +83,8 @@ def test_its_points_are_static_beside_the_lidars_and_observe_no_ground():
             t = 0.1 * k
             scan = Scan(t, k, np.full(beams, math.inf), 0.0)
             further = (Scan(t, k, np.full(n, reach - 0.05 * k), 0.0, "sonar"),) if reach else ()
-            told = Readings(Odometry(t, HERE, Twist(0.0, 0.0)), scan, None, None, further)
-            made = eyes.take(t, told)
+            reported = Readings(Odometry(t, HERE, Twist(0.0, 0.0)), scan, None, None, further)
+            made = eyes.take(t, reported)
         return made
 
     with_it, without = seen(Perception(model), 2.0), seen(Perception(sally), None)

@@ -22,13 +22,13 @@ def from_behind(speed: float) -> Body:
     return Body((x, y, speed, 0.0, radius, safe))
 
 
-def stood(model, people=(), seconds=3.0, told=lambda readings: readings):
+def stood(model, people=(), seconds=3.0, reported=lambda readings: readings):
     """What a robot that stands has seen after so long."""
     plant = Kinematic(model, Pose(0.0, 0.0, 0.0), world((people, ROOM)), seed=3)
     eyes, seen = Perception(model), None
     for k in range(round(seconds / 0.02)):
         plant.wait(0.02 * k)
-        seen = eyes.take(plant.now(), told(plant.read()))
+        seen = eyes.take(plant.now(), reported(plant.read()))
     return seen
 
 
@@ -47,7 +47,7 @@ def test_no_ground_is_unseen_where_two_lidars_look_all_round_together():
 
 
 def test_before_the_first_rear_scan_the_ground_behind_is_unobserved():
-    seen = stood(REAR, seconds=0.3, told=lambda readings: readings._replace(further=()))
+    seen = stood(REAR, seconds=0.3, reported=lambda readings: readings._replace(further=()))
     assert seen.unobserved > 0
     assert seen.scan_stamp == -math.inf
 
@@ -73,7 +73,7 @@ def test_what_one_has_seen_the_other_does_not_forget_for_it():
 def test_after_stamps_of_tomorrow_a_mover_is_tracked_where_it_is(which):
     """Readings of the future are left out, or nothing that comes later would be new."""
 
-    def told(readings):
+    def reported(readings):
         if not 0.5 < readings.odometry.stamp < 1.0:
             return readings
         if which == "odometry":
@@ -84,7 +84,7 @@ def test_after_stamps_of_tomorrow_a_mover_is_tracked_where_it_is(which):
         )
         return readings._replace(scan=scan, further=tuple(further))
 
-    seen = stood(REAR, [from_behind(0.5)], told=told)
+    seen = stood(REAR, [from_behind(0.5)], reported=reported)
     nearest = seen.discs[np.hypot(seen.discs[:, 0] + 2.0, seen.discs[:, 1]).argmin()]
     assert nearest[:2] == pytest.approx([-2.0, 0.0], abs=0.15)
     assert nearest[2:4] == pytest.approx([0.5, 0.0], abs=0.3)

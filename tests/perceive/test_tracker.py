@@ -1,4 +1,4 @@
-"""Who moves is told from what stands, with a velocity near the true one."""
+"""Movers are distinguished from static objects, with a velocity near the true one."""
 
 import math
 
@@ -32,7 +32,7 @@ def standing(seconds, pose=HERE):
 def watch(around, path, seed=0):
     """(time, moving discs in the world) whenever a scan has come, and the last Seen."""
     perception = Perception(SALLY)
-    number, told = None, []
+    number, reported = None, []
     for moment in drive(*path, seed, around=around):
         seen = perception.take(moment.now, moment.readings)
         scan = moment.readings.scan
@@ -44,13 +44,13 @@ def watch(around, path, seed=0):
             found = seen.discs.copy()
             found[:, :2] = found[:, :2] @ turn + (frame.x, frame.y)
             found[:, 2:4] = found[:, 2:4] @ turn
-            told.append((moment.now, found))
-    return told, moment, seen
+            reported.append((moment.now, found))
+    return reported, moment, seen
 
 
 def test_nothing_moves_in_a_lab_that_one_drives_through():
-    told, _, _ = watch(CONES, along(TOUR), seed=4)
-    assert sum(len(found) for _, found in told) == 0
+    reported, _, _ = watch(CONES, along(TOUR), seed=4)
+    assert sum(len(found) for _, found in reported) == 0
 
 
 def heaps(seed):
@@ -87,8 +87,8 @@ def test_a_walker_is_found_with_its_velocity(velocity):
     def around(t):
         return np.vstack([CONES, [disc(6.5 + vx * (t - 2), -1.0 + vy * (t - 2), 0.25)]])
 
-    told, _, _ = watch(around, standing(3.0))
-    for t, found in told[-5:]:
+    reported, _, _ = watch(around, standing(3.0))
+    for t, found in reported[-5:]:
         assert len(found) == 1
         assert np.hypot(found[0, 0] - around(t)[-1][0], found[0, 1] - around(t)[-1][1]) < 0.15
         assert np.hypot(found[0, 2] - vx, found[0, 3] - vy) < 0.3
@@ -98,8 +98,8 @@ def test_the_disc_of_a_walker_covers_it():
     def around(t):
         return discs(disc(6.0, -2.5 + 1.0 * t, 0.3))
 
-    told, _, _ = watch(around, standing(3.0))
-    for t, found in told[-10:]:
+    reported, _, _ = watch(around, standing(3.0))
+    for t, found in reported[-10:]:
         true = around(t)[0]
         off = np.hypot(found[0, 0] - true[0], found[0, 1] - true[1])
         assert found[0, 4] > true[4] + off - 0.08
@@ -109,9 +109,9 @@ def test_a_stopped_mover_may_walk_on_and_becomes_static_after_a_while():
     def around(t):
         return discs(disc(6.0, -2.0 + 1.0 * min(t, 2.0), 0.25))
 
-    told, moment, seen = watch(around, standing(14.0))
-    assert all(len(found) for at, found in told if 3.0 < at < 11.5)
-    assert len(told[-1][1]) == 0
+    reported, moment, seen = watch(around, standing(14.0))
+    assert all(len(found) for at, found in reported if 3.0 < at < 11.5)
+    assert len(reported[-1][1]) == 0
     back = compose(moment.truth, inverse(seen.odometry))
     c, s = math.cos(back.psi), math.sin(back.psi)
     points = seen.points @ np.array([[c, s], [-s, c]]) + (back.x, back.y)
@@ -122,8 +122,8 @@ def test_a_mover_leaves_no_standing_points():
     def around(t):
         return discs(disc(6.0, -3.0 + 1.0 * t, 0.25))
 
-    told, moment, seen = watch(around, standing(4.0))
-    assert len(told[-1][1]) == 1
+    reported, moment, seen = watch(around, standing(4.0))
+    assert len(reported[-1][1]) == 1
     back = compose(moment.truth, inverse(seen.odometry))
     c, s = math.cos(back.psi), math.sin(back.psi)
     points = seen.points @ np.array([[c, s], [-s, c]]) + (back.x, back.y)
@@ -138,9 +138,9 @@ def test_a_mover_occluded_for_a_moment_is_not_forgotten():
     def around(t):
         return discs(pillar, disc(7.0, -3.0 + 1.2 * t, 0.25))
 
-    told, _, _ = watch(around, standing(3.0))
+    reported, _, _ = watch(around, standing(3.0))
     hidden = [
-        (t, found) for t, found in told
+        (t, found) for t, found in reported
         if 1.4 < t < 2.0  # it passes behind the pillar at t = 1.7
     ]  # fmt: skip
     assert hidden
@@ -153,9 +153,9 @@ def test_a_mover_out_of_sight_is_forgotten_in_the_end():
     def around(t):
         return discs(disc(6.0, -1.0 + 1.0 * t, 0.25) if t < 2.0 else disc(50.0, 50.0, 0.25))
 
-    told, _, _ = watch(around, standing(4.5))
-    assert any(len(found) for _, found in told)
-    assert len(told[-1][1]) == 0
+    reported, _, _ = watch(around, standing(4.5))
+    assert any(len(found) for _, found in reported)
+    assert len(reported[-1][1]) == 0
 
 
 def test_an_object_against_a_wall_of_the_map_is_its_own_cluster():
@@ -177,7 +177,7 @@ def test_an_object_against_a_wall_of_the_map_is_its_own_cluster():
 
 def test_a_mover_that_slows_down_and_sets_off_again_is_reported_in_time():
     """With 1 m/s^2 at rest and off again, as discs on key frames do: a filter for constant
-    velocities told 0.4 m/s too much when he had stopped, and as much too little afterwards."""
+    velocities 0.4 m/s too large when it had stopped, and as much too small afterwards."""
 
     def at(t):
         return 0.5 * (t - 2.5) ** 2  # at rest after 2.5 s
@@ -187,8 +187,8 @@ def test_a_mover_that_slows_down_and_sets_off_again_is_reported_in_time():
 
     off = []
     for seed in range(3):
-        told, _, _ = watch(around, standing(4.0), seed)
-        for t, found in told:
+        reported, _, _ = watch(around, standing(4.0), seed)
+        for t, found in reported:
             if 1.8 < t < 3.8:
                 one = found[np.argmin(np.hypot(found[:, 0] - 6.0, found[:, 1] + 1.0 + at(t)))]
                 off.append((one[1] + 1.0 + at(t), one[3] + t - 2.5))
@@ -212,8 +212,8 @@ def test_a_mover_that_turns_on_the_robot_from_rest_is_reported_within_half_a_sec
 
     off = []
     for seed in range(3):
-        told, _, _ = watch(around, standing(3.5), seed)
-        for t, found in told:
+        reported, _, _ = watch(around, standing(3.5), seed)
+        for t, found in reported:
             if 3.0 < t < 3.3:
                 x, y = where(t)
                 one = found[np.argmin(np.hypot(found[:, 0] - x, found[:, 1] - y))]
@@ -224,14 +224,14 @@ def test_a_mover_that_turns_on_the_robot_from_rest_is_reported_within_half_a_sec
 
 @pytest.mark.parametrize("radius", [0.25, 0.4])
 def test_a_mover_that_stops_dead_is_reported_so_within_three_scans(radius):
-    """As who runs into the robot: nobody is taken to be capable of that. A filter that believes it
-    of nobody had him go on through the robot, and come back, for a second and more."""
+    """As a mover that runs into the robot, beyond its max_acceleration. A filter without that test
+    predicted it through the robot, and back, for a second and more."""
 
     def around(t):
         return discs(disc(7.0 - 1.2 * min(t, 2.0), -0.9, radius))
 
-    told, _, _ = watch(around, standing(3.5))
-    after = [found for t, found in told if t > 2.35]
+    reported, _, _ = watch(around, standing(3.5))
+    after = [found for t, found in reported if t > 2.35]
     assert len(after) > 10
     for found in after:
         one = found[np.argmin(np.hypot(found[:, 0] - 4.6, found[:, 1] + 0.9))]
@@ -241,7 +241,7 @@ def test_a_mover_that_stops_dead_is_reported_so_within_three_scans(radius):
 
 @pytest.mark.parametrize("speed", [1.5, -1.5])
 def test_a_fast_mover_is_reported_where_it_is_not_where_its_beams_were(speed):
-    """A turn takes 75 ms, in which he walks 11 cm: he is put on from when his beams were
+    """A sweep takes 75 ms, in which it moves 11 cm: it is predicted from when its beams were
     measured."""
 
     def at(t):
@@ -250,6 +250,8 @@ def test_a_fast_mover_is_reported_where_it_is_not_where_its_beams_were(speed):
     def around(t):
         return discs(disc(5.5, at(t), 0.3))
 
-    told, _, _ = watch(around, standing(2.6))
-    off = [found[np.argmin(np.abs(found[:, 1] - at(t))), 1] - at(t) for t, found in told if t > 1.4]
+    reported, _, _ = watch(around, standing(2.6))
+    off = [
+        found[np.argmin(np.abs(found[:, 1] - at(t))), 1] - at(t) for t, found in reported if t > 1.4
+    ]
     assert np.max(np.abs(off)) < 0.06

@@ -1,4 +1,4 @@
-"""Ground that was never in view is told where nothing looks, and nowhere else."""
+"""Unobserved ground is reported out of view, and nowhere else."""
 
 import math
 
@@ -91,7 +91,7 @@ def test_a_turn_on_the_spot_shows_all_that_is_around():
 
 
 def test_what_stands_in_the_ground_that_was_seen_hides_no_hole_in_it():
-    """A post that was passed: the ground around it was seen, so nothing but the post is told."""
+    """A post that was passed: the ground around it was seen, so only the post is reported."""
     post = np.array([[0.8, 0.7, 0.0, 0.0, 0.05, 0.5]])
     seen = driven(ahead(2.5), post)
     near = np.hypot(*(blind(seen) - (0.8, 0.7)).T) < 0.3
@@ -123,7 +123,7 @@ def test_a_mover_that_goes_behind_the_robot_may_be_anywhere_there(speed: float):
 
 
 def test_a_mover_that_has_just_gone_behind_the_robot_is_not_everywhere_there_at_once():
-    """He has to walk there first, so the other side of the robot is free yet."""
+    """It has to walk there first, so the other side of the robot is still free."""
     start = WALKER.copy()
     start[0, 0] += 6.3 * 1.2
     points = blind(driven(standing(18), start, velocity=(-1.2, 0.0)))
@@ -132,7 +132,7 @@ def test_a_mover_that_has_just_gone_behind_the_robot_is_not_everywhere_there_at_
 
 
 def test_a_mover_behind_the_robot_is_not_beside_it_before_it_can_have_turned_back():
-    """At 1.2 m/s, and capable of 1 m/s^2, he is 0.9 m behind the robot's middle at least when he
+    """At 1.2 m/s, with 1 m/s^2 at most, it is 0.9 m behind the robot's middle at least when it
     has been out of view for 0.8 s."""
     start = WALKER.copy()
     start[0, 0] += 6.3 * 1.2
@@ -146,7 +146,7 @@ CROSSES = np.array([[-1.4, 3.0 + 0.8 * 6.3, 0.0, 0.0, 0.25, 0.7]])
 
 
 def test_a_mover_that_reappears_on_the_other_side_leaves_no_possibly_occupied_ground():
-    """Across behind the robot, from its left to its right, where he is seen again."""
+    """Across behind the robot, from its left to its right, where it is seen again."""
     assert len(blind(driven(standing(45), CROSSES, velocity=(0.0, -0.8))))
     assert not len(blind(driven(standing(75), CROSSES, velocity=(0.0, -0.8))))
 
@@ -157,8 +157,8 @@ def test_a_mover_that_reappears_on_the_other_side_leaves_no_possibly_occupied_gr
 def test_an_object_where_a_mover_went_out_of_view_may_move(
     place: tuple[float, float], velocity: tuple[float, float]
 ):
-    """Another has gone there before. No scan has seen the ground free that he walks on, which would
-    prove that he moves."""
+    """Another has gone there before. No scan has seen the ground free that it walks on, which would
+    prove that it moves."""
     x, y = np.array(place) - 6.0 * np.array(velocity)
     both = np.vstack((WALKER, [[x, y, 0.0, 0.0, 0.35, 0.7]]))
     turning = [Pose(0.0, 0.0, -0.128 * k) for k in range(14)]
@@ -169,10 +169,10 @@ def test_an_object_where_a_mover_went_out_of_view_may_move(
         px, py = x + 0.1 * k * velocity[0], y + 0.1 * k * velocity[1]
         if in_view(np.array([[px, py]]), SALLY.lidar.lidar(), poses[k])[0]:
             looks += 1
-            told = known[k].mobile
-            assert len(told), f"nothing is told of him at {0.1 * k:.1f} s"
-            gap = np.hypot(told[:, 0] - px, told[:, 1] - py) - told[:, 4]
-            assert gap.min() < 0.35, f"nothing is told of him at {0.1 * k:.1f} s"
+            reported = known[k].mobile
+            assert len(reported), f"nothing is reported of it at {0.1 * k:.1f} s"
+            gap = np.hypot(reported[:, 0] - px, reported[:, 1] - py) - reported[:, 4]
+            assert gap.min() < 0.35, f"nothing is reported of it at {0.1 * k:.1f} s"
     assert looks >= 4
 
 
@@ -180,8 +180,8 @@ def test_an_object_where_a_mover_went_out_of_view_may_move(
 def test_a_wall_at_the_edge_of_the_view_does_not_keep_ground_possibly_occupied_for_ever(
     turn: float,
 ):
-    """Somebody goes behind the robot; then it turns, and a wall that nobody knows comes into view
-    there. When he is forgotten, nobody may be there any more."""
+    """A mover goes behind the robot; then the robot turns, and an unknown wall comes into view
+    there. When the mover is forgotten, the ground is no longer possibly occupied."""
     wall = np.array([[-1.3 + 0.1 * k, -1.0, 0.0, 0.0, 0.06, 0.1] for k in range(15)])
     both = np.vstack((WALKER, wall))
     velocity = np.vstack(([[-0.8, 0.0]], np.zeros((15, 2))))
@@ -193,7 +193,8 @@ def test_a_wall_at_the_edge_of_the_view_does_not_keep_ground_possibly_occupied_f
 
 
 def test_what_stood_there_before_stands_when_it_is_seen_again():
-    """A post behind the robot, and somebody who went that way: after a turn only he may move."""
+    """A post behind the robot, and a mover that went that way: after a turn only the mover may
+    move."""
     post = np.array([[-0.9, -0.9, 0.0, 0.0, 0.1, 0.1]])
     both = np.vstack((CROSSES, post))
     velocity = np.array([[0.0, -0.8], [0.0, 0.0]])
@@ -223,7 +224,7 @@ def test_a_mover_that_leaves_the_view_far_away_and_heads_here_may_be_behind_the_
 def test_ground_that_is_observed_is_no_longer_possibly_occupied():
     start = WALKER + np.array([5.04, 0.0, 0.0, 0.0, 0.0, 0.0])
     turn = [Pose(0.0, 0.0, 0.1 * k) for k in range(63)]
-    poses = standing(60) + turn  # he has long gone on by then
+    poses = standing(60) + turn  # it has long moved on by then
     assert not len(blind(driven(poses, start, velocity=(-0.8, 0.0))))
 
 

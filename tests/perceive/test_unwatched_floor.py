@@ -22,7 +22,7 @@ LIDAR = DEEP.further_lidars[0].lidar()
 CARE = ScanMemoryParams()
 
 
-def told(poses, deep=math.inf, model=ROUND, outlines=()):
+def reported(poses, deep=math.inf, model=ROUND, outlines=()):
     """Points in the body frame after a scan from each pose; all see nothing that stands, and the
     camera what is given. outlines: what the robot has become before each of the last scans."""
     eyes, seen = Perception(model), None
@@ -49,18 +49,18 @@ def turned(*degrees):
 @pytest.mark.parametrize("model", [ROUND, DEEP])
 def test_floor_behind_and_beside_that_was_never_seen_stands(model):
     for poses in (turned(0), turned(*range(0, 101, 10))):
-        points = told(poses, model=model)
+        points = reported(poses, model=model)
         bearings = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
         behind = np.abs(np.abs(bearings) - 180.0) < 20.0
         assert behind.any()
         far = np.hypot(*points.T)
-        assert far.min() > (0.9 if model is ROUND else 0.6)  # somebody has looked, who started it
+        assert far.min() > (0.9 if model is ROUND else 0.6)  # observed by the person who started it
         assert far[behind].max() < 1.5
         assert not (np.abs(bearings) < 25.0).any()  # ahead it sees
 
 
 def test_floor_that_was_seen_once_is_free_to_back_onto():
-    assert not len(told(turned(*range(0, 361, 5))))
+    assert not len(reported(turned(*range(0, 361, 5))))
 
 
 def test_floor_beneath_a_load_is_not_reported_and_stays_unobserved_without_it():
@@ -70,14 +70,14 @@ def test_floor_beneath_a_load_is_not_reported_and_stays_unobserved_without_it():
     def beneath(points):
         return int(((np.abs(points[:, 1]) < 0.29) & (points[:, 0] > -0.9)).sum())
 
-    assert beneath(told(backed)) > 0
-    assert beneath(told(backed, outlines=[load])) == 0
-    assert len(told(backed, outlines=[load])) > 0
-    assert np.array_equal(told(backed, outlines=[load, ROUND.outline]), told(backed))
+    assert beneath(reported(backed)) > 0
+    assert beneath(reported(backed, outlines=[load])) == 0
+    assert len(reported(backed, outlines=[load])) > 0
+    assert np.array_equal(reported(backed, outlines=[load, ROUND.outline]), reported(backed))
 
 
 def test_a_camera_that_sees_nothing_vouches_for_no_floor():
-    everywhere = told(turned(*range(0, 361, 5)), deep=math.nan)
+    everywhere = reported(turned(*range(0, 361, 5)), deep=math.nan)
     assert len(everywhere)
     assert (np.abs(np.arctan2(everywhere[:, 1], everywhere[:, 0])) < 0.3).any()
 
@@ -102,7 +102,7 @@ def test_what_is_too_near_to_be_measured_fills_no_memory():
 
 @pytest.mark.parametrize("edges", [False, True])
 def test_where_floor_ends_nothing_sets_off_whatever_noise_makes_of_it(edges):
-    """An edge that seems to come nearer was taken for somebody, and the robot fled from it."""
+    """An edge that seems to come nearer was taken for a mover, and the robot fled from it."""
     eyes, seen = Perception(ROUND), None
     beams = ROUND.further_lidars[0].beams
     middle = slice(beams // 2 - 12, beams // 2 + 12)

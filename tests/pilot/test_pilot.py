@@ -138,18 +138,18 @@ def test_a_delay_that_makes_no_sense_is_refused():
 
 
 def test_the_nominal_command_is_slowed_down_on_the_same_arc():
-    def asked(fastest):
+    def requested(fastest):
         pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
         d = pilot.step(0.0, Pose(0.0, 0.3, 0.2), Twist(0.0, 0.0), Stick(0.0, 0.0), NOTHING_NEAR,
                        fastest)  # fmt: skip
         return d.nominal_v, d.nominal_omega
 
-    v, omega = asked(math.inf)
-    slow_v, slow_omega = asked(0.02)
+    v, omega = requested(math.inf)
+    slow_v, slow_omega = requested(0.02)
     assert abs(v) > 0.02 == pytest.approx(abs(slow_v))
     assert slow_omega / slow_v == pytest.approx(omega / v)
-    assert asked(0.0) == (0.0, 0.0)
-    assert asked(10.0) == (v, omega)
+    assert requested(0.0) == (0.0, 0.0)
+    assert requested(10.0) == (v, omega)
 
 
 def test_a_head_on_mover_is_passed_on_the_right_if_so_configured():

@@ -21,7 +21,7 @@ def test_the_robot_drives_as_predicted(beside):
     pose, twist = Pose(1.0, beside, 0.4), Twist(0.4, 0.0)
     own = course(reference, 0, True, SETTINGS.pace)
     clock = clock_on_entry(own, route(reference), 0, pose, twist)
-    foretold = roll_out(own, clock, pose, twist, 2.5, SETTINGS)
+    predicted = roll_out(own, clock, pose, twist, 2.5, SETTINGS)
     pilot = Pilot(reference, SETTINGS)
     pilot.state = pilot.state._replace(clock=clock)
     driven = []
@@ -30,10 +30,10 @@ def test_the_robot_drives_as_predicted(beside):
         twist = Twist(d.safe_v, d.safe_omega)
         pose = arc(pose, twist, DT)
         driven.append(pose)
-    assert np.hypot(*np.diff(foretold[:, :2], axis=0).T).sum() == pytest.approx(2.5, abs=0.2)
+    assert np.hypot(*np.diff(predicted[:, :2], axis=0).T).sum() == pytest.approx(2.5, abs=0.2)
     way = np.array(driven)
-    corner = 0.46 * (way[:, 2:] - foretold[:, 2])  # how far the outline's corner is off by it
-    off = np.hypot(way[:, :1] - foretold[:, 0], way[:, 1:2] - foretold[:, 1]) + np.abs(corner)
+    corner = 0.46 * (way[:, 2:] - predicted[:, 2])  # how far the outline's corner is off by it
+    off = np.hypot(way[:, :1] - predicted[:, 0], way[:, 1:2] - predicted[:, 1]) + np.abs(corner)
     assert off.min(axis=0).max() < 0.04
 
 
@@ -42,8 +42,8 @@ def test_a_path_that_ends_is_rolled_out_to_its_end():
     own = course(reference, 0, True, SETTINGS.pace)
     pose = Pose(0.0, 0.0, 0.0)
     clock = clock_on_entry(own, route(reference), 0, pose, Twist(0.0, 0.0))
-    foretold = roll_out(own, clock, pose, Twist(0.0, 0.0), 4.0, SETTINGS)
-    assert 0.8 < foretold[-1, 0] < 1.1
+    predicted = roll_out(own, clock, pose, Twist(0.0, 0.0), 4.0, SETTINGS)
+    assert 0.8 < predicted[-1, 0] < 1.1
 
 
 def test_a_door_behind_something_in_the_way_is_driven_through_in_the_middle():

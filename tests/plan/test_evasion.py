@@ -1,4 +1,4 @@
-"""The robot steps aside: who comes towards it, crosses or overtakes it is not waited for."""
+"""The robot evades movers that come towards it, cross or overtake it, and does not wait."""
 
 import math
 
@@ -32,7 +32,7 @@ OFF = SETTINGS._replace(evasion=EvasionParams(horizon=0.0))
 
 
 def coming(x, y, vx, vy, radius=0.25):
-    """A disc that drifts, minding nobody."""
+    """A disc that drifts, whatever the robot does."""
     return (x, y, radius, radius + 0.5, vx, vy)  # as `disc` takes it
 
 
@@ -56,8 +56,8 @@ def test_no_mover_on_a_straight_course_touches_a_robot_that_has_room(name):
 def test_without_evasion_the_same_encounters_end_in_a_touch():
     """The tests above can fail."""
     gaps = [
-        drive(WAY, [who], seconds=20.0, settings=OFF).clearances.min()
-        for who in ENCOUNTERS.values()
+        drive(WAY, [mover], seconds=20.0, settings=OFF).clearances.min()
+        for mover in ENCOUNTERS.values()
     ]
     assert min(gaps) < 0.0
 
@@ -92,7 +92,7 @@ WALKERS = {
 @pytest.mark.parametrize("name", WALKERS)
 def test_a_walker_seen_by_lidar_is_kept_off(name):
     """What a LiDAR tells of a velocity is never twice the same: a motion that the filter could only
-    just stop from was begun in front of him, and then could not be gone on with."""
+    just stop from was begun in front of it, and then could not be continued."""
     setup = with_pilot(crossing(WALKERS[name]), lidar=SALLY.lidar)
     rows = run(setup).rows
     assert rows["arrived"][-1]
@@ -151,7 +151,7 @@ def test_the_requested_twist_is_finite_whatever_the_input(bad, column):
     obstacles = surroundings(rows, np.array([0.5, 0.5]))
     for k in range(12):
         d = pilot.step(k * DT, Pose(0.0, 0.0, 0.0), Twist(0.2, 0.0), None, obstacles)
-        asked = (
+        requested = (
             d.safe_v,
             d.safe_omega,
             d.nominal_v,
@@ -159,12 +159,12 @@ def test_the_requested_twist_is_finite_whatever_the_input(bad, column):
             d.tracking_v,
             d.tracking_omega,
         )
-        assert np.isfinite(asked).all()
+        assert np.isfinite(requested).all()
 
 
 def test_a_mover_that_slows_down_is_predicted_to_stop_and_not_to_come_back():
-    """He walks away ahead of the robot, and stops: what would come back had to be fled from. He may
-    set off again; what the robot does about that is another matter."""
+    """It walks away ahead of the robot, and stops: had it been predicted back, the robot would
+    flee. It may set off again; what the robot does about that is another matter."""
     settings = ON._replace(evasion=EvasionParams(sets_off_weight=0.0))
     pilot = Pilot(through([(0.0, 0.0), (0.01, 0.0)], 0.5), settings)
     pose, twist, went = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), 0.0
@@ -182,14 +182,14 @@ def test_a_mover_that_slows_down_is_predicted_to_stop_and_not_to_come_back():
 
 
 def _foretold_and_driven(rng):
-    """How far apart the robot is after 0.8 s beside somebody who sets off at it or speeds up, as
+    """How far apart the robot is after 0.8 s beside a mover that sets off at it or speeds up, as
     the planner foretells it and as the filter lets it go [m]."""
     bearing, away = rng.uniform(-math.pi, math.pi), rng.uniform(1.0, 2.2)
     x, y = away * math.cos(bearing), away * math.sin(bearing)
     heads = bearing + math.pi + rng.uniform(-0.8, 0.8)
     ax, ay, u = math.cos(heads), math.sin(heads), rng.uniform(0.0, 0.8)
     start, before = Pose(0.0, 0.0, 0.0), Twist(float(rng.choice([0.0, 0.5, 1.0])), 0.0)
-    asked = Twist(float(rng.choice([-1.0, 0.5, 1.0])), rng.uniform(-1.0, 1.0))
+    requested = Twist(float(rng.choice([-1.0, 0.5, 1.0])), rng.uniform(-1.0, 1.0))
     movers = np.array([[x, y, u * ax, u * ay, 0.4, 1.0, 0.1, ax, ay, 0.8, 2.0, 1.5, 0.0]])
     obstacles, reach = surroundings(np.empty((0, 6))), circumscribed_radius(ON.outline)
     e, way = EvasionParams(speed=1.0), course(through(WAY, 0.8), 0, True, ON.pace)
@@ -198,16 +198,17 @@ def _foretold_and_driven(rng):
         ON.outline, reach, ON.limits, e,
     )  # fmt: skip
     went = roll_out_piece(
-        context, PredictedMotion(start, before, 0.0, 0.0, -1.0), asked, 0.8, ON.limits, e, 1e9
+        context, PredictedMotion(start, before, 0.0, 0.0, -1.0), requested, 0.8, ON.limits, e, 1e9
     )
     pose, twist = start, before
     for k in range(40):
         t = k * DT
         at, v = u * t + 0.5 * t * t, u + t
-        who = disc(x + ax * at, y + ay * at, 0.4, 0.9, ax * v, ay * v)
+        mover = disc(x + ax * at, y + ay * at, 0.4, 0.9, ax * v, ay * v)
         passed = guard(
-            pose, twist, asked, surroundings([who], [1.0]), ON.outline, ON.limits, ON.rules, True
-        )
+            pose, twist, requested, surroundings([mover], [1.0]), ON.outline, ON.limits, ON.rules,
+            True,
+        )  # fmt: skip
         twist = Twist(passed.v, passed.omega)
         pose = arc(pose, twist, DT)
     return math.hypot(went.pose.x - pose.x, went.pose.y - pose.y)
@@ -240,8 +241,8 @@ def test_a_mover_at_rest_for_a_moment_is_still_evaded():
 
 
 def test_a_mover_that_sets_off_to_another_side_is_soon_predicted_so():
-    """He walked east, came to rest, and sets off to the north. Three looks later only half of that
-    was believed, and for 0.8 s: the robot drove on in front of him."""
+    """It walked east, came to rest, and sets off to the north. Three scans later only half of that
+    was used, and for 0.8 s: the robot drove on in front of it."""
     history, e, x, y = empty_mover_history(), EvasionParams(), 0.0, 0.0
     for k in range(24):
         t = 0.1 * k + 0.05
@@ -258,7 +259,7 @@ def test_a_mover_that_sets_off_to_another_side_is_soon_predicted_so():
 
 
 def test_an_object_that_seems_to_walk_for_a_moment_is_soon_forgotten():
-    """What stands, and moves by noise, is told by a LiDAR as one who walks, for a scan or two."""
+    """A static object that moves by noise is tracked as a walker for a scan or two."""
     history, minded = empty_mover_history(), []
     for k in range(10):
         obstacles = surroundings(
@@ -275,11 +276,11 @@ def test_an_object_that_seems_to_walk_for_a_moment_is_soon_forgotten():
 
 
 def _passes(weight):
-    """How near the robot comes to who comes to rest 0.8 m beside its way [m]."""
+    """How near the robot comes to a mover that comes to rest 0.8 m beside its path [m]."""
     settings = ON._replace(evasion=EvasionParams(speed=0.8, sets_off_weight=weight))
 
     def seen(k):
-        t = max(3.0 - k * DT, -1.0)  # he rests after 3 s, and sways a little
+        t = max(3.0 - k * DT, -1.0)  # it rests after 3 s, and sways a little
         y, v = 0.8 + 0.15 * t * abs(t), -0.3 * abs(t) if t > 0.0 else 0.01
         return surroundings([disc(2.5, y, 0.3, 0.8, 0.0, v)], [1.0])
 
@@ -291,8 +292,8 @@ def test_the_robot_keeps_farther_from_a_stopped_mover_that_may_turn_on_it():
 
 
 def test_whose_velocity_is_not_known_well_is_not_taken_to_run():
-    """What a LiDAR does not know of a velocity was told as acceleration. Taken to be kept up, it
-    doubled the distance that the robot kept from who had stopped: it waited four times as long."""
+    """A velocity error was once reported as acceleration. Taken to last, it doubled the distance
+    that the robot kept from a stopped mover: it waited four times as long."""
     e = EvasionParams()
 
     def far(most, off=0.0):

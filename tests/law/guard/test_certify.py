@@ -87,8 +87,8 @@ def walkers(draw):
     return radius, max_acceleration, start, push
 
 
-def somebody(radius, max_acceleration, state, velocity_error=0.0):
-    """As the guard is told of one disc."""
+def one_disc(radius, max_acceleration, state, velocity_error=0.0):
+    """One disc as the guard gets it."""
     row = np.array([[*state, radius, 0.2]])
     return surroundings(row, [max_acceleration], velocity_error=[velocity_error])
 
@@ -105,17 +105,17 @@ def walked(walker, robot, dt):
 
 @given(outlines(), commands(), walkers(), st.sampled_from([0.0, 0.0, 0.1, 0.6]), angles)
 def test_what_is_certified_is_hit_by_no_walker_before_it_stands(outline, command, walker, off, way):
-    """Nor by one whose velocity was told wrong, by as much as that was said."""
+    """Nor by one whose velocity is wrong by its velocity_error."""
     lim, twist = command
     radius, max_acceleration, state, push = walker
     assume(max_acceleration > 0.0 or off > 0.0 or state[2:].any())  # else it rests
-    told = somebody(radius, max_acceleration, state, off)
-    if certificate(outline, twist, lim, told) != CLEAR or twist == Twist(0.0, 0.0):
+    reported = one_disc(radius, max_acceleration, state, off)
+    if certificate(outline, twist, lim, reported) != CLEAR or twist == Twist(0.0, 0.0):
         return
     state = state + np.array([0.0, 0.0, off * math.cos(way), off * math.sin(way)])
     walker = radius, max_acceleration, state, push
     for pose in list(stopped_after(twist, lim))[: FINE * max(len(braking(twist, lim, DT)), 1) + 1]:
-        assert clearances(outline, pose, somebody(*walker[:3]))[0] >= 0.0075 - 1e-9
+        assert clearances(outline, pose, one_disc(*walker[:3]))[0] >= 0.0075 - 1e-9
         walker = walked(walker, pose, DT / FINE)
 
 
@@ -151,7 +151,7 @@ def test_a_mover_is_cleared_exactly_where_it_can_not_come_near_while_the_robot_m
     _, max_acceleration, state, off = oncomer
     assume(twist != Twist(0.0, 0.0))
     assume(max_acceleration > 0.0 or off > 0.0 or state[2:].any())  # else it rests
-    around = somebody(*oncomer)
+    around = one_disc(*oncomer)
     least = min(worst_gaps(outline, twist, lim, *oncomer))
     pace = (
         abs(twist.v) + abs(twist.omega) * circumscribed_radius(outline) + np.hypot(*state[2:]) + off
@@ -221,7 +221,7 @@ def test_a_disc_upon_the_robot_holds_it_where_it_stands():
 
 
 def test_a_disc_at_rest_with_a_velocity_error_is_not_static():
-    """As somebody whose velocity nobody knows: at 1.3 m/s he is there before the robot stands."""
+    """A mover of unknown velocity: at 1.3 m/s it is there before the robot stands."""
     for off, said in ((0.0, CLEAR), (1.3, 0)):
         person = surroundings([[1.0, 0.0, 0.0, 0.0, 0.1, 0.2]], [0.0], velocity_error=[off])
         assert certificate(SALLY, Twist(0.6, 0.0), SALLY_LIMITS, person) == said
@@ -234,7 +234,7 @@ def test_the_robot_does_not_move_before_a_mover_faster_than_itself():
 
 
 def test_a_disc_that_is_being_left_stays_beyond_half_the_hard_margin_between_two_steps():
-    """Steps of 0.1 s: the corner swings past somebody, who is as far off after it as before."""
+    """Steps of 0.1 s: the corner swings past a disc that is as far off after it as before."""
     reach, backing = circumscribed_radius(SALLY), Twist(-0.945, 0.0)
     passing = surroundings([[0.352572, -0.459795, 0.782436, 0.024635, 0.155611, 0.2]])
     m = manoeuvre(Pose(0.0, 0.0, 0.0), backing, SALLY_LIMITS, 0.1, reach)
@@ -247,7 +247,7 @@ def test_every_command_finds_a_mover_no_nearer_than_clear_or_than_it_was(outline
     _, max_acceleration, state, off = oncomer
     assume(twist != Twist(0.0, 0.0))
     assume(max_acceleration > 0.0 or off > 0.0 or state[2:].any())
-    around = somebody(*oncomer)
+    around = one_disc(*oncomer)
     now = clearances(outline, Pose(0.0, 0.0, 0.0), around)[0]
     if certificate(outline, twist, lim, around) == CLEAR:
         moving = len(braking(twist, lim, DT)) or 1  # in the last step of braking it stands
@@ -297,7 +297,7 @@ def thing(ends, drift, kind):
 
 def test_where_in_the_world_all_this_happens_makes_no_difference():
     rng = np.random.default_rng(3)
-    told = []
+    reported = []
     for _ in range(150):
         twist = Twist(rng.uniform(-0.8, 0.8), rng.uniform(-1.0, 1.0))
         pose = Pose(*rng.uniform(-30.0, 30.0, 2), rng.uniform(-3.0, 3.0))
@@ -313,5 +313,5 @@ def test_where_in_the_world_all_this_happens_makes_no_difference():
         b = manoeuvre(pose, twist, SALLY_LIMITS, DT, reach)
         was = blocking_obstacle(a, SALLY, reach, here, 0.015)
         assert was == blocking_obstacle(b, SALLY, reach, there, 0.015)
-        told.append((kind, was == CLEAR))
-    assert len(set(told)) == 8
+        reported.append((kind, was == CLEAR))
+    assert len(set(reported)) == 8

@@ -150,11 +150,11 @@ def rows_of(pose: Pose, before: Twist, around: Surroundings, outline: np.ndarray
 
 
 @given(outlines(), coordinates, coordinates, angles, twists(ALL), angles)
-def test_a_bound_is_the_closing_speed_of_the_clearance(outline, x, y, psi, asked, course):
+def test_a_bound_is_the_closing_speed_of_the_clearance(outline, x, y, psi, requested, course):
     """By differences, at a pose, for a moving disc and a point."""
     pose, tick = Pose(0.3, -0.2, psi), 1e-6
     vx, vy = 0.8 * math.cos(course), 0.8 * math.sin(course)
-    after = moved(pose, asked, tick)
+    after = moved(pose, requested, tick)
     a = 0.7 * min(ALL.acceleration, ALL.wheel_acceleration)
     for now, toward in (
         (surroundings([disc(x, y, 0.1, 0.2, vx, vy)]), (vx, vy)),
@@ -167,7 +167,7 @@ def test_a_bound_is_the_closing_speed_of_the_clearance(outline, x, y, psi, asked
             continue
         rate = (clearances(outline, after, now)[0] - near) / tick
         (row,) = rows
-        assert row[0] * asked.v + row[1] * asked.omega == pytest.approx(rate, abs=1e-3)
+        assert row[0] * requested.v + row[1] * requested.omega == pytest.approx(rate, abs=1e-3)
         drift = Pose(pose.x - tick * toward[0], pose.y - tick * toward[1], psi)
         closing = -(clearances(outline, drift, now)[0] - near) / tick
         bound = min(closing - approach(near - 0.03, a, DT), 0.0)

@@ -50,13 +50,13 @@ def least_change(nominal: Twist, rows: np.ndarray, weight: float, slack: float) 
 def test_it_is_the_least_change_that_keeps_every_bound(nominal, rows, weight):
     rows = rows[np.hypot(rows[:, 0], rows[:, 1] / weight) > 1e-3]
     got = project(nominal, rows.copy(), len(rows), weight)
-    loose, tight = (least_change(nominal, rows, weight, s) for s in (1e-7, -1e-7))
+    weak, tight = (least_change(nominal, rows, weight, s) for s in (1e-7, -1e-7))
     if not got.feasible:
         assert tight == math.inf
         return
     assert (rows[:, :2] @ np.array(got.twist) >= rows[:, 2] - 1e-7).all()
     change = math.hypot(got.twist.v - nominal.v, (got.twist.omega - nominal.omega) * weight)
-    assert loose - 1e-7 <= change
+    assert weak - 1e-7 <= change
     if tight < math.inf:  # not by a whisker
         assert change <= tight + 1e-7
 
