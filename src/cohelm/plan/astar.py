@@ -19,8 +19,8 @@ def tree(free: NDArray[np.bool_], cost: Floats, root: int, target: int) -> Ints:
 
     free, cost: (rows, columns); a step costs its length in cells times the mean cost of its two
     ends, and cost >= 1. root, target: flat indices. Returns for each cell the flat index of the
-    one before it, the root for itself, NOT_REACHED where no path leads; (rows * columns,). Of
-    cells that are dearer than the target, nothing is said; without a way to it, all are known.
+    one before it, the root for itself, NOT_REACHED where no path leads; (rows * columns,). Cells
+    that cost more than the target are undefined; without a path to it, all are defined.
     """
     rows, columns = free.shape
     n = rows * columns

@@ -1,7 +1,7 @@
 """Docks: named places that the robot drives into, straight and slowly, with a margin of their own.
 
-All that is here is geometry: where a dock's approach begins, and how a pose lies to it. In a dock's
-own frame the docked robot is at 0, x is the way it looks then, and it comes from negative x.
+Geometry only: the staging pose, and errors of a pose. In a dock's own frame the docked robot is at
+0, facing x, and it comes from negative x.
 """
 
 from __future__ import annotations

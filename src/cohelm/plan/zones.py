@@ -1,6 +1,6 @@
-"""Zones of the map that nothing shows: where the robot keeps out, and where it goes slowly.
+"""Keep-out and speed zones, which no sensor shows.
 
-They stand in the map's frame and so where localization has the map; what LiDARs see is beside them.
+They are in the map's frame, so as accurate as the localization, beside the obstacles of LiDARs.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ FAR = 7.0
 _MOVED = 0.5
 """Distance after which they are sampled anew [m]."""
 _EDGE = 1.5
-"""Cells of a border are no deeper than so many: those that have the outside beside them, or at a
-corner."""
+"""Depth of border cells, in cells: those beside the outside, or at a corner of it."""
 _BEYOND = 0.1
 """In a zone, cells deeper than the robot by this are obstacles [m]."""
 
@@ -57,7 +56,7 @@ class Cells(NamedTuple):
 
 
 class KeepOut(NamedTuple):
-    """Zones in which the robot must not be."""
+    """Keep-out zones."""
 
     depth: Cells
     """Distance to the border of the zone [m]; 0 outside."""
@@ -66,7 +65,7 @@ class KeepOut(NamedTuple):
 
 
 def keep_out(marked: NDArray[np.bool_], resolution: float, origin: Pose) -> KeepOut:
-    """From the cells that are marked, (rows, columns); coarse ones are divided."""
+    """From marked cells, (rows, columns); coarse cells are divided."""
     parts = max(math.ceil(resolution / CELL - 1e-6), 1)
     fine = np.repeat(np.repeat(marked, parts, axis=0), parts, axis=1)
     side = resolution / parts
@@ -102,7 +101,7 @@ class Fence:
         self._standing(self._near, self._window(Pose(0.0, 0.0, 0.0)))  # compiles what is needed
 
     def reshape(self, outline: Floats) -> None:
-        """The robot has another outline from now on."""
+        """Use another outline from now on."""
         self._samples = covering(outline, CELL)
         self._pose: Pose | None = None
 
@@ -149,8 +148,8 @@ class Fence:
         return self._standing(np.ones(len(self._border), np.bool_), np.s_[:, :])
 
     def _standing(self, near: NDArray[np.bool_], window: tuple[slice, slice]) -> Floats:
-        """The border of what stands, (p, 2) [m]. near: of whole zones, which points of it. window:
-        the part of the raster where that of others is looked for."""
+        """The border of the zones, (p, 2) [m]. near: which border points of whole zones. window:
+        part of the raster that is searched for the border of the others."""
         zones, cells = self.zones, self.zones.depth
         found = [self._border[near & ~np.isin(self._of, list(self._allowed))]]
         top, left = (part.start or 0 for part in window)
@@ -182,13 +181,13 @@ class SpeedZones(NamedTuple):
     """Whether they are shares."""
 
     def limit(self, body: Floats) -> float:
-        """The lowest under points (p, 2) of the map; infinite where there is none."""
+        """The lowest limit at points (p, 2) of the map; infinite without one."""
         found = self.limits.at(body)
         return float(found[found > 0.0].min()) if (found > 0.0).any() else math.inf
 
 
 class Zones(NamedTuple):
-    """Of one map; None: none."""
+    """The zones of one map; None: none."""
 
     keep_out: KeepOut | None = None
     slow: SpeedZones | None = None
@@ -205,14 +204,14 @@ class Zoned:
         self.reshape(outline)
 
     def reshape(self, outline: Floats) -> None:
-        """The robot has another outline from now on."""
+        """Use another outline from now on."""
         self._body = covering(outline, CELL)
         if self._fence is not None:
             self._fence.reshape(outline)
 
     def points(self, pose: Pose) -> Floats:
-        """The keep-out zones that stand in its way, (p, 2), in the map [m]; the same array as long
-        as nothing changes."""
+        """The keep-out zones as points, (p, 2), in the map [m]; the same array while nothing
+        changes."""
         return _NOTHING if self._fence is None else self._fence.points(pose)
 
     def beside(self, seen: Surroundings, pose: Pose) -> Surroundings:
@@ -225,8 +224,8 @@ class Zoned:
         return self._fence is not None and self._fence.inside
 
     def limit(self, pose: Pose) -> tuple[float, str]:
-        """How fast the speed zones that it is on let it go [m/s], and why; infinite where there is
-        none."""
+        """The limit of the speed zones that it is in [m/s], and the reason; infinite without
+        one."""
         if self._slow is None:
             return math.inf, ""
         limit = self._slow.limit(placed(self._body, pose))
@@ -241,7 +240,7 @@ _NOTHING: Floats = np.empty((0, 2))
 
 
 def covering(outline: Floats, side: float) -> Floats:
-    """Points of a convex outline (k, 2) and of all that is within, no farther apart, (p, 2) [m]."""
+    """Points on and in a convex outline (k, 2), spaced at most so far, (p, 2) [m]."""
     xs, ys = _spaced(outline[:, 0], side), _spaced(outline[:, 1], side)
     grid = np.column_stack((np.repeat(xs, len(ys)), np.tile(ys, len(xs))))
     edges = np.roll(outline, -1, axis=0) - outline
@@ -255,7 +254,7 @@ def covering(outline: Floats, side: float) -> Floats:
 
 
 def _spaced(values: Floats, side: float) -> Floats:
-    """From the smallest to the largest, no farther apart."""
+    """From the smallest to the largest, spaced at most so far."""
     low, high = float(values.min()), float(values.max())
     made: Floats = np.linspace(low, high, math.ceil((high - low) / side) + 1)
     return made
@@ -266,5 +265,5 @@ def _far(a: Pose, b: Pose) -> float:
 
 
 def _alike(a: dict[int, float], b: dict[int, float]) -> bool:
-    """Whether as much of each zone stands, to a centimetre."""
+    """Whether the allowed depths are equal, to a centimetre."""
     return a.keys() == b.keys() and all(abs(a[zone] - b[zone]) < 0.01 for zone in a)
