@@ -71,11 +71,11 @@ def test_every_number_of_a_choice_is_told_on_the_page_and_in_the_definition(fiel
 def test_every_status_of_the_diagnostics_is_told_with_its_values():
     from cohelm.link.messages import Alarm, Mode as Chosen, Severity
     from cohelm.link.recorded_status import StatusWords
-    from cohelm.record.shown import said
+    from cohelm.record.shown import to_messages
 
     alarm = Alarm(1, Severity.WARNING, True, False, "a")
     told = StatusWords(1, "anna", Chosen.HOLD, "", "", 1.0, "", (alarm,))
-    ((_, message),) = said(told, 0, "map")
+    ((_, message),) = to_messages(told, 0, "map")
     rows = re.findall(r"^\| `([\w ]+)`.*?\|.*?\| (.*?)\|", section("The diagnostics message"), re.M)
     assert {name: set(re.findall(r"`(\w+)`", values)) for name, values in rows} == {
         one.name: {pair.key for pair in one.values} for one in message.status

@@ -15,7 +15,7 @@ from cohelm.record.file import About, RecordWriter
 from cohelm.record.messages import messages
 from cohelm.record.read import read_record
 from cohelm.record.replay import Replayed, recorded_model
-from cohelm.record.shown import TOPICS as SHOWN_TOPICS, understood
+from cohelm.record.shown import TOPICS as SHOWN_TOPICS, from_message
 from cohelm.record.topics import TOPICS
 from cohelm.robot.keep.record_pipe import Event
 from cohelm.robot.port import Odometry
@@ -70,7 +70,7 @@ def test_another_reader_understands_every_message(drive):
 
 
 def test_what_was_shown_comes_back(drive):
-    back = [understood(topic, said) for topic, _, said in messages(drive, list(SHOWN_TOPICS))]
+    back = [from_message(topic, said) for topic, _, said in messages(drive, list(SHOWN_TOPICS))]
     assert repr(back) == repr(list(SHOWN))
 
 

@@ -48,18 +48,17 @@ class OverLink:
     def receive(self) -> OperatorInput:
         """The driver's input; RECORD requests are handled here, not by the loop."""
         received = self._end.receive()
-        if not any(asked.request.what == Ask.RECORD for asked in received.requests):
+        if not any(requested.request.what == Ask.RECORD for requested in received.requests):
             return received
         rest: list[ClientRequest] = []
-        for asked in received.requests:
-            number, what, value, _ = asked.request
+        for requested in received.requests:
+            number, what, value, _ = requested.request
             if what != Ask.RECORD:
-                rest.append(asked)
+                rest.append(requested)
                 continue
-            said = (
-                "you do not drive" if asked.client != received.driver else self.record(value != 0)
-            )
-            self.answer(asked.client, number, not said, said)
+            own = requested.client == received.driver
+            refusal = self.record(value != 0) if own else "you do not drive"
+            self.answer(requested.client, number, not refusal, refusal)
         return received._replace(requests=tuple(rest))
 
     # ---- besides ------------------------------------------------------------------------

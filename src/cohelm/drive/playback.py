@@ -25,7 +25,7 @@ from cohelm.loop.status import AHEAD, AHEAD_STEP, status
 from cohelm.record import markers
 from cohelm.record.read import RecordedPeriods, periods
 from cohelm.record.replay import recorded_model
-from cohelm.record.shown import TOPICS as SHOWN, ZONES, understood
+from cohelm.record.shown import TOPICS as SHOWN, ZONES, from_message
 from cohelm.record.topics import IMAGE, scan_topic
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.model import RobotModel
@@ -172,7 +172,7 @@ class Playback:
             if (outline := markers.outline(message)) is not None:
                 series.add(t, outline.astype(np.float32))
         else:
-            series.add(t, understood(topic, message))
+            series.add(t, from_message(topic, message))
 
     # ---- telling ------------------------------------------------------------------------
 

@@ -55,7 +55,7 @@ _LEVELS = {Severity.NOTICE: 0, Severity.WARNING: 1, Severity.ALARM: 2}
 _UNKNOWN = 255
 
 
-def said(
+def to_messages(
     what: StatusWords | Map | ZoneMap | Polyline | Discs, stamp: int, frame: str
 ) -> Iterator[tuple[str, Any]]:
     """Topics and messages for it. stamp: [ns]. frame: of the map."""
@@ -81,11 +81,11 @@ def said(
             pass
 
 
-def understood(topic: str, message: Any) -> StatusWords | Map | ZoneMap | Polyline | Discs:
-    """Inverse of `said`: the content of a message on one of `TOPICS`."""
+def from_message(topic: str, message: Any) -> StatusWords | Map | ZoneMap | Polyline | Discs:
+    """Inverse of `to_messages`: the content of a message on one of `TOPICS`."""
     match topic:
         case "/diagnostics":
-            return _told(message)
+            return _status_words(message)
         case "/map":
             return _map(message)
         case "/keep_out" | "/speed_zones":
@@ -98,14 +98,14 @@ def understood(topic: str, message: Any) -> StatusWords | Map | ZoneMap | Polyli
             return Polyline(line, np.array(at, dtype=np.float32).reshape(-1, 2))
 
 
-def _words(told: StatusWords) -> Iterator[Any]:
+def _words(texts: StatusWords) -> Iterator[Any]:
     ok, error = DiagnosticStatus.OK, DiagnosticStatus.ERROR
-    yield _word(ok, "driver", told.name, number=told.driver)
-    yield _word(ok, "mode", told.mode.name)
-    yield _word(error if told.stopped else ok, "stopped", told.stopped)
-    yield _word(ok, "why", told.why)
-    yield _word(ok, "speed cap", told.cap_reason, metres_per_second=told.cap)
-    for a in told.alarms:
+    yield _word(ok, "driver", texts.name, number=texts.driver)
+    yield _word(ok, "mode", texts.mode.name)
+    yield _word(error if texts.stopped else ok, "stopped", texts.stopped)
+    yield _word(ok, "why", texts.why)
+    yield _word(ok, "speed cap", texts.cap_reason, metres_per_second=texts.cap)
+    for a in texts.alarms:
         yield _word(
             _LEVELS[a.severity], "alarm", a.text, number=a.number,
             active=int(a.active), acknowledged=int(a.acknowledged),
@@ -117,7 +117,7 @@ def _word(level: int, name: str, text: str, **values: float) -> DiagnosticStatus
     return DiagnosticStatus(level, name, text, "", pairs)
 
 
-def _told(message: Any) -> StatusWords:
+def _status_words(message: Any) -> StatusWords:
     by_name: dict[str, Any] = {}
     alarms: list[Alarm] = []
     severities = {level: severity for severity, level in _LEVELS.items()}

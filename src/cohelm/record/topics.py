@@ -155,7 +155,7 @@ class RecordTopics:
         elif isinstance(message, Odometry):
             self._odom(message)
         elif isinstance(message, Displayed):
-            for topic, what in shown.said(message.what, self._stamp(message.stamp), MAP):
+            for topic, what in shown.to_messages(message.what, self._stamp(message.stamp), MAP):
                 self._say(message.stamp, topic, what)
         elif isinstance(message, Scan):
             self._scan(message)

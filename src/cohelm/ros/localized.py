@@ -23,7 +23,7 @@ from cohelm.link.bulk_messages import Map
 from cohelm.perceive.pipeline import Seen
 from cohelm.record import ros2
 from cohelm.record.ros2 import header, transform
-from cohelm.record.shown import TOPICS, said
+from cohelm.record.shown import TOPICS, to_messages
 from cohelm.robot.port import Odometry
 from cohelm.ros.clock import SimulatedClock
 from cohelm.ros.found import Found
@@ -184,7 +184,7 @@ class Localized:
                 publisher = one.node or "somebody else"
                 self._log(f"{topic} is published by {publisher} already: cohelm publishes none")
                 return
-        ((_, message),) = said(drawn, round(1e9 * self._stamp(0.0)), self.frame)
+        ((_, message),) = to_messages(drawn, round(1e9 * self._stamp(0.0)), self.frame)
         self._transport.publish(topic, TOPICS["/map"], LATCHED).send(message)
 
     def _publish_pose(self, place: LocatedPose) -> None:

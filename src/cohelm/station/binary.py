@@ -30,12 +30,18 @@ def map_part(part: Map) -> bytes:
     return head + part.cells
 
 
-def zones(told: ZoneMap) -> bytes:
+def zones(message: ZoneMap) -> bytes:
     """Keep-out or speed zones; cells stay compressed."""
     head = _ZONES.pack(
-        ZONES, told.what, *told.origin, told.resolution, told.usual, told.columns, told.rows
+        ZONES,
+        message.what,
+        *message.origin,
+        message.resolution,
+        message.usual,
+        message.columns,
+        message.rows,
     )
-    return head + told.cells
+    return head + message.cells
 
 
 def scan(whole: WholeScan, age: float) -> bytes:

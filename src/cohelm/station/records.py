@@ -1,7 +1,7 @@
 """Records of the robot, downloaded whole or not at all, over a link of their own.
 
-The robot says how long a record is and what its SHA-256 is, then sends what is asked for, and no
-more than `AHEAD` is asked for beyond what the browser has taken: a browser that reads slowly slows
+The robot sends a record's length and SHA-256, then what is requested, and no more than `AHEAD` is
+requested beyond what the browser has taken: a browser that reads slowly slows
 the robot down and fills nobody's memory. The last piece is only handed on when all before it has
 the hash. What goes wrong after the first byte breaks the connection off, short of the length that
 was promised, so that no browser takes it for the whole.
@@ -33,7 +33,7 @@ AHEAD = 1_048_576
 PIECE_WITHIN = 20.0
 """A robot that sends nothing for so long has given up; at its slowest a piece takes 3 s [s]."""
 AGAIN_AFTER = 6.0
-"""What has not come by then was lost with a connection, and is asked for again [s]."""
+"""What has not come by then was lost with a connection, and is requested again [s]."""
 TAKEN_WITHIN = 60.0
 """A browser that takes nothing for so long is let go [s]."""
 DIGEST_WITHIN = 300.0
@@ -116,15 +116,15 @@ def _full() -> Response:
 
 
 def _part(request: Request, size: int, tag: str) -> tuple[int, int] | None:
-    """First byte, and the one after the last, of what is asked for; None: there is none such."""
-    asked = _RANGE.fullmatch(request.headers.get("range", ""))
-    if asked is None or request.headers.get("if-range", tag) != tag or asked[0] == "bytes=-":
+    """First byte, and the one after the last, of the requested range; None: invalid."""
+    match = _RANGE.fullmatch(request.headers.get("range", ""))
+    if match is None or request.headers.get("if-range", tag) != tag or match[0] == "bytes=-":
         return 0, size
-    if not asked[1]:
-        first, end = max(size - int(asked[2]), 0), size
+    if not match[1]:
+        first, end = max(size - int(match[2]), 0), size
     else:
-        first = int(asked[1])
-        end = min(int(asked[2]) + 1, size) if asked[2] else size
+        first = int(match[1])
+        end = min(int(match[2]) + 1, size) if match[2] else size
     return (first, end) if first < end else None
 
 
@@ -152,15 +152,15 @@ async def pieces(link: RobotLink, about: Digest, first: int, end: int) -> AsyncG
 
     Raises Broken where they do not come, or not as they were.
     """
-    at = asked = first
+    at = requested = first
     whole = (first, end) == (0, about.size)
     hasher, held = hashlib.sha256(), b""
-    since = asked_at = time.monotonic()
+    since = requested_at = time.monotonic()
     while at < end:
-        while asked < end and asked - at < AHEAD:
-            size = min(WINDOW, end - asked)
-            link.fetch(about.name, asked, size)
-            asked += size
+        while requested < end and requested - at < AHEAD:
+            size = min(WINDOW, end - requested)
+            link.fetch(about.name, requested, size)
+            requested += size
         for news in link.news():
             piece = news.message
             if not isinstance(piece, Piece) or piece.name != about.name or piece.offset != at:
@@ -172,12 +172,12 @@ async def pieces(link: RobotLink, about: Digest, first: int, end: int) -> AsyncG
             if held:
                 yield held
             held = piece.data
-            since = asked_at = time.monotonic()  # also after a browser took its time
+            since = requested_at = time.monotonic()  # also after a browser took its time
         now = time.monotonic()
         if now - since > PIECE_WITHIN:
             raise Broken(f"the robot sent no more of {about.name}")
-        if now - asked_at > AGAIN_AFTER:
-            asked, asked_at = at, now
+        if now - requested_at > AGAIN_AFTER:
+            requested, requested_at = at, now
         if at < end:
             await asyncio.sleep(_POLL)
     if whole and hasher.digest() != about.sha256:

@@ -102,10 +102,10 @@ def state(s: robot.Status, stamp: float, age: float) -> page.State:
 def who(lease: robot.Lease, names: dict[int, str], operators: list[str]) -> page.Who:
     """Who drives. names: of the robot's clients that are pages of this station."""
 
-    def name(number: int, told: str) -> str | None:
+    def name(number: int, own_name: str) -> str | None:
         if number == 0:
             return None
-        return names.get(number) or f"{told or 'somebody'} ({number})"
+        return names.get(number) or f"{own_name or 'somebody'} ({number})"
 
     left = known(lease.left)
     return page.Who(
