@@ -134,15 +134,17 @@ def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(robot, time)
         try:
             asked = "--ros2 --mode automatic --arrive --for 90"
             with cohelm("robot", *there, *asked.split()) as process:
-                told = json.loads(process.communicate(timeout=400.0)[0])
+                out, said = process.communicate(timeout=400.0)
         finally:
             base.send_signal(signal.SIGINT)
             truth = json.loads(base.communicate(timeout=30.0)[0])
             rviz.close()
+    assert out, said
+    told = json.loads(out)
     assert truth["least_clearance_moving_m"] > 0.05
     if re.search("ms old|no sound command", told["reason"]):
         pytest.skip(f"this machine is too busy for it: {told['reason']}")
-    assert told["arrived"], told
+    assert told["arrived"], (told["reason"], told["overruns"], said)
     assert not told["lost"]
     at = compose(placed[max(placed)], moved[max(moved)])
     assert math.hypot(at.x - truth["x_m"], at.y - truth["y_m"]) < 0.1
