@@ -133,10 +133,12 @@ def oncomers(draw, agilities=(0.0, 0.5, 2.0)):
     return radius, draw(st.sampled_from(agilities)), np.array(state), off
 
 
-def worst_gaps(outline, twist, lim, radius, max_acceleration, state, off):
+def worst_gaps(outline, twist, lim, radius, max_acceleration, state, off, until=0.0):
     """The gap at each of the looks of `stopped_after`, the disc grown by its velocity's error t +
-    largest acceleration t^2 / 2."""
-    for k, pose in enumerate(stopped_after(twist, lim)):
+    largest acceleration t^2 / 2; also while the robot then stands, until that time [s]."""
+    poses = list(stopped_after(twist, lim))
+    poses += [poses[-1]] * (round(until / DT * FINE) + 1 - len(poses))
+    for k, pose in enumerate(poses):
         t = k * DT / FINE
         x, y = state[:2] + state[2:] * t
         reached = radius + off * t + max_acceleration * t * t / 2
@@ -152,23 +154,19 @@ def test_a_mover_is_cleared_exactly_where_it_can_not_come_near_while_the_robot_m
     assume(twist != Twist(0.0, 0.0))
     assume(max_acceleration > 0.0 or off > 0.0 or state[2:].any())  # else it rests
     around = one_disc(*oncomer)
-    least = min(worst_gaps(outline, twist, lim, *oncomer))
     pace = (
         abs(twist.v) + abs(twist.omega) * circumscribed_radius(outline) + np.hypot(*state[2:]) + off
     )
-    stops = DT * (1 + len(braking(twist, lim, DT)))
-    between = (pace + max_acceleration * stops) * DT / FINE
     now = clearances(outline, Pose(0.0, 0.0, 0.0), around)[0]
     if certificate(outline, twist, lim, around) == CLEAR:
+        gaps = list(worst_gaps(outline, twist, lim, *oncomer))
         if now < 0.015:  # see `_leaves`
-            moving = FINE * max(len(braking(twist, lim, DT)), 1)
-            least = min(list(worst_gaps(outline, twist, lim, *oncomer))[: moving + 1])
-        assert least >= 0.0075 - 1e-9
-    else:
-        later = (
-            pace + max_acceleration * stops
-        ) * DT  # it may look on for one step of rounded braking
-        assert least <= 0.015 + between + later
+            gaps = gaps[: FINE * max(len(braking(twist, lim, DT)), 1) + 1]
+        assert min(gaps) >= 0.0075 - 1e-9
+    else:  # the certificate looks on until rounded braking has ended
+        stop = DT * (1 + math.ceil(brake_steps(twist, lim, DT)))
+        between = (pace + max_acceleration * stop) * DT / FINE
+        assert min(worst_gaps(outline, twist, lim, *oncomer, stop)) <= 0.015 + between
 
 
 @given(commands())
