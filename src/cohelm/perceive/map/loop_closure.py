@@ -92,12 +92,13 @@ class LoopClosure:
         """
         graph, c = self.graph, self.graph.params
         drift = spread(graph.poses, graph.links, k)[: k - c.again]
-        covariance = self.variance_factor() * drift
+        factor = self.variance_factor()
+        covariance = factor * drift
         far = graph.ways[k] - max(self.met, self.wide) > c.lonely
         self.wide = graph.ways[k] if far else self.wide
         reach = c.search + (9.0 if far else 3.0) * np.sqrt(
-            np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1]
-        )
+            np.linalg.eigvalsh(max(factor, 1.0) * drift[:, :2, :2])[:, -1]
+        )  # what drifted little so far may drift as the model says from now on
         close = reach < 2.0 * c.search
         newest = graph.surfaces_around(range(max(0, k + 1 - c.submap), k + 1), graph.poses[k])
         new: list[Link] = []
