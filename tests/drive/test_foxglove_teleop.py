@@ -221,5 +221,5 @@ def test_only_one_of_those_who_look_on_steers(monkeypatch):
     teleop = FoxgloveTeleop(Joined(own, "127.0.0.1", 9, GAINS))
     assert teleop.publish("a", Twist(0.1, 0.0), print) == ""
     assert "somebody else who looks on" in teleop.publish("b", Twist(0.1, 0.0), print)
-    teleop._came -= 11.0
+    teleop._received -= 11.0
     assert teleop.publish("b", Twist(0.1, 0.0), print) == ""

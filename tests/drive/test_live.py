@@ -23,7 +23,7 @@ from cohelm.cli.live import live as live_view
 from cohelm.cli.robot import failures, rows
 from cohelm.core.errors import CohelmError
 from cohelm.drive import live as of_live
-from cohelm.drive.live import ROOM, Live, LiveConfig, _Viewer
+from cohelm.drive.live import QUEUE_LIMIT, Live, LiveConfig, _Viewer
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
@@ -235,8 +235,8 @@ def test_who_never_reads_costs_no_memory_and_holds_nobody_up(live):
             reads.listen(lambda k=k: len(reads.heard[IMAGE]) > k)
         if k == 50:
             settled = of_memory(live.pid)
-    assert settled - before < 8 * ROOM
-    assert of_memory(live.pid) - settled < 8 * ROOM  # 60 MB were not taken
+    assert settled - before < 8 * QUEUE_LIMIT
+    assert of_memory(live.pid) - settled < 8 * QUEUE_LIMIT  # 60 MB were not taken
     assert camera.dropped == 0
     for one in lazy:
         one.listen(lambda one=one: {"/tf_static", "/scene"} <= set(one.heard))
@@ -258,7 +258,7 @@ class Full:
 
 
 def test_who_takes_nothing_is_let_go(monkeypatch):
-    monkeypatch.setattr(of_live, "STUCK", 0.05)
+    monkeypatch.setattr(of_live, "STUCK_TIMEOUT", 0.05)
     connection = Full()
     own_loop.run(_Viewer(connection, ["hello"]).speak())
     assert connection.over
@@ -278,7 +278,7 @@ def test_what_lasts_is_not_dropped_for_who_is_slow():
         return list(viewer._waiting)
 
     waiting = own_loop.run(slow())
-    assert sum(len(data) for _, data in waiting) < ROOM + 300_000
+    assert sum(len(data) for _, data in waiting) < QUEUE_LIMIT + 300_000
     stamps = {topic: HEAD.unpack_from(data)[2] for topic, data in waiting}
     assert stamps == {IMAGE: 40, "/map": 39, "/scene": 0}
 

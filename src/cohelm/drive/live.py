@@ -1,9 +1,9 @@
 """Shows a drive as it goes to Foxglove and Lichtblick: the topics of a record, over WebSocket.
 
-The server is a process of its own, told by loop and gate process as a recorder is: they never wait
-for it, nor does it for who looks on. Who looks on can do nothing else, but steer where that was
-allowed (`foxglove_teleop`). The protocol is Foxglove's (https://github.com/foxglove/ws-protocol,
-docs/spec.md).
+The server is a process of its own. The loop and the gate process send it the same messages as the
+recorder; they never wait for it, and it never waits for a viewer. A viewer can only subscribe, and
+steer where that is allowed (`foxglove_teleop`). The protocol is Foxglove's
+(https://github.com/foxglove/ws-protocol, docs/spec.md).
 """
 
 from __future__ import annotations
@@ -40,25 +40,25 @@ from cohelm.robot.keep.record_pipe import ALIVE
 from cohelm.robot.model import RobotModel
 
 PORT = 8766
-"""8765 is the page's, and any foxglove_bridge's."""
-ROOM = 1 << 20
-"""So much may wait for one who looks on, besides what lasts; then what waits is dropped [B]."""
-MOST = 16
-"""Who look on at once."""
-STUCK = 10.0
-"""Who takes nothing for so long is let go [s]."""
-_SENT = 1 << 18
-"""On its way in the system's own buffer, for each [B]: what waits there can not be dropped."""
+"""8765 is the port of the page, and of foxglove_bridge."""
+QUEUE_LIMIT = 1 << 20
+"""Queue limit of a viewer, besides latched topics; beyond it, queued messages are dropped [B]."""
+MAX_VIEWERS = 16
+"""Viewers at once."""
+STUCK_TIMEOUT = 10.0
+"""A viewer that receives nothing for so long is disconnected [s]."""
+_SEND_BUFFER = 1 << 18
+"""Socket send buffer of each viewer [B]: what is in it can not be dropped."""
 _OPEN = 10.0
 _CLOSE = 1.0
-"""For the beginning and the end of a connection [s]."""
-_TICK = 0.5
-"""From one sign of life to the next [s]."""
+"""Time limits for opening and closing a connection [s]."""
+_HEARTBEAT = 0.5
+"""Period of the heartbeat [s]."""
 _LARGEST = 1 << 16
-"""Of what a viewer says [B]."""
+"""Largest message from a viewer [B]."""
 _PROTOCOLS = [Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1")]
 _DATA, _HEAD = 1, struct.Struct("<BIQ")
-"""Before a message's bytes: what it is, subscription, stamp [ns]."""
+"""Before a message's bytes: opcode, subscription, stamp [ns]."""
 _NO_TELEOP = (
     "nothing can be sent to the robot from here: to steer it, start it with --foxglove-teleop"
 )
@@ -68,17 +68,17 @@ _ERROR = 2
 
 @dataclass(frozen=True)
 class LiveConfig:
-    """Where a drive is shown."""
+    """Address of a live view, and what a viewer may do."""
 
     host: str = "127.0.0.1"
     port: int = PORT
-    """0: a free one."""
+    """0: any free port."""
     token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
-    """Only who has it may look on."""
+    """A viewer must have it."""
     teleop: bool = False
-    """Whether who looks on may steer, too; on loopback only."""
+    """Whether viewers may steer, too; on loopback only."""
     joined: Joined | None = None
-    """How the robot's link is joined for that; known when there is one."""
+    """How the robot's link is joined to steer; None: there is no link yet."""
 
     @property
     def address(self) -> str:
@@ -90,21 +90,21 @@ class LiveConfig:
 
 
 class Live(EventSink):
-    """A server at work. `loop` and `gated` are the ends to speak into, see `RecordLine`."""
+    """A running server. `loop` and `gated` are the ends to write to, see `RecordLine`."""
 
     def __init__(self, config: LiveConfig, model: RobotModel) -> None:
-        """Raises CohelmError where it can not listen."""
+        """Raises CohelmError if it can not listen."""
         listening = _bound(config.host, config.port)
         port = listening.getsockname()[1]
         self.address = LiveConfig(config.host, port, config.token).address
-        """With the token."""
+        """Includes the token."""
         try:
-            super().__init__("cohelm live", _show, listening, config.token, model, config.joined)
+            super().__init__("cohelm live", _main, listening, config.token, model, config.joined)
         finally:
             listening.close()
 
     def close(self) -> None:
-        """Who looks on is told that it is over."""
+        """End the server; viewers are disconnected."""
         self.close_lines()
         self._process.join(2.0 * _CLOSE + 3.0)
         if self._process.is_alive():
@@ -124,35 +124,35 @@ def _bound(host: str, port: int) -> socket.socket:
         ) from None
 
 
-def _show(
+def _main(
     listening: socket.socket, token: str, model: RobotModel, joined: Joined | None,
     loop: socket.socket, gated: socket.socket,
 ) -> None:  # fmt: skip
-    """The other process. It ends when both lines are closed."""
+    """Main function of the server process. It ends when both lines are closed."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     os.nice(5)  # loop, gate process and recorder come first
     teleop = None if joined is None else FoxgloveTeleop(joined)
-    asyncio.run(_shown(listening, LiveServer(model, token, teleop), [loop, gated]))
+    asyncio.run(_serve(listening, LiveServer(model, token, teleop), [loop, gated]))
     if teleop is not None:
         teleop.close()
 
 
-async def _shown(listening: socket.socket, server: LiveServer, lines: list[socket.socket]) -> None:
-    quiet = logging.Logger("cohelm.live", logging.CRITICAL)  # whoever knocks fills no terminal
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SENT)
+async def _serve(listening: socket.socket, server: LiveServer, lines: list[socket.socket]) -> None:
+    silent = logging.Logger("cohelm.live", logging.CRITICAL)  # strangers fill no terminal
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
     async with serve(
         server.attend, sock=listening, process_request=server.admit, subprotocols=_PROTOCOLS,
         compression=None, max_size=_LARGEST, max_queue=4, open_timeout=_OPEN, close_timeout=_CLOSE,
-        server_header=None, logger=quiet,
+        server_header=None, logger=silent,
     ):  # fmt: skip
         await _receive_all(server, lines)
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_CLOSE):
-                await server.said()
+                await server.drained()
 
 
 async def _receive_all(server: LiveServer, lines: list[socket.socket]) -> None:
-    """Hear until all lines are closed. lines: the first one is the loop's."""
+    """Receive until all lines are closed. lines: the first one is the loop's."""
     running, closed = asyncio.get_running_loop(), [asyncio.Event() for _ in lines]
 
     def on_readable(end: socket.socket, over: asyncio.Event) -> None:
@@ -174,23 +174,23 @@ async def _receive_all(server: LiveServer, lines: list[socket.socket]) -> None:
 
 
 async def _heartbeat(server: LiveServer, loop: socket.socket) -> None:
-    """Of life, to the loop; and whether anybody looks through the camera."""
-    told = False
+    """Send heartbeats to the loop, and whether a viewer subscribes to the camera."""
+    sent = False
     while True:
         with contextlib.suppress(OSError):  # the loop is gone, or does not listen
             loop.send(ALIVE, socket.MSG_DONTWAIT)
             wanted = server.wanted(IMAGE)
-            if wanted != told:
+            if wanted != sent:
                 loop.send(pickle.dumps(wanted), socket.MSG_DONTWAIT)
-                told = wanted
-        await asyncio.sleep(_TICK)
+                sent = wanted
+        await asyncio.sleep(_HEARTBEAT)
 
 
 class LiveServer:
-    """Has what is said passed on to who asked for it; what lasts also to who comes later."""
+    """Forwards messages to their subscribers; latched topics also to later subscribers."""
 
     def __init__(self, model: RobotModel, token: str, teleop: FoxgloveTeleop | None = None) -> None:
-        """teleop: who steers for those who look on; None: nobody may."""
+        """teleop: steers for the viewers; None: no viewer may steer."""
         self._teleop = teleop
         self._model, self._path = model, f"/{token}".encode()
         self._topics: RecordTopics | None = None
@@ -214,7 +214,7 @@ class LiveServer:
         self._greetings = [json.dumps(one) for one in (info, _op("advertise", channels=channels))]
 
     def take(self, message: Any) -> None:
-        """One message of loop or gate process; first the time stamp of t = 0 [ns]."""
+        """Take a message of loop or gate process; the first is the time stamp of t = 0 [ns]."""
         if isinstance(message, int):
             self._topics = RecordTopics(message, self.put, self._model, self.wanted)
             self._topics.begin()
@@ -222,26 +222,26 @@ class LiveServer:
             self._topics.write(message)
 
     def wanted(self, topic: str) -> bool:
-        """Whether it is of use to anybody."""
+        """Whether a topic is latched or has a subscriber."""
         return topic in LASTING or any(topic in one.subscribed for one in self._viewers)
 
     def put(self, topic: str, data: bytes, stamp: int, number: int | None = None) -> None:
-        """One message, in CDR. stamp: [ns]."""
+        """Forward one message, in CDR. stamp: [ns]."""
         if topic in LASTING:
             self._last[topic] = stamp, data
         for one in self._viewers:
             one.give(topic, stamp, data)
 
     def admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Only who has the token."""
+        """Refuse a connection without the token."""
         if hmac.compare_digest(request.path.encode(), self._path):
             return None
-        said = "take the whole address that cohelm says, with what stands behind the last /\n"
-        return connection.respond(HTTPStatus.UNAUTHORIZED, said)
+        hint = "take the whole address that cohelm says, with what stands behind the last /\n"
+        return connection.respond(HTTPStatus.UNAUTHORIZED, hint)
 
     async def attend(self, connection: ServerConnection) -> None:
-        """One who looks on, until they go."""
-        if len(self._viewers) >= MOST:
+        """Serve one viewer until it disconnects."""
+        if len(self._viewers) >= MAX_VIEWERS:
             await connection.close(1013, "too many look on already")
             return
         viewer = _Viewer(connection, self._greetings, self._teleop)
@@ -260,18 +260,18 @@ class LiveServer:
             for one in tasks:
                 one.cancel()
 
-    async def said(self) -> None:
-        """Wait until nothing waits for anybody."""
+    async def drained(self) -> None:
+        """Wait until all viewers' queues are empty."""
         while any(one.waits for one in self._viewers):
             await asyncio.sleep(0.02)
 
-    def _on_message(self, viewer: _Viewer, said: str | bytes) -> None:
-        """Subscribe and unsubscribe, and where somebody may steer, what is published."""
+    def _on_message(self, viewer: _Viewer, data: str | bytes) -> None:
+        """Subscribe and unsubscribe, and publish where viewers may steer."""
         try:
-            if isinstance(said, bytes) and self._teleop is not None:
-                viewer.published.take(said)
+            if isinstance(data, bytes) and self._teleop is not None:
+                viewer.published.take(data)
                 return
-            request: Any = json.loads(said)
+            request: Any = json.loads(data)
             match request["op"]:
                 case "subscribe":
                     for one in _listed(request["subscriptions"]):
@@ -296,7 +296,7 @@ class LiveServer:
 
 
 class _Viewer:
-    """One who looks on, and what waits to be sent there."""
+    """One viewer and its send queue."""
 
     def __init__(
         self, connection: ServerConnection, greetings: list[str],
@@ -304,41 +304,41 @@ class _Viewer:
     ) -> None:  # fmt: skip
         self._connection = connection
         self.published = PublishedTwists(teleop, self.tell)
-        """What they steer with."""
+        """The twists that this viewer publishes."""
         self._waiting: deque[tuple[str, str | bytes]] = deque(("", one) for one in greetings)
         self._size = 0
         self._waker = asyncio.Event()
         self._waker.set()
         self.subscribed: dict[str, int] = {}
-        """Topics, with the numbers of the subscriptions."""
+        """Subscription number of each topic."""
 
     @property
     def waits(self) -> bool:
-        """Whether anything does."""
+        """Whether messages are queued."""
         return bool(self._waiting)
 
     def subscribe(self, topic: str, number: int) -> bool:
-        """Whether that is new: a topic is subscribed to once."""
+        """Subscribe once to a topic; whether the subscription is new."""
         _HEAD.pack(_DATA, number, 0)  # struct.error: no number that can be sent
         return self.subscribed.setdefault(topic, number) == number
 
     def unsubscribe(self, number: int) -> None:
-        """No more of it."""
+        """End a subscription."""
         self.subscribed = {topic: own for topic, own in self.subscribed.items() if own != number}
 
     def give(self, topic: str, stamp: int, data: bytes) -> None:
-        """Have it sent, if it is subscribed to. stamp: [ns]."""
+        """Queue a message if its topic is subscribed to. stamp: [ns]."""
         if topic in self.subscribed:
             self._put(topic, _HEAD.pack(_DATA, self.subscribed[topic], stamp) + data)
 
     def tell(self, text: str) -> None:
-        """In a viewer's list of problems."""
+        """Show a text in the viewer's list of problems."""
         self._put("", json.dumps(_op("status", level=_ERROR, message=text)))
 
     def _put(self, topic: str, data: str | bytes) -> None:
         self._waiting.append((topic, data))
         self._size += len(data)
-        if self._size > ROOM:  # too slow: on with the newest, and the last of what lasts
+        if self._size > QUEUE_LIMIT:  # too slow: keep the newest, and the latched
             newest = self._waiting.pop()
             kept = {topic: (topic, data) for topic, data in self._waiting if topic in LASTING}
             self._waiting = deque((*kept.values(), newest))
@@ -346,7 +346,7 @@ class _Viewer:
         self._waker.set()
 
     async def speak(self) -> None:
-        """Send what waits, until the connection ends; a connection that takes nothing is ended."""
+        """Send the queue until the connection ends; close a connection that is stuck."""
         with contextlib.suppress(ConnectionClosed):
             while await self._waker.wait():
                 self._waker.clear()
@@ -354,7 +354,7 @@ class _Viewer:
                     _, data = self._waiting.popleft()
                     self._size -= len(data)
                     try:
-                        async with asyncio.timeout(STUCK):
+                        async with asyncio.timeout(STUCK_TIMEOUT):
                             await self._connection.send(data)
                     except TimeoutError:
                         self._connection.transport.abort()

@@ -1,4 +1,4 @@
-"""Twists that one who looks on publishes over Foxglove's protocol, from bytes to numbers."""
+"""Twists that a viewer publishes over Foxglove's protocol: parses their messages."""
 
 from __future__ import annotations
 
@@ -23,37 +23,37 @@ _KINDS = {
     "geometry_msgs/Twist": _TWIST, _TWIST: _TWIST,
     "geometry_msgs/TwistStamped": _STAMPED, _STAMPED: _STAMPED,
 }  # fmt: skip
-"""By the names that ROS 1 and ROS 2 have for them."""
+"""By their names in ROS 1 and ROS 2."""
 _HEAD = struct.Struct("<BI")
-"""Before a message's bytes: what it is, and the channel."""
-_MOST = 8
-"""Channels."""
-_AGAIN = 2.0
-"""What is refused is told no more often [s]."""
-_ASKED = 0.1
-"""From one question whether they are there to the next [s]."""
+"""Before a message's bytes: opcode and channel."""
+_MAX_CHANNELS = 8
+"""Channels of one viewer."""
+_REPORT_PERIOD = 2.0
+"""Least time from one reported refusal to the next [s]."""
+_PING_PERIOD = 0.1
+"""Period of pings [s]."""
 
 
 class PublishedTwists:
-    """Of one connection; all but `vouch` is called from the server's loop and returns at once."""
+    """The twists of one connection; all calls but `vouch` return at once, in the server's loop."""
 
     def __init__(self, teleop: FoxgloveTeleop | None, tell: Callable[[str], None]) -> None:
-        """tell: says a sentence to them, from the server's loop."""
+        """tell: shows a sentence to the viewer; called from the server's loop."""
         self._teleop, self._tell = teleop, tell
         self._channels: dict[int, tuple[str, str]] = {}
         """Type and encoding of each."""
-        self._turning: asyncio.AbstractEventLoop | None = None
-        self._refused = -math.inf
-        """When it was last told that a twist does not count [s]."""
+        self._event_loop: asyncio.AbstractEventLoop | None = None
+        self._refusal_reported = -math.inf
+        """When a refused twist was last reported [s]."""
 
     def advertise(self, channel: Any) -> None:
-        """They will publish. KeyError, TypeError for what is no channel."""
+        """Open a channel. KeyError, TypeError for what is no channel."""
         number, topic = channel["id"], channel["topic"]
         name, encoding = channel["schemaName"], channel["encoding"]
         kind = _KINDS.get(name)
         if kind is None:
             self._tell(f"{topic} is {name}: the robot is steered with {_TWIST} or TwistStamped")
-        elif len(self._channels) >= _MOST:
+        elif len(self._channels) >= _MAX_CHANNELS:
             self._tell(f"{topic} is one too many: steer on one topic")
         elif encoding not in ENCODINGS:
             self._tell(f"{topic} comes as {encoding}: it has to be {' or '.join(ENCODINGS)}")
@@ -61,12 +61,12 @@ class PublishedTwists:
             self._channels[int(number)] = kind, encoding
 
     def unadvertise(self, number: Any) -> None:
-        """They will publish no more on that."""
+        """Close a channel."""
         if self._channels.pop(number, None) and not self._channels:
             self.gone()
 
     def take(self, data: bytes) -> None:
-        """One message. ValueError, KeyError, TypeError or struct.error for what is none."""
+        """Take a message. ValueError, KeyError, TypeError or struct.error if it is malformed."""
         what, number = _HEAD.unpack_from(data)
         if what != 1:
             raise ValueError
@@ -74,19 +74,19 @@ class PublishedTwists:
             return  # of a channel that was refused
         kind, encoding = self._channels[number]
         twist = twist_of(data[_HEAD.size :], kind, encoding)
-        self._turning = asyncio.get_running_loop()
+        self._event_loop = asyncio.get_running_loop()
         why, now = self._teleop.publish(self, twist, self._say), time.monotonic()
-        if why and now - self._refused > _AGAIN:
-            self._refused = now
+        if why and now - self._refusal_reported > _REPORT_PERIOD:
+            self._refusal_reported = now
             self._tell(why)
 
     def gone(self) -> None:
-        """They publish nothing any more."""
+        """The viewer publishes no more."""
         if self._teleop is not None:
             self._teleop.gone(self)
 
     async def vouch(self, connection: ServerConnection) -> None:
-        """Ask all the time whether they are there, while they may steer."""
+        """Ping the viewer all the time, where it may steer."""
         while self._teleop is not None:
             try:
                 answer = await connection.ping()
@@ -97,16 +97,16 @@ class PublishedTwists:
                 pass
             except ConnectionClosed:
                 return
-            await asyncio.sleep(_ASKED)
+            await asyncio.sleep(_PING_PERIOD)
 
     def _say(self, text: str) -> None:
-        """From another thread."""
-        if self._turning is not None:
-            self._turning.call_soon_threadsafe(self._tell, text)
+        """Show a sentence; called from another thread."""
+        if self._event_loop is not None:
+            self._event_loop.call_soon_threadsafe(self._tell, text)
 
 
 def twist_of(data: bytes, kind: str, encoding: str) -> Twist:
-    """Of a message. ValueError, KeyError, TypeError or struct.error for what is none."""
+    """A message's twist. ValueError, KeyError, TypeError or struct.error if it is malformed."""
     if encoding == "json":
         found: Any = json.loads(data)
         found = found["twist"] if kind == _STAMPED else found
