@@ -7,7 +7,7 @@ import time
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.drive.on_topics import TopicsConfig, heard_besides
+from cohelm.drive.on_topics import TopicsConfig, optional_topics
 from cohelm.ros.goals import GOAL
 from cohelm.ros.interlock import Interlock
 from cohelm.ros.joy import JOY, JoyOperator, JoyParams
@@ -48,7 +48,7 @@ class Network:
 def told(*ends, config=CONFIG) -> list[str]:
     network, said = Network(), list[str]()
     made = Unreached(network, (), said.append)
-    made._wanted = heard_besides(config, "/r2")
+    made._wanted = optional_topics(config, "/r2")
     for one in ends:
         network.comes(*one)
     for _ in range(4):
@@ -95,7 +95,7 @@ def test_it_looks_by_itself_and_a_transport_that_is_gone_ends_nothing(monkeypatc
 
     network.endpoints = seen
     network.comes("/r2/joy", TWIST)
-    made = Unreached(network, heard_besides(CONFIG, "/r2"), said.append)
+    made = Unreached(network, optional_topics(CONFIG, "/r2"), said.append)
     assert any(said for _ in looks(20.0, 0.01, 0.2))
     made.close()
 

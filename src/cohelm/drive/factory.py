@@ -1,4 +1,4 @@
-"""What a session drives: something that makes a robot, and the site where it drives."""
+"""Factories of the robot that a session drives, with the site where it drives."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from cohelm.scenario import load
 from cohelm.scenario.model import Scenario
 
 GROUP = "cohelm.robots"
-"""Entry points that name robots by others."""
+"""Entry points of robots in other packages."""
 
 Make = Callable[[RobotModel], Robot] | Robot
 """A class or function that makes a robot of its model; or a robot that can be pickled."""
 
 
 class RobotFactory(Protocol):
-    """Makes a robot wherever it is called, and says where it drives. Can be pickled."""
+    """Makes a robot in the process that calls it, and has its site. Can be pickled."""
 
     @property
     def scenario(self) -> Scenario:
-        """The site: map, route, law and stick; standing alone, the robot's description in it."""
+        """The site: map, route, law and stick; self-contained, with the robot's description."""
         ...
 
     @property
@@ -52,27 +52,27 @@ class RobotFactory(Protocol):
 
     @property
     def start(self) -> Pose:
-        """Where it begins."""
+        """Its first pose."""
         ...
 
     def delay(self, period: float) -> float:
-        """From a command to its effect, as the guard has to foresee it [s]."""
+        """From a command to its effect, as the guard must predict it [s]."""
         ...
 
     def __call__(self) -> RobotPort:
-        """A new one."""
+        """Make a robot."""
         ...
 
 
 def described(site: Scenario) -> RobotModel:
-    """The robot of a site that stands alone."""
+    """The robot of a self-contained site."""
     if isinstance(site.robot, str):
         raise TypeError("the robot is still a name")
     return site.robot
 
 
 def beginning(site: Scenario) -> Pose:
-    """Where a site's robot begins: as it says, or on its route's first pose."""
+    """First pose of a site's robot: `start`, or the first pose of its route."""
     if site.start is not None:
         return Pose(site.start.x_m, site.start.y_m, site.start.heading_rad)
     first = desired(site.reference.spline(), 0.0, False)
@@ -81,7 +81,7 @@ def beginning(site: Scenario) -> Pose:
 
 @dataclass(frozen=True)
 class OwnRobot:
-    """A robot by somebody else, at a site whose obstacles are not simulated: they are there."""
+    """A user's robot, at a site whose obstacles are real and not simulated."""
 
     scenario: Scenario
     make: Make
@@ -95,15 +95,15 @@ class OwnRobot:
 
     @property
     def start(self) -> Pose:
-        """Where it is put down."""
+        """Its first pose."""
         return beginning(self.scenario)
 
     def delay(self, period: float) -> float:
-        """As measured, lag included; see docs/loop.md."""
+        """As measured, with lag; see docs/loop.md."""
         return self.model.delay_s
 
     def __call__(self) -> RobotPort:
-        """Make it, here. Raises CohelmError where that fails, or it is another robot."""
+        """Make the robot here. Raises CohelmError if that fails, or if its model differs."""
         try:
             robot = self.make if isinstance(self.make, Robot) else _made(self.make, self.model)
         except CohelmError:
@@ -125,13 +125,13 @@ def own_robot(
     robot: Make | str, site: str | Path | Scenario, model: RobotModel | str | Path | None = None,
     changes: list[str] | None = None,
 ) -> OwnRobot:  # fmt: skip
-    """A robot of one's own at a site.
+    """A user's robot at a site.
 
     robot: its class, `package:Class`, an entry point of `cohelm.robots`, or a robot that can be
-    pickled. site: a scenario, of which map, route, law and stick count. model: the robot, a shipped
+    pickled. site: a scenario; its map, route, law and stick are used. model: the robot, a shipped
     name or its YAML file; by default the robot's own, or the site's.
 
-    Raises CohelmError for what can not be used.
+    Raises CohelmError for a robot or a site that can not be used.
     """
     make: Make = plugin(GROUP, robot) if isinstance(robot, str) else robot
     if isinstance(make, type) and not issubclass(make, Robot):  # pyright: ignore
@@ -159,7 +159,7 @@ def own_robot(
 
 
 def _made(make: Callable[..., Any], model: RobotModel) -> Robot:
-    """With the model, where it takes one."""
+    """Call `make`, with the model if it takes one."""
     try:
         takes = bool(inspect.signature(make).parameters)
     except (TypeError, ValueError):

@@ -1,7 +1,7 @@
 """What a ROS 2 robot that cohelm drives publishes and subscribes to, beside the loop.
 
-Nothing that comes on a topic chooses a mode: a goal or a path becomes another way through the same
-checks as the page's, and a told pose is taken while the robot stands.
+No message on a topic chooses a mode. A goal or a path becomes the robot's path after the same
+checks as one from the page, and an initial pose is accepted while the robot stands.
 """
 
 from __future__ import annotations
@@ -39,66 +39,66 @@ from cohelm.ros.robot import Ros2Make
 from cohelm.ros.unreached import Unreached, Wanted
 
 TOPICS = -1
-"""Who wishes on a topic, where clients of the link have their numbers."""
+"""Client number of requests from topics; clients of the link have their own numbers."""
 _FIRST, _JOY = "first way", "joy"
 
 
 class TopicsConfig(NamedTuple):
-    """What is said and heard on topics."""
+    """What is published and subscribed to on topics."""
 
     frame: str = MAP
-    """Of the map."""
+    """Frame of the map."""
     transforms: bool = True
     """Whether map -> odom is published."""
     ways: tuple[str, ...] = ()
-    """Topics of goals or paths that become ways; without, none does."""
+    """Topics of goals or paths for the robot to follow."""
     initial: str = ""
-    """Topic of initial poses; empty: none is heard."""
+    """Topic of initial poses; empty: none."""
     joy: str = ""
-    """Topic of the joystick that is the operator's stick; empty: none."""
+    """Topic of the joystick that the operator steers with; empty: none."""
     joy_params: JoyParams = JoyParams()
-    """Which of its axes and buttons count."""
+    """The axes and buttons in use."""
     resets: str = ""
-    """Topic on which a reset is asked for; empty: on none."""
+    """Topic of reset requests; empty: none."""
     masks: tuple[FilterMask, ...] = ()
-    """Those whose zones the robot begins with; it takes up what becomes of them."""
+    """The masks whose zones the robot starts with; it follows their updates."""
 
 
 class OnTopics:
-    """Of one drive; `turn` is called between two periods and takes no time."""
+    """The topics of one drive; `turn` is called between two periods and takes no time."""
 
     def __init__(
         self, localized: Localized | None, goals: Goals | None, camera: Eye | None = None,
         joy: JoyOperator | None = None, zones: ZonesOnTopics | None = None, resets: str = "",
     ) -> None:  # fmt: skip
-        """None, or empty: what there is not."""
+        """None or "": not in use."""
         self.joy, self.resets = joy, resets
-        """Who steers by a joystick on a topic, and the topic on which a reset is asked for."""
+        """The operator with a joystick on a topic, and the topic of reset requests."""
         self._joy_armed = False
         self._localized, self._goals = localized, goals
         self.camera = camera
         self.blind = localized is not None and camera is None
-        """Whether it is a ROS 2 robot of which there are no pictures."""
+        """Whether it is a ROS 2 robot without camera pictures."""
         self._drawn: LocalizationMap | None = None
         self._session: Session | None = None
         self._jobs: SessionJobs | None = None
         self._rerouting: Rerouting | None = None
         self._zones = zones
-        self._asked: dict[int, str] = {}
-        """The topic of each wish that was not answered."""
+        self._pending: dict[int, str] = {}
+        """The topic of each request that is not answered yet."""
         self._count = 0
-        self._judged: tuple[tuple[ZoneMap, ...], Floats] | None = None
-        """The zones and the outline that ways are held against."""
+        self._checked_against: tuple[tuple[ZoneMap, ...], Floats] | None = None
+        """The zones and the outline that paths are checked against."""
 
     def begin(self, session: Session, jobs: Callable[..., SessionJobs] = SessionJobs) -> None:
-        """Of a session that no station drives: ways are made here, and the robot stands until the
-        first one comes. jobs: what works beside the loop."""
+        """Begin a session that no station drives: paths are planned here, and the robot stands
+        until the first one comes. jobs: run beside the loop."""
         if self.joy is not None:
             session.loop.supervisor.pause(_JOY, f"waits for {self.joy.topic}, centred")
         if self._goals is None or not self._goals.ways:
             return
         robot = session.plan.robot
-        self._session, self._judged = session, (session.zone_maps, session.loop.outline)
+        self._session, self._checked_against = session, (session.zone_maps, session.loop.outline)
         self._jobs = jobs(checker_of(session.plan, session.known), robot.real_time)
         self._rerouting = Rerouting(
             (self,), self._jobs.checking, self._jobs.ways, self._build, self._on_adopted
@@ -106,7 +106,7 @@ class OnTopics:
         session.loop.supervisor.pause(_FIRST, f"waits for a way on {' or '.join(self._goals.ways)}")
 
     def attend(self, session: Session) -> None:
-        """Of any session: before its first turn."""
+        """Follow any session; called before its first turn."""
         if self._zones is not None:
             self._zones.attend(session)
 
@@ -115,7 +115,7 @@ class OnTopics:
         if self._zones is not None:
             self._zones.turn(loop)
         if self.joy is not None:
-            self._hold(loop, self.joy)
+            self._wait_for_joy(loop, self.joy)
         seen, readings, pilot = loop.seen, loop.readings, loop.driver.pilot
         if seen is None or readings is None:
             return
@@ -129,13 +129,13 @@ class OnTopics:
         if self._goals is not None:
             if pilot is not None and not loop.supervisor.paused:
                 self._goals.route = pilot.planner.route.line
-            told = self._goals.initial()
-            if told is not None:
-                said = self._place(loop, told) or "the robot is looked for there"
-                self._goals.report(told.topic, said)
-                loop.log.event(f"{told.topic}: {said}")
+            placed = self._goals.initial()
+            if placed is not None:
+                result = self._place(loop, placed) or "the robot is looked for there"
+                self._goals.report(placed.topic, result)
+                loop.log.event(f"{placed.topic}: {result}")
         if self._rerouting is not None:
-            self._judge_anew(loop)
+            self._update_checker(loop)
             self._rerouting.turn(loop)
 
     def path_requests(self) -> Sequence[PathRequest]:
@@ -144,17 +144,17 @@ class OnTopics:
         if made is None:
             return ()
         self._count += 1
-        self._asked = {self._count: made[0]}
+        self._pending = {self._count: made[0]}
         return (PathRequest(TOPICS, self._count, made[1], False),)
 
     def reply(self, client: int, answer: Checked) -> None:
         """See `rerouting.PathRequests`."""
-        topic = self._asked.pop(answer.answer.number, "") if client == TOPICS else ""
+        topic = self._pending.pop(answer.answer.number, "") if client == TOPICS else ""
         if topic and self._goals is not None:
             self._goals.report(topic, answer.answer.reason or "it is the robot's way from now on")
 
     def close(self) -> None:
-        """Make no more ways."""
+        """Plan no more paths."""
         if self._jobs is not None and self._rerouting is not None:
             self._jobs.ways.close(1.0)
             self._jobs.records.close(1.0)
@@ -164,19 +164,19 @@ class OnTopics:
         if self._zones is not None:
             self._zones.close()
 
-    def _judge_anew(self, loop: Loop) -> None:
-        """Hold ways against the zones that there are by now, with the outline that it has."""
+    def _update_checker(self, loop: Loop) -> None:
+        """Check paths against the present zones and outline."""
         session = self._session
-        if session is None or self._rerouting is None or self._judged is None:
+        if session is None or self._rerouting is None or self._checked_against is None:
             return
-        zones, outline = self._judged
+        zones, outline = self._checked_against
         if session.zone_maps is not zones or loop.outline is not outline:
-            self._judged = session.zone_maps, loop.outline
+            self._checked_against = session.zone_maps, loop.outline
             self._rerouting.set_checker(checker_of(session.plan, session.known, loop.outline))
 
-    def _hold(self, loop: Loop, joy: JoyOperator) -> None:
-        """Until the joystick was seen once the robot stands; where it has to be held to run, also
-        later whenever it is not."""
+    def _wait_for_joy(self, loop: Loop, joy: JoyOperator) -> None:
+        """Pause until the joystick was armed once; with hold-to-run, also whenever its enable
+        button is released."""
         self._joy_armed = self._joy_armed or loop.supervisor.stick_state.arming == Arming.ARMED
         why = ""
         if not self._joy_armed:
@@ -188,8 +188,8 @@ class OnTopics:
         else:
             loop.supervisor.resume(_JOY)
 
-    def _place(self, loop: Loop, told: Placed) -> str:
-        """Why it is not, or nothing."""
+    def _place(self, loop: Loop, placed: Placed) -> str:
+        """Set the robot's pose on the map; why that is refused, or ""."""
         if not loop.has_map:
             return "there is no map on which the robot could be"
         if not stands(loop):
@@ -197,12 +197,12 @@ class OnTopics:
                 "the robot moves, and an initial pose counts while it stands: hold it, then "
                 "publish it again"
             )
-        pose, known = told.pose, loop.perception.known
+        pose, known = placed.pose, loop.perception.known
         gap = 1.0 if known is None else float(gap_at(known, pose.x, pose.y))
         if not gap > 0.0:  # nor for NaN
             at = f"{pose.x:.1f}, {pose.y:.1f}"
             return f"{at} is in a wall of the map" if gap == 0.0 else f"{at} is not on the map"
-        loop.perception.place(pose, told.sigma)
+        loop.perception.place(pose, placed.sigma)
         return ""
 
     def _build(self, reference: Reference) -> Driver:
@@ -224,11 +224,11 @@ def on_topics(
     robot: RobotFactory, config: TopicsConfig, say: Callable[[str], None],
     reset: Callable[[str, float], None] = lambda _name, _stamp: None,
 ) -> Generator[OnTopics]:  # fmt: skip
-    """Of a robot, as long as it is driven; of one that is none of ROS 2, nothing.
+    """The topics of a robot as long as it is driven; nothing for a robot without ROS 2.
 
-    say: hears a sentence for a person. reset: hears on which topic one is asked for, and when, by
-    this machine's monotonic clock [s]. CohelmError for what only a ROS 2 robot has, or where the
-    network can not be joined.
+    say: shows a sentence to a person. reset: called with the topic of a reset request, and its time
+    by this machine's monotonic clock [s]. Raises CohelmError for options that need a ROS 2 robot,
+    or where the network can not be joined.
     """
     make = robot.make if isinstance(robot, OwnRobot) else None
     if not isinstance(make, Ros2Make):
@@ -263,16 +263,16 @@ def on_topics(
             joy = JoyOperator(transport, resolved(config.joy, space), config.joy_params)
             if missing := joy.nothing_received():
                 say(missing)
-        asks = resolved(config.resets, space) if config.resets else ""
-        if asks:
-            resets(transport, asks, partial(reset, asks), say)
+        reset_topic = resolved(config.resets, space) if config.resets else ""
+        if reset_topic:
+            resets(transport, reset_topic, partial(reset, reset_topic), say)
         zones = None
         if config.masks:
             jobs = ThreadJobs("zones")
             zones = ZonesOnTopics(transport, config.masks, config.frame, space, jobs, say)
-        made = OnTopics(localized, goals, camera, joy, zones, asks)
-        told = say if goals is None else goals.note
-        unreached = Unreached(transport, heard_besides(config, space), told)
+        made = OnTopics(localized, goals, camera, joy, zones, reset_topic)
+        report = say if goals is None else goals.note
+        unreached = Unreached(transport, optional_topics(config, space), report)
         try:
             yield made
         finally:
@@ -283,8 +283,8 @@ def on_topics(
         transport.close()
 
 
-def heard_besides(config: TopicsConfig, space: str) -> tuple[Wanted, ...]:
-    """What may come at any time, in a namespace."""
+def optional_topics(config: TopicsConfig, space: str) -> tuple[Wanted, ...]:
+    """Topics whose messages may come at any time, in a namespace."""
     return (
         *(Wanted(resolved(one, space), (GOAL, PATH), ONCE, "--goals-from") for one in config.ways),
         *(

@@ -1,4 +1,4 @@
-"""The camera's frames as JPEG, packed in a thread: the loop hands one over, and takes one back."""
+"""Compresses camera frames to JPEG in a thread: the loop gives a frame and takes a picture."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from cohelm.robot.port import Encoded, Frame
 
 _QUALITY, _LEAST = 75, 20  # of a JPEG
 _LARGEST = LARGEST - 1000
-"""A picture that is larger goes into no record: it is packed more tightly, and then smaller [B]."""
+"""Largest picture of a record [B]; a larger one gets less quality, then fewer pixels."""
 _log = logging.getLogger("cohelm.drive")
 
 
 class Packed(NamedTuple):
-    """A picture, ready to be sent or written down."""
+    """A picture, ready to be sent or recorded."""
 
     stamp: float
-    """When it was taken, by the robot's clock [s]."""
+    """Time of exposure by the robot's clock [s]."""
     number: int
     pose: Pose
-    """Of the robot on the map, as it was known when the frame was handed over."""
+    """Of the robot on the map, as estimated when the frame was given."""
     data: bytes
     """JPEG."""
 
 
 class Pictures:
-    """Packs the newest frame; one that is not packed when a newer one comes never is."""
+    """Compresses the newest frame; an older one that still waits is dropped."""
 
     def __init__(self, waits: bool) -> None:
-        """waits: pack at once instead of in the thread, as simulated time may."""
+        """waits: compress at once, not in the thread: for simulated time."""
         self._waits = waits
         self._frames: deque[tuple[Frame | Encoded, Pose]] = deque(maxlen=1)
         self._packed: deque[Packed] = deque(maxlen=1)
@@ -48,7 +48,7 @@ class Pictures:
             self._thread.start()
 
     def give(self, frame: Frame | Encoded, pose: Pose) -> None:
-        """Have a frame packed; one that was given before is not packed again."""
+        """Compress a frame; the same frame again is ignored."""
         if frame.number == self._number:
             return
         self._number = frame.number
@@ -59,14 +59,14 @@ class Pictures:
             self._waker.set()
 
     def take(self) -> Packed | None:
-        """The newest that is packed; each once."""
+        """The newest picture, each once; or None."""
         try:
             return self._packed.pop()
         except IndexError:
             return None
 
     def close(self) -> None:
-        """No more."""
+        """End the thread."""
         self._open = False
         self._waker.set()
         if self._thread.is_alive():
@@ -80,14 +80,14 @@ class Pictures:
                 return
             try:
                 self._packed.append(_packed(*self._frames.pop()))
-            except IndexError:  # it was packed by the turn before
+            except IndexError:  # it was compressed by the turn before
                 continue
-            except Exception:  # one picture less
+            except Exception:  # drop this picture
                 _log.exception("a picture could not be packed")
 
 
 def _packed(frame: Frame | Encoded, pose: Pose) -> Packed:
-    """What is JPEG already, and small enough, stays as it is."""
+    """A frame as a JPEG of at most `_LARGEST`; one that is so already is not compressed again."""
     if isinstance(frame, Frame):
         image = Image.fromarray(frame.pixels)
     else:

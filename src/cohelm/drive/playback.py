@@ -1,4 +1,4 @@
-"""Plays a record back, of a run or a drive, as what the robot reported to its stations."""
+"""Plays back the record of a run or a drive as the robot's messages to its stations."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from cohelm.scenario.model import Scenario
 from cohelm.station.robot_link import News
 
 _NAN = math.nan
-_EVENT = 4.0  # how long what happened stays on the screen [s]
+_EVENT_SHOWN = 4.0  # how long an event stays on the screen [s]
 _MODES = {int(GateMode.SHARED): m.Mode.SHARED, int(GateMode.AUTOMATIC): m.Mode.AUTOMATIC}
-_UNTOLD = StatusWords(0, "", m.Mode.HOLD, "", "", math.inf, "", ())
+_NO_WORDS = StatusWords(0, "", m.Mode.HOLD, "", "", math.inf, "", ())
 _WHY = {
     verdicts.SHAPED: "an obstacle", verdicts.POWERLESS: "the filter could not act",
     verdicts.INVALID: "a number that is not finite",
@@ -46,19 +46,19 @@ _WHY = {
 
 
 class _Series:
-    """Things in the order of time."""
+    """Values in order of time."""
 
     def __init__(self) -> None:
         self.times: list[float] = []
         self.all: list[Any] = []
 
-    def add(self, t: float, thing: Any) -> None:
-        """The next one."""
+    def add(self, t: float, value: Any) -> None:
+        """Append a value."""
         self.times.append(max(t, self.times[-1]) if self.times else t)
-        self.all.append(thing)
+        self.all.append(value)
 
     def newest(self, t: float) -> Any:
-        """The last one by `t`, or None."""
+        """The last one up to `t`, or None."""
         k = bisect.bisect_right(self.times, t)
         return self.all[k - 1] if k else None
 
@@ -84,14 +84,14 @@ class _Jpeg(NamedTuple):
 
 
 class Playback:
-    """What can be shown of a record."""
+    """The messages of a record, by time."""
 
     def __init__(self, path: Path) -> None:
-        """Raises CohelmError where there is no record in the file."""
+        """Raises CohelmError if the file holds no record."""
         self._series: dict[str, _Series] = {}
         self._pictures = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as this
         weakref.finalize(self, self._pictures.close)
-        # as much as there is of a record that was cut short is worth seeing
+        # a truncated record is shown as far as it goes
         topics = ("/scan", scan_topic("*"), "/rosout", "/scene", IMAGE, *SHOWN)
         found = periods(path, topics, self._add)
         self._simulated = found.kind == "run"
@@ -104,7 +104,7 @@ class Playback:
         camera = IMAGE in self._series
         seen = self._model if camera else self._model.model_copy(update={"camera": None})
         self._hello = hello(seen, "", _NAN)
-        if "/scene" in self._series:  # of each outline that it had
+        if "/scene" in self._series:  # one for each outline
             series = self._series["/scene"]
             series.all = [self._hello._replace(outline=one) for one in series.all]
         self._docks = _docks(path, found)
@@ -112,21 +112,21 @@ class Playback:
             ("/scan" if k == 0 else scan_topic(one.name), one.lidar().mount)
             for k, one in enumerate(self._model.lidars)
         ]
-        """Topic and mount of each."""
+        """Topic and mount of each LiDAR."""
         self._scans: dict[int, WholeScan] = {}
         self._picture: b.Picture | None = None
         self._times: list[float] = self._rows["t"].tolist()
         self.start = self._times[0]
-        """The robot's clock at the beginning [s]."""
+        """The robot's clock at the start [s]."""
         self.duration = self._times[-1] - self.start
-        """[s]"""
+        """Length of the record [s]."""
 
     def first(self) -> list[b.FromRobot]:
-        """What does not change: the robot, its docks."""
+        """Constant messages: the robot and its docks."""
         return [self._hello, *((self._docks,) if self._docks.all else ())]
 
     def at(self, t: float) -> list[News]:
-        """All that was newest then; the same things again as long as nothing is new."""
+        """The newest messages at time `t` [s]; the same objects until there are newer ones."""
         now = self.start + t + 1e-9
         k = max(bisect.bisect_right(self._times, now) - 1, 0)
         out = [News(self._status(k), self._times[k], 0.0)]
@@ -174,7 +174,7 @@ class Playback:
         else:
             series.add(t, from_message(topic, message))
 
-    # ---- telling ------------------------------------------------------------------------
+    # ---- messages -----------------------------------------------------------------------
 
     def _newest(self, topic: str, now: float) -> Any:
         series = self._series.get(topic)
@@ -195,23 +195,23 @@ class Playback:
 
     def _status(self, k: int) -> m.Status:
         row, now = self._rows[k], self._times[k]
-        words: StatusWords = self._newest("/diagnostics", now) or _untold(row)
+        words: StatusWords = self._newest("/diagnostics", now) or _derived_words(row)
         happened: list[m.Alarm] = []
         if "/rosout" in self._series:
-            happened = self._series["/rosout"].between(now - _EVENT, now)
+            happened = self._series["/rosout"].between(now - _EVENT_SHOWN, now)
         words = words._replace(alarms=(*words.alarms, *reversed(happened))[:8])
-        told = status(row, words, not math.isnan(row["sigma"]), self._ahead(now))
-        return told._replace(localised=m.Localised.EXACT) if self._simulated else told
+        shown = status(row, words, not math.isnan(row["sigma"]), self._ahead(now))
+        return shown._replace(localised=m.Localised.EXACT) if self._simulated else shown
 
     def _ahead(self, now: float) -> tuple[tuple[float, float], ...]:
-        """Where it went next: a record knows."""
+        """The recorded poses ahead."""
         then = [now + (i + 1) * AHEAD_STEP for i in range(AHEAD)]
         return tuple(self._pose(t)[:2] for t in then if t <= self._times[-1])
 
 
 def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:
-    """Rows of a run with what it leaves out: all is exact there, and nothing stands between stick
-    and wheels."""
+    """Rows of a run with the columns it leaves out: all is exact there, and nothing acts between
+    stick and wheels."""
     out = rows.copy()
     out["measured_v"], out["measured_omega"] = rows["applied_v"], rows["applied_omega"]
     out["clearance_seen"], out["progress"] = rows["clearance"], np.linspace(0.0, 1.0, len(rows))
@@ -219,15 +219,15 @@ def _filled(rows: NDArray[np.void]) -> NDArray[np.void]:
     return out
 
 
-def _untold(row: np.void) -> StatusWords:
-    """What the numbers alone tell of the words."""
+def _derived_words(row: np.void) -> StatusWords:
+    """Status texts derived from the numbers of a row."""
     mode = _MODES.get(int(row["mode"]), m.Mode.HOLD)
     why = _WHY.get(int(row["verdict"]), "the wheels' limits" if row["saturated"] else "")
-    return _UNTOLD._replace(mode=mode, why=why)
+    return _NO_WORDS._replace(mode=mode, why=why)
 
 
 def _usual(path: Path, found: RecordedPeriods) -> float:
-    """The speed of which speed zones are percents [m/s]; NaN where a record does not say it."""
+    """The speed that speed zones are percentages of [m/s]; NaN if the record lacks it."""
     try:
         return load.parse(found.scenario, Scenario, str(path)).reference.speed_mps
     except CohelmError:
@@ -235,7 +235,7 @@ def _usual(path: Path, found: RecordedPeriods) -> float:
 
 
 def _docks(path: Path, found: RecordedPeriods) -> b.Docks:
-    """Where the robot could dock; none where a record does not say it."""
+    """The docks; none if the record lacks them."""
     try:
         return docks_message(
             [one.dock() for one in load.parse(found.scenario, Scenario, str(path)).docks]
@@ -245,7 +245,7 @@ def _docks(path: Path, found: RecordedPeriods) -> b.Docks:
 
 
 def _robot(path: Path, found: RecordedPeriods) -> RobotModel:
-    """The robot of a drive, or of a run's scenario."""
+    """The robot of a drive, or of the scenario of a run."""
     if found.kind != "run":
         return recorded_model(path)
     robot = load.parse(found.scenario, Scenario, str(path)).robot

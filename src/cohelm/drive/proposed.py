@@ -1,4 +1,4 @@
-"""Checks way-points or a goal that somebody proposes: can the robot go there?"""
+"""Checks requested way-points or a goal: is there a collision-free path for the robot?"""
 
 from __future__ import annotations
 
@@ -16,47 +16,47 @@ from cohelm.plan.path_planner import Goal, PathParams, plan_path
 from cohelm.plan.zones import Fence, KeepOut
 
 ROOM = 0.05
-"""Least gap between the outline and anything known [m]."""
+"""Least clearance between the outline and mapped obstacles [m]."""
 _SPACING = 0.05
-_FARTHEST = 200.0
+_MAX_LENGTH = 200.0
 _MOST = 256
-"""Way-points of one way: a person sets a few dozen."""
+"""Way-points of one path: a person sets a few dozen."""
 _NEAR = 0.05
-_SPARE = 0.02
-"""More than the least room is planned with: the curve through the points cuts corners [m]."""
+_EXTRA_ROOM = 0.02
+"""Clearance of planning beyond `ROOM`: the curve through the points cuts corners [m]."""
 _SPARSE, _DENSE = 0.3, 0.1
-"""Between way-points of a way that is planned: where there is room, and where not [m]."""
-_THERE = 0.1
-"""A goal that is nearer is where the robot stands [m]."""
+"""Spacing of the way-points of a planned path: in open space, and in narrow places [m]."""
+_AT_GOAL = 0.1
+"""A goal within this distance is reached already [m]."""
 NONE = 65535
-"""No way-point is to blame."""
+"""No way-point is at fault."""
 
 
 class CheckedPath(NamedTuple):
-    """What is thought of a way."""
+    """The result of checking a path."""
 
     reference: Reference | None
-    """The way as it would be followed; None: it can not be."""
+    """The path as it would be followed; None: refused."""
     why: str
     worst: int
-    """Which way-point is to blame, from 0; 65535: none."""
+    """The way-point at fault, from 0; 65535: none."""
 
 
 class PathChecker(NamedTuple):
-    """What a way is held against: sent once to where ways are checked."""
+    """What a path is checked against: sent once to the process that checks."""
 
     speed: float
     """u_d [m/s]."""
     outline: Floats
     known: Floats
-    """(p, 2), surfaces of the map [m]."""
+    """Surfaces of the map, (p, 2) [m]."""
     bounds: Floats
-    """(2, 2), its corners [m]."""
+    """Corners of the map, (2, 2) [m]."""
     zones: KeepOut | None = None
-    """Where no way may lead."""
+    """Keep-out zones."""
 
     def __call__(self, what: Floats | Goal, robot: Pose) -> CheckedPath:
-        """`checked_path`, or `planned_path`: up to a second of processor, in a large map some."""
+        """`checked_path` or `planned_path`: takes up to a second; some seconds on a large map."""
         known = self.known
         if self.zones is not None:
             known = np.vstack((known, Fence(self.zones, self.outline).everywhere(robot)))
@@ -71,10 +71,10 @@ class PathChecker(NamedTuple):
 def checked_path(
     points: Floats, robot: Pose, speed: float, outline: Floats, known: Floats, bounds: Floats
 ) -> CheckedPath:
-    """The way from the robot through all points, held against what is known.
+    """The path from the robot through all points, checked against the map.
 
     points: (n, 2). known: (p, 2), surfaces of the map [m]. bounds: (2, 2), its corners [m].
-    Moving things and small ones are left to the guard, which meets them when they are there.
+    Moving and small obstacles are left to the guard, which sees them when they are there.
     """
     if len(points) > _MOST:
         return CheckedPath(None, f"more than {_MOST} way-points: leave some out", NONE)
@@ -83,8 +83,8 @@ def checked_path(
             return CheckedPath(None, f"way-point {i + 1} is not on the map", i)
     line = np.vstack(((robot.x, robot.y), points))
     steps = np.hypot(*np.diff(line, axis=0).T)
-    if float(steps.sum()) > _FARTHEST:
-        return CheckedPath(None, f"the way is longer than {_FARTHEST:.0f} m", NONE)
+    if float(steps.sum()) > _MAX_LENGTH:
+        return CheckedPath(None, f"the way is longer than {_MAX_LENGTH:.0f} m", NONE)
     if steps[0] < _NEAR and len(points) > 1:  # the first one is where the robot stands
         line = np.delete(line, 1, axis=0)
     try:
@@ -93,7 +93,7 @@ def checked_path(
         return CheckedPath(None, str(error), NONE)
     poses = poses_along(reference, _SPACING)
     gaps = swept_clearances(np.ascontiguousarray(known), outline, poses)
-    # where the robot stands is not up to the person
+    # the clearance where the robot stands already does not count
     gaps[: math.ceil(0.5 / _SPACING)] = np.maximum(gaps[: math.ceil(0.5 / _SPACING)], ROOM)
     tight = int(np.argmin(gaps))
     if gaps[tight] >= ROOM:
@@ -109,8 +109,8 @@ def checked_path(
 def planned_path(
     goal: Goal, robot: Pose, speed: float, outline: Floats, known: Floats, bounds: Floats
 ) -> CheckedPath:
-    """A way to a goal around what is known, held against it as `checked_path` does, whose arguments
-    it takes. The goal is where it is, with whatever heading the way has there."""
+    """A path to a goal around mapped obstacles, checked by `checked_path`, with its arguments. The
+    heading at the goal is free."""
     at = f"{goal.x:.1f}, {goal.y:.1f}"
     point = np.array([goal], dtype=np.float64)
     if len(bounds) and not ((bounds[0] <= point) & (point <= bounds[1])).all():
@@ -120,25 +120,25 @@ def planned_path(
         if gap < inscribed_radius(outline) + ROOM:
             return CheckedPath(None, f"the goal {at} is in a wall, or too near to one", 0)
     far = math.hypot(goal.x - robot.x, goal.y - robot.y)
-    if far < _THERE:
+    if far < _AT_GOAL:
         return CheckedPath(None, f"the robot is at {at} already", 0)
     share = np.linspace(0.0, 1.0, math.ceil(far / _DENSE) + 1)[:, None]
     line: Floats = (1.0 - share) * np.array([robot[:2]]) + share * point
     fenced = np.vstack((known, _border(bounds)))
     everywhere = float(np.ptp(bounds, axis=0).max()) if len(bounds) else 0.0
-    said = CheckedPath(None, f"no way to {at} is known", 0)
+    result = CheckedPath(None, f"no way to {at} is known", 0)
     for border in (PathParams().border, everywhere):
-        path_params = PathParams(clearance=ROOM + _SPARE, stray=0.0, beside=0.0, border=border)
+        path_params = PathParams(clearance=ROOM + _EXTRA_ROOM, stray=0.0, beside=0.0, border=border)
         found = plan_path(robot, fenced, line, outline, path_params, farther=False)
         if found is None:
             continue
         for spacing in (_SPARSE, _DENSE):
             every = max(round(spacing / path_params.spacing), math.ceil(len(found.points) / _MOST))
             kept = np.vstack((found.points[every:-1:every], point))
-            said = checked_path(kept, robot, speed, outline, known, bounds)
-            if said.reference is not None:
-                return said
-    return said
+            result = checked_path(kept, robot, speed, outline, known, bounds)
+            if result.reference is not None:
+                return result
+    return result
 
 
 def _border(bounds: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Shows a record to the pages as if it were a robot; every page has its own place in it."""
+"""Serves a record to the pages like a robot; every page has its own playback position."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from cohelm.link.bulk_messages import Checked
 from cohelm.link.messages import Answer, Ask, Device
 from cohelm.station.robot_link import News, PlaybackPosition, Quality
 
-_EVERY = 0.03
-_NO = "this is a record; nothing can be done to it any more"
+_PERIOD = 0.03
+_REFUSAL = "this is a record; nothing can be done to it any more"
 
 
 class Replaying:
-    """Plays a record, from the beginning at first; at the end it stops."""
+    """Plays a record, at first from its start; stops at its end."""
 
     def __init__(self, played: Playback, clock: Callable[[], float] = time.monotonic) -> None:
         self._played, self._clock = played, clock
         self._place = PlaybackPosition(0.0, True, 1.0)
         self._since = clock()
-        self._told_at = -1.0
+        self._sent_at = -1.0
         self._first = True
         self._new = True
         self._number = 0
@@ -36,12 +36,12 @@ class Replaying:
 
     @property
     def start(self) -> float:
-        """The robot's clock at its beginning [s]."""
+        """The robot's clock at its start [s]."""
         return self._played.start
 
     @property
     def place(self) -> PlaybackPosition:
-        """Where it is now."""
+        """The present playback position."""
         at, playing, speed = self._place
         if playing:
             at += (self._clock() - self._since) * speed
@@ -51,7 +51,7 @@ class Replaying:
         return PlaybackPosition(at, playing, speed)
 
     def play(self, playing: bool | None, speed: float | None, at: float | None) -> None:
-        """Go on from here, or from `at`; from the beginning where it was at the end."""
+        """Continue from here, or from `at`; from the start if it was at the end."""
         now = self.place
         playing = now.playing if playing is None else playing
         speed = now.speed if speed is None else speed
@@ -62,20 +62,20 @@ class Replaying:
         self._new = True
 
     def news(self) -> list[News]:
-        """What the robot told at this place."""
+        """The robot's messages at this position."""
         out, self._refused = self._refused, []
         if self._first:
             self._first = False
             out += [News(message, self.start, 0.0) for message in self._played.first()]
         now = self._clock()
-        if self._new or now - self._told_at >= _EVERY:
+        if self._new or now - self._sent_at >= _PERIOD:
             self._new = False
-            self._told_at = now
+            self._sent_at = now
             out += [news for news in self._played.at(self.place.at) if self._is_new(news.message)]
         return out
 
     def _is_new(self, message: object) -> bool:
-        """Whether it was not the last of its kind that was told."""
+        """Whether it is not the last of its kind that was sent."""
         slot = (type(message), getattr(message, "what", None))
         before, self._shown[slot] = self._shown.get(slot), message
         return before is not message
@@ -83,7 +83,7 @@ class Replaying:
     def steer(
         self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float
     ) -> None:
-        """Nothing to steer."""
+        """No effect: a record can not be steered."""
 
     def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
         """Refused."""
@@ -92,17 +92,17 @@ class Replaying:
 
     def answer(self, number: int) -> Answer | None:
         """Always the same."""
-        return Answer(number, False, _NO)
+        return Answer(number, False, _REFUSAL)
 
     def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
         """Refused."""
         self._number += 1
-        answer = Answer(self._number, False, _NO)
+        answer = Answer(self._number, False, _REFUSAL)
         self._refused.append(News(Checked(answer, 65535), self.start, 0.0))
         return self._number
 
     def fetch(self, name: str, offset: int = 0, size: int = 0) -> None:
-        """There is nothing to fetch: the record is here."""
+        """No effect: the record is here."""
 
     def quality(self) -> Quality:
         """There is no link."""

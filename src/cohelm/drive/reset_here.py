@@ -1,7 +1,7 @@
-"""Lets go of a latched stop where no station drives: asked for on a topic, or in the terminal.
+"""Resets a latched stop where no station drives, requested on a topic or in the terminal.
 
-By the page's rule: who asks must have asked after everything that stopped the robot, its readings
-must be sound, and nothing moves by that. Asked once more it goes on in the mode of its beginning.
+The page's rules hold: the request must be newer than everything that stopped the robot, its
+readings must be valid, and nothing moves by it. A second request resumes the mode of the start.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ if TYPE_CHECKING:
 
 
 class ResetHere:
-    """Of one drive; `turn` is called between two periods and takes no time."""
+    """Resets of one drive; `turn` is called between two periods and takes no time."""
 
     def __init__(self, mode: Mode, say: Callable[[str], None]) -> None:
-        """mode: in which it began to drive. say: hears what became of it."""
+        """mode: in which the drive began. say: shows the result of each request."""
         self._mode, self._say = mode, say
-        self._asked: deque[tuple[str, float]] = deque(maxlen=1)
+        self._requested: deque[tuple[str, float]] = deque(maxlen=1)
 
     def ask(self, name: str, stamp: float) -> None:
-        """Somebody asks, from any thread; of several at once the newest counts. stamp: when, by
+        """Request a reset, from any thread; of several at once the newest counts. stamp: when, by
         this machine's monotonic clock [s]."""
-        self._asked.append((name, stamp))
+        self._requested.append((name, stamp))
 
     def turn(self, loop: Loop, joy: JoyOperator | None = None) -> None:
-        """Between two periods. joy: who steers, if it is one on a topic."""
-        if self._asked:
-            name, stamp = self._asked.popleft()
-            self._say(f"{name}: {self._done(loop, name, time.monotonic() - stamp, joy)}")
+        """Between two periods. joy: the operator, if that steers by a topic."""
+        if self._requested:
+            name, stamp = self._requested.popleft()
+            self._say(f"{name}: {self._result(loop, name, time.monotonic() - stamp, joy)}")
 
-    def _done(self, loop: Loop, name: str, age: float, joy: JoyOperator | None) -> str:
-        """What became of it, in a sentence."""
+    def _result(self, loop: Loop, name: str, age: float, joy: JoyOperator | None) -> str:
+        """The result of a request, in a sentence."""
         gate, supervisor, mode = loop.gated.gate.mode, loop.supervisor, self._mode
         goes_on = f"in {mode.name.lower()} mode"
         if latched(gate):

@@ -1,4 +1,4 @@
-"""What stations and records are sent once: map, zones, route, outline."""
+"""Messages sent once to stations and records: map, zones, route, outline."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from cohelm.plan.course import Course, poses_along
 from cohelm.plan.docks import Dock
 from cohelm.plan.zones import CELL, Cells, Zones
 
-_STEP = 0.1  # between two points of a way [m]
+_STEP = 0.1  # spacing of points along a path [m]
 NO_ZONES = tuple(
     ZoneMap(what, Pose(0.0, 0.0, 0.0), CELL, math.nan, 0, 0, zlib.compress(b"")) for what in Zone
 )
-"""For stations that may still show those of a robot before this one."""
+"""Clears the zones of an earlier robot on a station."""
 
 
 def map_message(known: LocalizationMap) -> Map:
-    """The map as a page draws it."""
+    """The map for the page."""
     cells = np.where(known.gap <= 0.0, 100, 0).astype(np.uint8)
     cells[known.unknown] = 255
     rows, columns = cells.shape
@@ -37,7 +37,7 @@ def map_message(known: LocalizationMap) -> Map:
 
 
 def zone_messages(zones: Zones | None, u_d: float) -> tuple[ZoneMap, ...]:
-    """Keep-out and speed zones as a page draws them. u_d: the usual speed [m/s]."""
+    """Keep-out and speed zones for the page. u_d: the usual speed [m/s]."""
     made: list[ZoneMap] = []
     kept_out, slow = zones or Zones()
     if kept_out is not None:
@@ -53,13 +53,13 @@ def zone_messages(zones: Zones | None, u_d: float) -> tuple[ZoneMap, ...]:
 
 
 def all_zone_messages(zones: Zones, u_d: float) -> tuple[ZoneMap, ...]:
-    """The same for who may still show others: of each kind, be it that there are none."""
+    """`zone_messages` of each kind; an empty message clears a kind that has no zones."""
     made = {one.what: one for one in (*NO_ZONES, *zone_messages(zones, u_d))}
     return tuple(made.values())
 
 
 def _zone_map(what: Zone, raster: Cells, cells: NDArray[np.uint8], u_d: float) -> list[ZoneMap]:
-    """As large as what is marked; none where nothing is."""
+    """One message, cropped to the marked cells; none if no cell is marked."""
     marked = [np.flatnonzero(cells.any(axis=axis)) for axis in (1, 0)]
     if not len(marked[0]):
         return []
@@ -72,12 +72,12 @@ def _zone_map(what: Zone, raster: Cells, cells: NDArray[np.uint8], u_d: float) -
 
 
 def docks_message(docks: Sequence[Dock]) -> Docks:
-    """Where a robot can dock."""
+    """The docks of a site."""
     return Docks(tuple(DockPlace(dock.name, dock.pose, dock.approach) for dock in docks))
 
 
 def detour(course: Course | None) -> Polyline:
-    """The course that is driven, where it is not the reference's own; else no points."""
+    """The course in use if it differs from the reference's; else no points."""
     points = np.empty((0, 2)) if course is None or course.row == 0 else course.poses[:, :2]
     return Polyline(LineKind.DETOUR, points.astype(np.float32))
 

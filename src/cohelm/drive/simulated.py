@@ -1,4 +1,4 @@
-"""The robot of a scenario, simulated: what the gate process is handed to make it there."""
+"""The factory of a scenario's simulated robot; the gate process calls it."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ NO_WALLS: Floats = np.empty((0, 4))
 
 @dataclass(frozen=True)
 class Simulated:
-    """Makes the simulated robot of a scenario, wherever it is called."""
+    """Makes the simulated robot of a scenario in the process that calls it."""
 
     scenario: Scenario
-    """Standing alone: the robot's description is in it."""
+    """Self-contained: has the robot's description."""
     kind: Kind = "kinematic"
     real_time: bool = True
     seed: int = 0
@@ -43,33 +43,33 @@ class Simulated:
 
     @property
     def start(self) -> Pose:
-        """Where it begins."""
+        """Its first pose."""
         return beginning(self.scenario)
 
     def delay(self, period: float) -> float:
-        """From a command to its effect, as the guard has to foresee it [s]."""
+        """From a command to its effect, as the guard must predict it [s]."""
         if self.kind == "kinematic":
             return self.model.delay_s
         return lag(self.model, TwinModel(), period)
 
     def __call__(self) -> RobotPort:
-        """A new one, standing at the start."""
+        """Make a robot that stands at the start."""
         scenery, clock = self.scenario.scenery(), pace(self.real_time)
         if scenery.grid is not NO_GRID:  # its borders come with the map, and a LiDAR sees its cells
             scenery = scenery._replace(walls=NO_WALLS)
-        around, grid = self.scenario.build_world(scenery), scenery.grid
+        world, grid = self.scenario.build_world(scenery), scenery.grid
         if self.kind == "kinematic":
-            return Kinematic(self.model, self.start, around, grid=grid, seed=self.seed, pace=clock)
+            return Kinematic(self.model, self.start, world, grid=grid, seed=self.seed, pace=clock)
         from cohelm.sim.twin.robot import Twin  # MuJoCo takes half a second to import
 
-        return Twin(self.model, self.start, around, grid=grid, seed=self.seed, pace=clock)
+        return Twin(self.model, self.start, world, grid=grid, seed=self.seed, pace=clock)
 
 
 def simulated(
     name: str | Path, kind: Kind = "kinematic", *, real_time: bool = True, seed: int | None = None,
     changes: list[str] | None = None,
 ) -> Simulated:  # fmt: skip
-    """Of a scenario's file or name. Raises CohelmError for what can not be used."""
+    """A factory by a scenario's file or name. Raises CohelmError if that can not be used."""
     made = load.scenario(name, changes or [])
     alone = load.standing_alone(made, Path())
     return Simulated(alone, kind, real_time, alone.simulation.seed if seed is None else seed)
@@ -78,8 +78,8 @@ def simulated(
 def mapped(path: Path, start: Pose) -> LocalizationMap:
     """A map to localise on, in the world's frame.
 
-    A published map is in that frame already; the axes of one that `cohelm map` has made are the
-    robot's first pose, now `start`. Raises CohelmError where the file can not be used.
+    A published map is in that frame already; a map of `cohelm map` is in the frame of the robot's
+    first pose, here `start`. Raises CohelmError if the file can not be used.
     """
     made = read_map(path)
     if made.from_start:

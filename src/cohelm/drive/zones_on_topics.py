@@ -1,7 +1,7 @@
-"""Takes up the zones of masks on topics that change while the robot drives.
+"""Updates the zones when filter masks on topics change while the robot drives.
 
-They are read and made beside the loop, and count as soon as the robot can stop clear of them; until
-then those before count, and it brakes.
+New zones are built beside the loop, and apply as soon as the robot can stop clear of them; until
+then the former zones apply, and the robot brakes.
 """
 
 from __future__ import annotations
@@ -27,48 +27,48 @@ _PAUSE = "zones"
 _BRAKES = "the zones have changed, and it brakes for them"
 
 
-class _Newer(NamedTuple):
-    """Zones that are not in use yet."""
+class _NewZones(NamedTuple):
+    """New zones that are not in use yet."""
 
     zones: Zones
     maps: tuple[ZoneMap, ...]
     zoned: Zoned
     topics: str
-    """Of the masks that have changed."""
+    """Topics of the masks that have changed."""
 
 
 class ZonesOnTopics:
-    """Of one drive. All but `attend` and `turn` happens beside the loop."""
+    """The zones of one drive. All but `attend` and `turn` runs beside the loop."""
 
     def __init__(
         self, transport: Transport, used: Sequence[FilterMask], frame: str, namespace: str,
         jobs: Jobs, say: Callable[[str], None],
     ) -> None:  # fmt: skip
-        """used: those whose zones the robot begins with. frame: of the map. say: hears a sentence
-        for a person."""
+        """used: masks whose zones the robot starts with. frame: of the map. say: shows a sentence
+        to a person."""
         self._used, self._jobs, self._say = tuple(used), jobs, say
         self._session: Session | None = None
-        self._made: SimpleQueue[_Newer] = SimpleQueue()
-        self._next: _Newer | None = None
-        self._wrong = self._told = ""
-        self._asked = False
+        self._made: SimpleQueue[_NewZones] = SimpleQueue()
+        self._next: _NewZones | None = None
+        self._problem = self._reported = ""
+        self._queued = False
         topics = [one.info for one in used]
-        self._masks = Masks(transport, topics, frame, namespace, self._look_soon)
+        self._masks = Masks(transport, topics, frame, namespace, self._queue_update)
 
     def attend(self, session: Session) -> None:
-        """Its robot takes them up from now on."""
+        """Update this session's zones from now on."""
         self._session = session
-        self._look_soon()
+        self._queue_update()
 
     def turn(self, loop: Loop) -> None:
         """Between two periods: takes no time."""
-        wrong = self._wrong
-        if wrong != self._told:
-            self._told = wrong
+        problem = self._problem
+        if problem != self._reported:
+            self._reported = problem
             loop.alarms.off(_PAUSE)
-            if wrong:
-                loop.alarms.on(_PAUSE, wrong, Severity.WARNING)
-                loop.log.event(wrong)
+            if problem:
+                loop.alarms.on(_PAUSE, problem, Severity.WARNING)
+                loop.log.event(problem)
         with suppress(Empty):
             while True:
                 self._next = self._made.get_nowait()
@@ -84,21 +84,21 @@ class ZonesOnTopics:
         loop.supervisor.resume(_PAUSE)
 
     def close(self) -> None:
-        """Take up no more."""
+        """Update no more zones."""
         self._jobs.close(1.0)
         self._masks.close()
 
-    def _look_soon(self) -> None:
-        if self._session is not None and not self._asked:
-            self._asked = True
-            self._jobs.do(self._look)
+    def _queue_update(self) -> None:
+        if self._session is not None and not self._queued:
+            self._queued = True
+            self._jobs.do(self._update)
 
-    def _look(self) -> None:
-        self._asked = False  # what comes from here on is looked at again
+    def _update(self) -> None:
+        self._queued = False  # a change from here on starts another job
         session = self._session
         if session is None:
             return
-        wrong = ""
+        problem = ""
         try:
             newer = self._masks.changed(self._used)
             topics = [
@@ -107,11 +107,11 @@ class ZonesOnTopics:
             if topics:
                 self._take(session, newer, " and ".join(topics))
         except CohelmError as error:
-            wrong = f"{error}; the zones from before count on"
-        if wrong != self._wrong:
-            self._wrong = wrong
-            if wrong:
-                self._say(wrong)
+            problem = f"{error}; the zones from before count on"
+        if problem != self._problem:
+            self._problem = problem
+            if problem:
+                self._say(problem)
 
     def _take(self, session: Session, masks: tuple[FilterMask, ...], topics: str) -> None:
         plan = session.plan
@@ -119,6 +119,6 @@ class ZonesOnTopics:
         check(zones, session.known)
         settings, u_d = session.loop.driver.settings, plan.robot.scenario.reference.speed_mps
         zoned = Zoned(zones, settings.outline, settings.gains.u_d)
-        self._made.put(_Newer(zones, all_zone_messages(zones, u_d), zoned, topics))
+        self._made.put(_NewZones(zones, all_zone_messages(zones, u_d), zoned, topics))
         self._used = masks
         self._say(f"{topics} has changed: its zones are taken up")

@@ -1,4 +1,4 @@
-"""What viewers draw: markers on the ground, and their colours."""
+"""Markers that viewers draw on the ground, and their colours."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ROBOT_COLOUR = ColorRGBA(0.1, 0.4, 0.9, 1.0)
 _WALL_COLOUR = ColorRGBA(0.5, 0.5, 0.5, 1.0)
 OBSTACLE_COLOUR = ColorRGBA(0.9, 0.4, 0.1, 1.0)
 SAFE_COLOUR = ColorRGBA(0.9, 0.4, 0.1, 0.25)
-_FOR_EVER = Duration(0, 0)
+_FOREVER = Duration(0, 0)
 _NO_TEXTURE = CompressedImage(Header(Time(0, 0), ""), "", np.empty(0, dtype=np.uint8))
 _NO_MESH = MeshFile("", np.empty(0, dtype=np.uint8))
 
@@ -37,7 +37,7 @@ def marker(
     at: Pose, scale: tuple[float, float, float],
     colour: ColorRGBA, points: Sequence[Sequence[float]] = (),
 ) -> Marker:  # fmt: skip
-    """One thing to draw. at: of its middle. scale, points: [m]."""
+    """One marker. at: pose of its center. scale, points: [m]."""
     return Marker(
         header=head,
         ns=name,
@@ -47,7 +47,7 @@ def marker(
         pose=at,
         scale=Vector3(*scale),
         color=colour,
-        lifetime=_FOR_EVER,
+        lifetime=_FOREVER,
         frame_locked=True,
         points=[Point(x, y, 0.0) for x, y in points],
         colors=[],
@@ -77,7 +77,7 @@ def scene(outline: Floats, robot: str, walls: Floats, world: str, stamp: int) ->
 
 
 def outline(scene: MarkerArray) -> Floats | None:
-    """The robot's, as `scene` draws it, (k, 2) [m]; None: it is not drawn."""
+    """The robot's outline in a `scene`, (k, 2) [m]; None: it is not drawn."""
     for one in scene.markers:
         if one.ns == "robot" and len(one.points) > 1:
             return np.array([(at.x, at.y) for at in one.points[:-1]], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""The message `/period`: one control period, whole, so that a record is read back exactly.
+"""The message `/period`: one whole control period, so that a record is read back exactly.
 
 Its definition follows `core.row.FIELDS` field by field and travels in every file. ROS allows no
 capitals in field names: the paper's I and J become i and j.
@@ -24,8 +24,8 @@ from cohelm.robot.gate.modes import GateMode
 TOPIC = "/period"
 TYPE = "cohelm_msgs/msg/Period"
 VERSION = 3
-"""Of the definition: one more whenever a field changes its meaning or goes. New fields may
-come without it, readers go by name."""
+"""Version of the definition: raised whenever a field is removed or changes its meaning. New fields
+do not raise it, readers go by name."""
 
 _CONSTANTS: dict[str, dict[str, int]] = {
     "verdict": {
@@ -48,15 +48,15 @@ _COLUMNS = {
 ARRAYS = {"obstacle_h": "[m^2] h_i of every obstacle of a run; no numbers in a drive"} | {
     name: meaning for name, (_, meaning) in _COLUMNS.items()
 }
-"""Unit and meaning of every array, with one number for each obstacle."""
+"""Unit and meaning of every array; an array has one number for each obstacle."""
 
 
 def _definition() -> str:
     """The message definition, with a comment on every field."""
     lines = [f"# One control period of cohelm, definition {VERSION}. Numbers in () are equations."]
     for name in ROW.names or ():
-        kind = ROW[name].name  # float64, int64 and bool are called the same in ROS
-        # constants right before a field show as its names in Foxglove
+        kind = ROW[name].name  # float64, int64 and bool have the same names in ROS
+        # Foxglove shows constants right before a field as names of its values
         lines += [f"{kind} {word}={value}" for word, value in _CONSTANTS.get(name, {}).items()]
         lines.append(f"{kind} {name.lower()}  # {MEANINGS[name]}")
     lines += [f"float64[] {name}  # {meaning}" for name, meaning in ARRAYS.items()]
@@ -78,7 +78,7 @@ def message(row: Any, h: Floats = NO_H, discs: Floats = NO_DISCS) -> object:
 
 
 def rows(messages: Sequence[object]) -> NDArray[np.void]:
-    """Messages as rows of ROW. AttributeError, naming the field, if they lack one."""
+    """Messages as rows of ROW. Raises AttributeError for a missing field."""
     row: Callable[[object], Any] = attrgetter(*(name.lower() for name in ROW.names or ()))
     return np.array([row(message) for message in messages], dtype=ROW)
 

@@ -1,4 +1,4 @@
-"""ROS 2's own messages of what a robot senses and does, all on the ground."""
+"""Standard ROS 2 messages of sensor data and motion, planar."""
 
 from __future__ import annotations
 
@@ -42,25 +42,25 @@ def pose(x: float, y: float, psi: float) -> PoseMessage:
 
 
 def twist(made: Twist) -> TwistMessage:
-    """In the body frame."""
+    """A twist in the body frame."""
     return TwistMessage(Vector3(float(made.v), 0.0, 0.0), Vector3(0.0, 0.0, float(made.omega)))
 
 
 def transform(head: Header, child: str, at: Pose) -> TransformStamped:
-    """The pose of a frame in the header's."""
+    """The pose of the frame `child` in the header's frame."""
     where = Transform(Vector3(at.x, at.y, 0.0), pose(*at).orientation)
     return TransformStamped(head, child, where)
 
 
 def odometry(head: Header, body: str, reading: Odometry) -> OdometryMessage:
-    """Without covariances."""
+    """Odometry without covariances."""
     known = PoseWithCovariance(pose(*reading.pose), np.zeros(36))
     driven = TwistWithCovariance(twist(reading.twist), np.zeros(36))
     return OdometryMessage(head, body, known, driven)
 
 
 def laser_scan(head: Header, reading: Scan, lidar: LidarModel) -> LaserScan:
-    """Of a planar LiDAR."""
+    """A scan of a planar LiDAR."""
     numbers, n = lidar.lidar(), len(reading.ranges)
     return LaserScan(
         header=head,

@@ -1,4 +1,4 @@
-"""Walls as an occupancy map, for a page that draws maps."""
+"""Draws walls into an occupancy map, for the page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MOST_CELLS = 2000
 
 
 def drawn(walls: Floats, also: Floats) -> Map:
-    """walls: (s, 4) segments [m]. also: (n, 2) points that must be on the map too [m]."""
+    """walls: (s, 4) segments [m]. also: (n, 2) further points for the map to include [m]."""
     points = np.vstack((walls[:, :2], walls[:, 2:], also, np.zeros((0 if len(also) else 1, 2))))
     low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
     cell = max(CELL, float((high - low).max()) / _MOST_CELLS)

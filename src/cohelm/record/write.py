@@ -1,4 +1,4 @@
-"""Writes a simulated run down as it goes."""
+"""Writes the record of a simulated run while it goes on."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from cohelm.record.walls import drawn
 from cohelm.robot.port import Odometry
 
 EPOCH = 946_684_800_000_000_000
-"""2000-01-01T00:00:00Z [ns]: where t = 0 of a simulated run is put on the time line of a file.
+"""2000-01-01T00:00:00Z [ns]: time stamp of t = 0 of a simulated run.
 Not 0, which ROS 2 takes for "no time" and viewers for "the newest"."""
 
 RATE = 50.0
-"""Of all that goes on during a run but obstacles [Hz]; `/period` is every control step."""
+"""Rate of all topics but obstacles [Hz]; `/period` comes every control step."""
 
 OBSTACLE_RATE = 10.0
-"""Of `/obstacles`, while one moves [Hz]."""
+"""Rate of `/obstacles`, while one moves [Hz]."""
 
 _NO_WALLS: Floats = np.empty((0, 4))
 
 
 @dataclass(frozen=True)
 class RunScene:
-    """What stays as it is during a run and is drawn once.
+    """What is constant during a run and is drawn once.
 
     outline: (k, 2) corners of the robot, body frame [m]. walls: (s, 4), segments x1, y1, x2, y2
     in the map [m]. lines: the reference, its way-points.
@@ -52,15 +52,15 @@ class RunScene:
 class Recorder:
     """Writes the pieces of a run as they come: `with Recorder(path, scene) as r: r.write(piece)`.
 
-    After each `write` that piece stands whole in the file and is read back, whether Ctrl-C, a
-    crash of the program or a full disk comes next. On leaving the `with` the file is finished;
-    if no step came, it is removed.
+    After each `write` that piece is complete in the file and can be read back, whether Ctrl-C, a
+    crash of the program or a full disk comes next. On leaving the `with` the file is finished; a
+    file without a step is removed.
 
-    Raises CohelmError where the file can not be made or grown; an existing file is never touched.
+    Raises CohelmError if the file can not be created or grown; it never changes an existing file.
     """
 
     def __init__(self, path: Path, scene: RunScene | None = None, epoch: int = EPOCH) -> None:
-        """Make the file at `path`. epoch: time stamp of t = 0 [ns]."""
+        """Create the file at `path`. epoch: time stamp of t = 0 [ns]."""
         self.path = path
         self._scene = RunScene() if scene is None else scene
         self._epoch = epoch
@@ -70,7 +70,7 @@ class Recorder:
         try:
             self._file = path.open("xb")
         except OSError as error:
-            raise CohelmError(_unmade(path, error)) from error
+            raise CohelmError(_cannot_create(path, error)) from error
 
     def __enter__(self) -> Recorder:
         return self
@@ -79,17 +79,17 @@ class Recorder:
         """Append the steps of a trace; all pieces of a file are of one run, in order."""
         if not len(piece):
             return
-        with _undisturbed(), self._growing():
-            record = self._record or self._begun(piece)
+        with _delaying_interrupts(), self._growing():
+            record = self._record or self._begin(piece)
             every, discs_every = _every(RATE, piece.dt), _every(OBSTACLE_RATE, piece.dt)
             for j, row in enumerate(piece.rows):
                 k, discs = self._steps + j, piece.discs[j]
-                beside = k % every == 0
-                if beside:
+                all_topics = k % every == 0
+                if all_topics:
                     record.write(_odometry(row))
-                record.period(row, piece.h[j], discs, beside)
+                record.period(row, piece.h[j], discs, all_topics)
                 if k % discs_every == 0 and _moved(piece.discs, j, discs_every):
-                    with np.errstate(over="ignore"):  # what is too far for single precision
+                    with np.errstate(over="ignore"):  # beyond single precision
                         shown = Discs(k, discs.astype(np.float32))
                     record.write(Displayed(float(row["t"]), shown))
             record.flush()
@@ -101,8 +101,8 @@ class Recorder:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Finish the file, also after Ctrl-C or an error elsewhere, and then say so in it."""
-        with _undisturbed():
+        """Finish the file, also after Ctrl-C or an error elsewhere, which is noted in it."""
+        with _delaying_interrupts():
             try:
                 if self._steps and self._record is not None and not self._broken:
                     with self._growing():
@@ -110,12 +110,12 @@ class Recorder:
                             self._record.stopped(kind.__name__)
                         self._record.finish()
             finally:
-                # The raw file: the buffer of a file on a full disk would be written once more.
+                # The raw file: on a full disk, closing the buffered one would write again.
                 self._file.raw.close()
                 if not self._steps:
                     self.path.unlink(missing_ok=True)
 
-    def _begun(self, piece: Trace) -> RecordWriter:
+    def _begin(self, piece: Trace) -> RecordWriter:
         about = About("run", self._epoch, piece.scenario, piece.names, piece.dt)
         scene, t = self._scene, float(piece.rows["t"][0])
         self._record = RecordWriter(self._file, about, outline=scene.outline, walls=scene.walls)
@@ -127,7 +127,7 @@ class Recorder:
 
     @contextmanager
     def _growing(self) -> Generator[None]:
-        """A failed write ends the recording, in words that say what is left of it."""
+        """A failed write ends the recording; the error says what is left of it."""
         try:
             yield
         except OSError as error:
@@ -149,15 +149,15 @@ def _moved(discs: Floats, j: int, since: int) -> bool:
 
 
 def _odometry(row: np.void) -> Odometry:
-    """Exact, as a run's robot has it: where it is, and the command that reached its wheels."""
+    """Exact odometry of a run: its pose, and the command that reached its wheels."""
     pose = Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
     return Odometry(
         float(row["t"]), pose, Twist(float(row["applied_v"]), float(row["applied_omega"]))
     )
 
 
-def _unmade(path: Path, error: OSError) -> str:
-    """Why the file can not be made, and what to do."""
+def _cannot_create(path: Path, error: OSError) -> str:
+    """Why the file can not be created, and what to do."""
     match error:
         case FileExistsError():
             return f"{path} exists and is never overwritten: move it away or choose another name"
@@ -167,8 +167,8 @@ def _unmade(path: Path, error: OSError) -> str:
             return f"{path} can not be made ({error.strerror}): choose a folder you may write to"
 
 
-def _undisturbed() -> AbstractContextManager[None]:
-    """Ctrl-C waits until the block is through, so that it never leaves half a chunk."""
+def _delaying_interrupts() -> AbstractContextManager[None]:
+    """Delay Ctrl-C until the block is done, so that it never leaves half a chunk."""
     if threading.current_thread() is not threading.main_thread():
         return nullcontext()  # Ctrl-C reaches the main thread only
     return _holding_interrupts()
@@ -176,10 +176,10 @@ def _undisturbed() -> AbstractContextManager[None]:
 
 @contextmanager
 def _holding_interrupts() -> Generator[None]:
-    """Also one that was put off, and comes as an alarm (`cli/interrupt`).
+    """Hold SIGINT, and SIGALRM, by which `cli/interrupt` repeats one that was put off.
 
-    Either may come, and raise, while the other's handler is being exchanged. So what takes them
-    here knows when its time is over, and gives back what it was given, whoever left it in place.
+    Either may arrive, and raise, while the handler of the other is being exchanged. So `later`
+    checks `over`: left in place, it restores the former handler and raises the signal again.
     """
     held, over = list[int](), False
     before = {kind: signal.getsignal(kind) for kind in (signal.SIGINT, signal.SIGALRM)}
