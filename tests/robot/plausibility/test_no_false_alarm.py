@@ -146,9 +146,9 @@ def test_an_oblique_wall_tells_neither_the_way_ahead_nor_aside_and_a_corner_both
     wall = 100.0 * np.outer(square, square)
     corner = wall + 40.0 * np.outer(other, other)
     for x, y in ((1.0, 0.0), (0.0, 1.0)):
-        assert Match(np.zeros(3), wall, 0.0, 0.0).told(x, y) < 3.0
-        assert Match(np.zeros(3), corner, 0.0, 0.0).told(x, y) > 40.0
-    assert Match(np.zeros(3), wall, 0.0, 0.0).told(*square[:2]) > 99.0
+        assert Match(np.zeros(3), wall, 0.0, 0.0).seen(x, y) < 3.0
+        assert Match(np.zeros(3), corner, 0.0, 0.0).seen(x, y) > 40.0
+    assert Match(np.zeros(3), wall, 0.0, 0.0).seen(*square[:2]) > 99.0
 
 
 def test_a_way_that_a_few_people_seem_to_show_is_none():
@@ -156,9 +156,9 @@ def test_a_way_that_a_few_people_seem_to_show_is_none():
     people = np.diag([14.0, 1.0, 27.0])
     match = Match(np.array([0.01, 0.12, -0.03]), people, 0.6, 0.0)
     assert match.way(10.0) == pytest.approx(0.01)
-    assert match._replace(off=np.array([0.12, 0.01, 0.0])).way(10.0) == pytest.approx(0.12)
+    assert match._replace(correction=np.array([0.12, 0.01, 0.0])).way(10.0) == pytest.approx(0.12)
     walls = np.diag([40.0, 40.0, 200.0])
-    assert match._replace(known=walls).way(10.0) == pytest.approx(np.hypot(0.01, 0.12))
+    assert match._replace(information=walls).way(10.0) == pytest.approx(np.hypot(0.01, 0.12))
 
 
 @pytest.mark.parametrize("pace", [1.0, 2.0])

@@ -1,4 +1,4 @@
-"""Whether the robot's senses agree: with themselves, with each other, with what it was told to do.
+"""Checks that the robot's sensors agree: with themselves, each other and the commands sent.
 
-Apart from perception, in the gate process, on raw readings, with code of its own.
+Independent of perception: in the gate process, on raw readings, with code of its own.
 """

@@ -1,4 +1,4 @@
-"""Scans' stamps and numbers against when they come."""
+"""Checks the stamps and numbers of scans against the times at which they arrive."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from cohelm.robot.port import Scan
 from cohelm.robot.sensors import LidarModel
 
 _SLACK = 0.1
-"""A scan may come so much later than its LiDAR takes [s]: the loop reads every 20 to 100 ms."""
+"""Delay of a scan allowed beyond its LiDAR's latency [s]: the loop reads every 20 to 100 ms."""
 _PATIENCE = 5  # scans in a row
 _TOO_OFTEN = 3
-"""... so many of which no robot that stamps them as they come can have read late."""
+"""... in a row stamped too close together: more than reading late explains."""
 
 
 class Arrival:
-    """Of one scan after the other."""
+    """Arrival checks of one LiDAR's scans, in order."""
 
     def __init__(self, lidar: LidarModel) -> None:
         self._usual = lidar.latency_s + _SLACK
@@ -26,16 +26,16 @@ class Arrival:
         self._late = self._often = 0
 
     def forget(self) -> None:
-        """As if none had come."""
+        """Reset: as if no scan had arrived."""
         self._last, self._late, self._often = None, 0, 0
 
     def new(self, scan: Scan) -> bool:
-        """Whether this is another one than the last."""
+        """Whether this scan differs from the last one."""
         last = self._last
         return last is None or scan.number != last.number or scan.stamp != last.stamp
 
     def take(self, now: float, scan: Scan) -> list[Finding]:
-        """One that is new."""
+        """Check a new scan."""
         last, self._last = self._last, scan
         late = now - scan.stamp - scan.duration > self._usual
         self._late = self._late + 1 if late else 0
@@ -59,5 +59,5 @@ class Arrival:
 
 
 def usable(scan: Scan) -> bool:
-    """Whether its time is a number."""
+    """Whether its stamp and duration are finite."""
     return math.isfinite(scan.stamp) and math.isfinite(scan.duration) and scan.duration >= 0.0

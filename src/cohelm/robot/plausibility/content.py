@@ -13,34 +13,34 @@ from cohelm.robot.port import Scan
 from cohelm.robot.sensors import LidarModel
 
 _KEPT = 12
-"""Scans before, of which none may come again."""
+"""Earlier scans kept, none of which may be repeated."""
 _RUN = 20
-"""So many neighbouring beams do not repeat their ranges by chance: a LiDAR that rounds to its own
+"""This many neighbouring beams do not repeat their ranges by chance: a LiDAR that rounds to its own
 standard deviation repeats one range with probability 0.28, twenty in a row with 1e-11."""
 _RUN_SHARE = 0.5
-"""... nor so many of all beams of a sensor whose scans are made of many points each: what is
-nearest of a column of pixels that are rounded to the millimetre is often the same."""
-_SHARE = 0.5
-"""... and half of all beams do not either."""
+"""... nor this share of the beams of a sensor that makes each of many points: the nearest of a
+column of pixels that are rounded to the millimetre is often the same."""
+_REPEATED_SHARE = 0.5
+"""Share of repeated beams above which the whole scan counts as repeated."""
 _SHIFTS = (1, -1, 2, -2)
-NEW, AGAIN, MIRRORED = range(3)
-"""What a scan is, beside those before."""
+NEW, REPEATED, MIRRORED = range(3)
+"""How a scan compares with the earlier ones."""
 _STEP = 0.2  # neighbours on one surface differ by less [m]
 _INVALID, _EMPTY = 0.3, 0.2
-"""More than this share of beams that are no number, or lose what their neighbours see, beyond what
-the LiDAR is described to lose: it sees badly."""
+"""Largest share of beams that are NaN, or that lose what their neighbours see, beyond the LiDAR's
+described dropout."""
 _NOISY = 4.0
-"""A scan may be so many times as noisy as the LiDAR is described: surfaces are rough, too."""
-_LEAST = 0.01  # less noise than this is not asked about [m]
+"""Allowed ratio of a scan's noise to the LiDAR's described noise: surfaces are rough, too."""
+_MIN_NOISE = 0.01  # described noise counts as at least this [m]
 CRAWL = 0.08
-"""No part of the outline is faster where what the scan shows can not be relied on at all [m/s]:
-less than the 0.1 m/s with which a contact does no harm."""
+"""Largest speed of the outline where the scan can not be relied on at all [m/s]: less than the
+0.1 m/s at which a contact does no harm."""
 CAREFUL = 0.2
-"""The speed where a sense is worse than it should be [m/s]: Sally stands within 2 cm from there."""
+"""Largest speed where a sensor is degraded [m/s]: Sally stops from it within 2 cm."""
 
 
 class Content:
-    """Looks at one scan after the other, and remembers some."""
+    """Checks the numbers of one LiDAR's scans, in order."""
 
     def __init__(self, lidar: LidarModel) -> None:
         self._lidar = lidar
@@ -51,7 +51,7 @@ class Content:
         self._bad: dict[str, int] = {}
 
     def forget(self) -> None:
-        """As if none had come."""
+        """Reset: as if no scan had arrived."""
         self._before = self._before[:0]
         self._bad.clear()
 
@@ -66,24 +66,24 @@ class Content:
         return found
 
     def _repeats(self, ranges: Floats) -> list[Finding]:
-        """Bit for bit, as noise never is; whole or in part, and turned by a beam or two."""
+        """Bit-for-bit repeats of an earlier scan: whole, in part, or turned by one or two beams."""
         lidar = self._lidar
         if not lidar.noise_m > 0.0 or not len(self._before):
             return []
-        again, same, of = repeated(
+        kind, same, of = repeated(
             self._before, ranges, lidar.range_min_m, lidar.range_max_m, self._run
         )
-        if again == MIRRORED:
+        if kind == MIRRORED:
             return [fault("the scan repeats, mirrored")]
-        return [fault(self._said(same, of))] if again != NEW else []
+        return [fault(self._text(same, of))] if kind != NEW else []
 
-    def _said(self, same: int, of: int) -> str:
-        if same > _SHARE * of:
+    def _text(self, same: int, of: int) -> str:
+        if same > _REPEATED_SHARE * of:
             return "the scan repeats an earlier one, noise included"
         return f"a part of the scan repeats an earlier one ({same} of {of} beams)"
 
     def _equal(self, ranges: Floats) -> list[Finding]:
-        """All one value, as nothing in the world is that is measured with noise."""
+        """Many beams with one value, which measurement noise rules out."""
         lidar = self._lidar
         if not lidar.noise_m > 0.0:
             return []
@@ -93,12 +93,12 @@ class Content:
         return []
 
     def _poor(self, ranges: Floats) -> list[Finding]:
-        """Worse than the LiDAR is described; a moment's worth is passed over."""
+        """Worse than the LiDAR is described, in three scans in a row."""
         unknown, alone, seen = losses(ranges)
         invalid = unknown / len(ranges)
         empty = alone / max(seen, 1) - self._lidar.dropout
         rough = roughness(ranges)
-        sigma = max(self._lidar.noise_m, _LEAST)
+        sigma = max(self._lidar.noise_m, _MIN_NOISE)
         checks = (
             (invalid > _INVALID, f"{100.0 * invalid:.0f} % of the scan is no number"),
             (empty > _EMPTY, f"{100.0 * empty:.0f} % of the scan's beams see nothing"),
@@ -106,11 +106,11 @@ class Content:
              f"the scan is {rough / sigma:.0f} times as noisy as its sensor"),
         )  # fmt: skip
         found: list[Finding] = []
-        for key, (wrong, said) in enumerate(checks):
+        for key, (wrong, text) in enumerate(checks):
             count = min(self._bad.get(str(key), 0) + 1, 3) if wrong else 0
             self._bad[str(key)] = count
             if count >= 3:
-                found.append(slow(CAREFUL, said))
+                found.append(slow(CAREFUL, text))
         return found
 
 
@@ -118,9 +118,9 @@ class Content:
 def repeated(
     before: Floats, ranges: Floats, least: float, most: float, run: int
 ) -> tuple[int, int, int]:
-    """Whether a scan is one of those before, (k, n), the newest last, or has so many beams in a row
-    of one; how many are the same, and how many there are. Beams that measure nothing, as they are
-    cut off at an end of what can be measured [m], are not counted, and do not end a row.
+    """Whether a scan repeats one of those before, (k, n), the newest last, in at least `run` beams
+    in a row; how many beams are equal, and how many count. Beams at or beyond the ends of the
+    measuring range, `least` and `most` [m], do not count, and do not end a row.
     """
     k, n = before.shape
     of = 0
@@ -129,7 +129,7 @@ def repeated(
     if of < run:
         return NEW, 0, of
     for row in range(k + 5):
-        same = longest = so_far = 0
+        same = longest = length = 0
         for i in range(n):
             if not least < ranges[i] < most:
                 continue
@@ -139,25 +139,25 @@ def repeated(
                 was = before[k - 1, (i - _SHIFTS[row - k]) % n]
             else:
                 was = before[k - 1, n - 1 - i]
-            so_far = so_far + 1 if was == ranges[i] else 0
+            length = length + 1 if was == ranges[i] else 0
             same += was == ranges[i]
-            longest = max(longest, so_far)
+            longest = max(longest, length)
         if longest >= run:
-            return MIRRORED if row == k + 4 else AGAIN, same, of
+            return MIRRORED if row == k + 4 else REPEATED, same, of
     return NEW, 0, of
 
 
 @jit
 def equal(ranges: Floats, least: float, most: float) -> tuple[int, float]:
-    """The longest row of beams with one and the same range, but for the first of it, counted as
-    above; and the first such range [m]."""
-    longest, so_far, value = 0, 0, math.nan
+    """Length of the longest row of equal ranges, less one, counted as above; and the first such
+    range [m]."""
+    longest, length, value = 0, 0, math.nan
     for i in range(len(ranges)):
         if not least < ranges[i] < most:
             continue
         same = i > 0 and ranges[i] == ranges[i - 1]
-        so_far = so_far + 1 if same else 0
-        longest = max(longest, so_far)
+        length = length + 1 if same else 0
+        longest = max(longest, length)
         if same and math.isnan(value):
             value = ranges[i]
     return longest, value
@@ -165,8 +165,8 @@ def equal(ranges: Floats, least: float, most: float) -> tuple[int, float]:
 
 @jit
 def losses(ranges: Floats) -> tuple[int, int, int]:
-    """How many beams are no number; how many lose what both their neighbours see; and of how many
-    this could be said."""
+    """How many beams are NaN; how many lose what both their neighbours see; and how many could be
+    checked for that."""
     n = len(ranges)
     unknown = alone = seen = 0
     for i in range(n):
@@ -181,8 +181,8 @@ def losses(ranges: Floats) -> tuple[int, int, int]:
 
 @jit
 def roughness(ranges: Floats) -> float:
-    """The noise of a range, from how neighbours in a row differ from a straight line: the median,
-    so that edges do not count [m]; 0 where too few beams return anything."""
+    """Noise of a range, from the second differences of neighbours: the median, so that edges do
+    not count [m]; 0 where too few beams return anything."""
     bends = np.empty(len(ranges))
     k = 0
     for i in range(1, len(ranges) - 1):

@@ -1,4 +1,4 @@
-"""What a check has found, and what follows from it."""
+"""The result of a plausibility check, and the action that follows from it."""
 
 from __future__ import annotations
 
@@ -10,43 +10,43 @@ from cohelm.robot.sensors import of_sensor
 
 
 class Action(IntEnum):
-    """What follows, mildest first."""
+    """The action that follows, mildest first."""
 
     SLOW = 1
     """No part of the outline may be faster than the finding's speed."""
     HOLD = 2
-    """Brake and stand, while it is so and a little longer; then go on."""
+    """Brake and stand while the finding lasts and a little longer; then go on."""
     FAULT = 3
-    """Latched."""
+    """Stop, latched."""
 
 
 class Finding(NamedTuple):
-    """One thing that can not be."""
+    """One implausible reading."""
 
     action: Action
     reason: str
-    """In words, for the record; begins with which sense it is about."""
+    """In words, for the record; names the sensor first."""
     speed: float = math.inf
     """For SLOW [m/s]."""
     sensor: str = ""
-    """Which of several LiDARs it is about."""
+    """Name of the LiDAR, where there are several."""
 
     @property
-    def said(self) -> str:
-        """The reason, with the LiDAR that it is about."""
+    def text(self) -> str:
+        """The reason, with the name of the LiDAR."""
         return of_sensor(self.sensor, self.reason)
 
 
 def fault(reason: str) -> Finding:
-    """Broken: this can not be true of a working sensor."""
+    """Impossible with a working sensor."""
     return Finding(Action.FAULT, reason)
 
 
 def hold(reason: str) -> Finding:
-    """Odd: true of a sensor that lies, and for a moment of a robot that was pushed or carried."""
+    """Implausible: a wrong sensor, or for a moment a robot that was pushed or carried."""
     return Finding(Action.HOLD, reason)
 
 
 def slow(speed: float, reason: str) -> Finding:
-    """Worse than it should be."""
+    """A degraded sensor: limit the speed [m/s]."""
     return Finding(Action.SLOW, reason, speed)

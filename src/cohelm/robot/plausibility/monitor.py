@@ -1,8 +1,8 @@
-"""The plausibility monitor: no sense is believed alone.
+"""The plausibility monitor: no sensor is trusted alone.
 
-Every reading is held against the one before, against the other senses and against what the wheels
-were told. What can not be is a fault; what is odd for a moment makes the robot stand for that
-moment, and is a fault when it comes again; what is worse than it should be makes it slow.
+Checks every reading against the one before, the other sensors and the commands sent. What is
+impossible is a fault; what is implausible for a moment makes the robot stand for that moment, and
+is a fault when it repeats; a degraded sensor makes the robot slow.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from cohelm.core.types import Twist
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.plausibility.finding import Action, Finding, fault
-from cohelm.robot.plausibility.rehearsal import rehearse
 from cohelm.robot.plausibility.source import PlausibilitySource
 from cohelm.robot.plausibility.trail import Trail, extended
+from cohelm.robot.plausibility.warm_up import warm_up
 from cohelm.robot.plausibility.wheels import Following, consistent
 from cohelm.robot.port import AHEAD, Odometry, Readings
 
-_BACK = 1.0  # and odometry that goes back by so much begins anew [s]
-_STANDS = 0.5  # what is odd keeps the robot standing for so long after [s]
-_AGAIN = 6.0  # odd things within so long of each other are counted [s]
-_TIMES = 2  # so many of them, each after things were well, are no accident
-_LASTS = 1.0  # odd for so long, while the wheels turn, is no accident either [s]
-_SHOWN = 1.0  # a slow-down stays for so long after its cause [s]
+_RESET = 1.0  # odometry whose stamps go back by at least this begins anew [s]
+_HOLD_TIME = 0.5  # the robot stands for this long after a hold finding [s]
+_REPEAT_WINDOW = 6.0  # hold findings within this time of each other are counted [s]
+_MAX_HOLDS = 2  # this many of them, each after a time without, are a fault
+_MAX_HOLD_TIME = 1.0  # one that lasts longer while the wheels turn is a fault, too [s]
+_SLOW_TIME = 1.0  # a speed limit stays for this long after its cause [s]
 
 
 class PlausibilityMonitor:
     """A `robot.monitor.Monitor`."""
 
     def __init__(self, model: RobotModel) -> None:
-        rehearse()
+        warm_up()
         self._reach = model.reach
         self._trail, self._commands = Trail(5), Trail(2)
         self._following = Following(model)
@@ -45,14 +45,14 @@ class PlausibilityMonitor:
         self._last: Odometry | None = None
         self._clock = -math.inf
         self._odd_since = self._odd_at = -math.inf
-        self._odd: deque[float] = deque(maxlen=_TIMES)
+        self._odd: deque[float] = deque(maxlen=_MAX_HOLDS)
         self._hold = ""
         self._slow: dict[tuple[str, str], tuple[float, Finding]] = {}
 
     def observe(
         self, now: float, readings: Readings, applied: Twist, stopped: bool = False
     ) -> Restriction:
-        """All checks that these readings have something new for."""
+        """Run all checks for which these readings have new data."""
         if not math.isfinite(now):
             return UNRESTRICTED  # the gate faults by itself
         if not 0.0 <= now - self._clock < 1.0:
@@ -65,7 +65,7 @@ class PlausibilityMonitor:
         return self._decided(now, found)
 
     def restrict(self, now: float, twist: Twist) -> Restriction:
-        """The speed of the fastest part of the outline, where there is a limit to it."""
+        """Limit the speed of the fastest part of the outline."""
         fastest = abs(twist.v) + self._reach * abs(twist.omega)
         limit, reason = self._limit(now, twist)
         if not fastest > limit:
@@ -73,7 +73,7 @@ class PlausibilityMonitor:
         return Restriction(limit / fastest, reason)
 
     def _forget(self) -> None:
-        """The clock jumped, or nobody looked for a while: what was before tells nothing."""
+        """Reset, after the clock jumped or `observe` was not called for a while."""
         for source in self._sources:
             source.forget()
         self._odd_at = self._odd_since = -math.inf
@@ -85,8 +85,8 @@ class PlausibilityMonitor:
         self._last = odometry
         numbers = (odometry.stamp, *odometry.pose, *odometry.twist)
         if not all(map(math.isfinite, numbers)) or odometry.stamp > now + AHEAD:
-            return []  # who proposes by what is from the future is refused
-        if 0.0 <= self._trail.newest - odometry.stamp < _BACK:
+            return []  # the gate refuses proposals made from readings of the future
+        if 0.0 <= self._trail.newest - odometry.stamp < _RESET:
             return []
         way = abs(odometry.twist.v) * min(odometry.stamp - self._trail.newest, 1.0)
         for source in self._sources:
@@ -107,40 +107,40 @@ class PlausibilityMonitor:
         if odd:
             faults += self._oddity(now, odd[0])
         if faults:
-            return Restriction(0.0, faults[0].said, fault=True)
-        if now - self._odd_at < _STANDS:
+            return Restriction(0.0, faults[0].text, fault=True)
+        if now - self._odd_at < _HOLD_TIME:
             return Restriction(0.0, self._hold)
         return UNRESTRICTED
 
     def _oddity(self, now: float, one: Finding) -> list[Finding]:
-        """Something odd: it is a fault when it lasts, or comes again and again."""
-        if now - self._odd_at > _STANDS:
+        """A hold finding; it is a fault when it lasts or repeats."""
+        if now - self._odd_at > _HOLD_TIME:
             self._odd_since = now
             self._odd.append(now)
-            self._hold = one.said
+            self._hold = one.text
         self._odd_at = now
-        again = len(self._odd) == _TIMES and now - self._odd[0] < _AGAIN
+        repeated = len(self._odd) == _MAX_HOLDS and now - self._odd[0] < _REPEAT_WINDOW
         rows = self._trail.since(now - 0.3)
         rolls = bool(len(rows)) and float(np.abs(rows[:, 4:6]).max()) > 0.05
-        if again or (rolls and now - self._odd_since > _LASTS):
-            return [fault(one.said)]
+        if repeated or (rolls and now - self._odd_since > _MAX_HOLD_TIME):
+            return [fault(one.text)]
         return []
 
     def _limit(self, now: float, twist: Twist) -> tuple[float, str]:
         speed, reason = math.inf, ""
         for key, (at, one) in list(self._slow.items()):
-            if now - at > _SHOWN:
+            if now - at > _SLOW_TIME:
                 del self._slow[key]
             elif one.speed < speed:
-                speed, reason = one.speed, one.said
+                speed, reason = one.speed, one.text
         for source in self._sources:
             if doubt := source.doubt():
-                return doubt.speed, doubt.said
+                return doubt.speed, doubt.text
         if twist.v == 0.0:
             return speed, reason
         bearing = 0.0 if twist.v > 0.0 else math.pi
         looking = [source for source in self._sources if source.looks(bearing)] or self._sources
         for source in looking:
             if limit := source.limit(bearing):
-                return limit.speed, limit.said
+                return limit.speed, limit.text
         return speed, reason

@@ -1,4 +1,4 @@
-"""One scan where it was measured, and what another one foretells of it."""
+"""A deskewed scan with its pose by odometry, and the prediction of it from an earlier one."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from cohelm.core.types import Floats, Ints
 from cohelm.robot.plausibility.trail import Trail
 from cohelm.robot.sensors import Lidar
 
-_POINTS = 400  # of a sight, at most
-_HALF = 0.25  # a chord's half [m]
+_POINTS = 400  # largest number in a sight
+_HALF = 0.25  # half of a chord [m]
 
 
 class Sight(NamedTuple):
-    """A scan at the instant of its last beam, by odometry."""
+    """A scan deskewed to the instant of its last beam, by odometry."""
 
     stamp: float
     """That instant [s]."""
     pose: Floats
-    """(3,), odometry's then, heading not wrapped."""
+    """(3,), odometry's at that instant, heading not wrapped."""
     twist: Floats
-    """(2,), odometry's then."""
+    """(2,), odometry's at that instant."""
     points: Floats
-    """(m, 2), where its beams ended, in the body frame of that instant [m]; in order of beams."""
+    """(m, 2), the ends of its beams, in the body frame of that instant [m]; in order of beams."""
     ranges: Floats
-    """(n,), by beams of the sensor as it stood then; infinite where nothing was seen, NaN where no
+    """(n,), by beams of the sensor at that instant; infinite where nothing was seen, NaN where no
     beam looked; 0 for too near."""
     arc: Floats
-    """(m,), how much of a surface each point stands for, seen square on [m]."""
+    """(m,), length of surface that each point stands for, seen square on [m]."""
     every: int
-    """So many returns there are for each point."""
+    """Number of returns for each point."""
 
 
 def sighted(
     lidar: Lidar, ranges: Floats, stamp: float, duration: float, trail: Trail
 ) -> Sight:  # fmt: skip
-    """A scan's sight. The trail has to reach to its end."""
+    """The sight of a scan. The trail has to reach to its end."""
     pose, twist, points, seen, arc, every = _sighted(
         beam_frame(lidar), lidar.beams, np.array(ranges, dtype=np.float64), float(stamp),
         float(duration), trail.rows,
@@ -51,7 +51,7 @@ def sighted(
 def _sighted(
     of: BeamFrame, beams: Floats, ranges: Floats, stamp: float, duration: float, rows: Floats
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, int]:  # fmt: skip
-    """The same of numbers: those of the sight. beams: as of a `Lidar`; rows: of the trail."""
+    """The numbers of the sight. beams: as of a `Lidar`; rows: of the trail."""
     n = len(ranges)
     sweeps = duration > 0.0 and n > 1
     end = stamp + duration
@@ -60,7 +60,7 @@ def _sighted(
     c, s = math.cos(now[2]), math.sin(now[2])
     body, real = np.empty((n, 2)), np.empty(n)  # of the beams that returned
     seen = np.full(n, math.nan)
-    near = np.full(n, math.inf)  # of a beam the nearest return that falls on it
+    near = np.full(n, math.inf)  # the nearest return that falls on each beam
     j = k = 0
     turn, t = 0.0, end
     for i in range(n):
@@ -81,10 +81,10 @@ def _sighted(
             dx, dy = _between(rows, j, 1, t) - now[0], _between(rows, j, 2, t) - now[1]
             ct, st = math.cos(turn), math.sin(turn)
             px, py = ct * px - st * py + c * dx + s * dy, st * px + ct * py - s * dx + c * dy
-            beam, far = seen_by(of, px, py)
+            beam, dist = seen_by(of, px, py)
             at = round(beam)
             if 0 <= at < n:
-                near[at] = min(near[at], far)
+                near[at] = min(near[at], dist)
         else:
             seen[i] = r
         body[k, 0], body[k, 1], real[k] = px, py, r
@@ -105,7 +105,7 @@ def _sighted(
 
 @jit
 def _filled(seen: Floats) -> None:
-    """A single beam that nothing fell on sees what the nearer of its neighbours does."""
+    """Give a single beam without a return the nearer of its neighbours' ranges."""
     before = seen[0]
     for i in range(1, len(seen) - 1):
         own = seen[i]
@@ -117,8 +117,8 @@ def _filled(seen: Floats) -> None:
 
 @jit_inline
 def _between(rows: Floats, j: int, column: int, time: float) -> float:
-    """Of rows in the order of time, which comes first: a column then, linear between two rows, held
-    at both ends. j: the first row that is later."""
+    """A column at a time, linear between two rows, held at both ends. rows: time first, in its
+    order. j: the first row that is later."""
     if j == 0:
         return rows[0, column]
     if j == len(rows):
@@ -128,7 +128,7 @@ def _between(rows: Floats, j: int, column: int, time: float) -> float:
 
 
 class BeamFrame(NamedTuple):
-    """Where a LiDAR is in the body frame and where its beams look, as numbers."""
+    """A LiDAR's mount in the body frame and its beams, for compiled code."""
 
     x: float
     y: float
@@ -143,14 +143,14 @@ class BeamFrame(NamedTuple):
 
 
 def beam_frame(lidar: Lidar) -> BeamFrame:
-    """A LiDAR's."""
+    """The beam frame of a LiDAR."""
     x, y, psi = lidar.mount
     return BeamFrame(x, y, math.cos(psi), math.sin(psi), lidar.first, lidar.step)
 
 
 @jit_inline
 def seen_by(of: BeamFrame, px: float, py: float) -> tuple[float, float]:
-    """A point of the body frame: number of the beam, not whole, and range."""
+    """Beam number, fractional, and range [m] of a point of the body frame."""
     dx, dy = px - of.x, py - of.y
     x, y = of.c * dx + of.s * dy, -of.s * dx + of.c * dy
     bearing = math.atan2(y, x) - of.first
@@ -160,34 +160,34 @@ def seen_by(of: BeamFrame, px: float, py: float) -> tuple[float, float]:
 
 
 def polar(lidar: Lidar, points: Floats) -> tuple[Floats, Floats]:
-    """Points of the body frame as the sensor sees them: numbers of the beams and ranges."""
+    """Beam numbers, fractional, and ranges [m] of points of the body frame."""
     return _polar(beam_frame(lidar), points)
 
 
 @jit
 def _polar(of: BeamFrame, points: Floats) -> tuple[Floats, Floats]:
-    beams, far = np.empty(len(points)), np.empty(len(points))
+    beams, dist = np.empty(len(points)), np.empty(len(points))
     for i in range(len(points)):
-        beams[i], far[i] = seen_by(of, points[i, 0], points[i, 1])
-    return beams, far
+        beams[i], dist[i] = seen_by(of, points[i, 0], points[i, 1])
+    return beams, dist
 
 
 def turned(points: Floats, psi: float) -> Floats:
-    """Counter-clockwise."""
+    """Points rotated by an angle [rad], counter-clockwise."""
     c, s = math.cos(psi), math.sin(psi)
     return np.column_stack(
         (c * points[:, 0] - s * points[:, 1], s * points[:, 0] + c * points[:, 1])
     )
 
 
-def foretold(before: Sight, now: Sight) -> Floats:
-    """An earlier sight's points in the body frame of a later one, if all stood still and odometry
-    is right, (m, 2)."""
-    return _foretold(before.points, before.pose, now.pose)
+def predict(before: Sight, now: Sight) -> Floats:
+    """An earlier sight's points in the body frame of a later one, in a static world and by
+    odometry, (m, 2) [m]."""
+    return _predict(before.points, before.pose, now.pose)
 
 
 @jit
-def _foretold(points: Floats, before: Floats, now: Floats) -> Floats:
+def _predict(points: Floats, before: Floats, now: Floats) -> Floats:
     dx, dy = now[0] - before[0], now[1] - before[1]
     c, s = math.cos(now[2]), math.sin(now[2])
     away, aside = c * dx + s * dy, -s * dx + c * dy
@@ -200,7 +200,7 @@ def _foretold(points: Floats, before: Floats, now: Floats) -> Floats:
 
 
 def motion(before: Sight, now: Sight) -> Floats:
-    """Odometry's, from one to the other, in the body frame of the first, (3,)."""
+    """Odometry's motion from one to the other, in the body frame of the first, (3,) [m, m, rad]."""
     dx, dy, turn = now.pose - before.pose
     c, s = math.cos(float(before.pose[2])), math.sin(float(before.pose[2]))
     return np.array([c * dx + s * dy, -s * dx + c * dy, turn])
@@ -210,7 +210,7 @@ def normals(sight: Sight, lidar: Lidar, sigma: float) -> tuple[Floats, Ints]:
     """Unit normals of the surfaces at a sight's points, and which points have one, as indices.
 
     A chord of half a metre across each point, so that noise turns it little and no person has one;
-    a point that is off its chord's line is on an edge or a small thing, and has none.
+    a point that is not on its chord's line is on an edge or a small object, and has none.
     """
     return _normals(sight.points, sight.arc, float(sigma))
 
@@ -230,9 +230,9 @@ def _normals(p: Floats, arc: Floats, sigma: float) -> tuple[Floats, Ints]:
         nx, ny = -dy / max(length, 1e-9), dx / max(length, 1e-9)
         x, y = 0.5 * (p[a, 0] + p[b, 0]), 0.5 * (p[a, 1] + p[b, 1])
         h = (a + i) // 2
-        off = abs((p[i, 0] - x) * nx + (p[i, 1] - y) * ny)
+        error = abs((p[i, 0] - x) * nx + (p[i, 1] - y) * ny)
         half = abs((p[h, 0] - x) * nx + (p[h, 1] - y) * ny)
-        if off < near and half < near and 0.3 < length < 3.0:
+        if error < near and half < near and 0.3 < length < 3.0:
             found[k, 0], found[k, 1], which[k] = nx, ny, i
             k += 1
     return found[:k].copy(), which[:k].copy()

@@ -1,5 +1,5 @@
-"""One LiDAR of the plausibility monitor: when its scans come, what is in them, what they show of
-the motion, and where it has shown that it sees."""
+"""One LiDAR of the plausibility monitor: checks the arrival of its scans, their content, the motion
+that they show, and the directions in which it sees."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from cohelm.robot.plausibility.view import ScanView
 from cohelm.robot.port import Readings, Scan
 from cohelm.robot.sensors import LidarModel
 
-_VOUCHED = 0.25  # of range_max: where nothing was within it, so far is still clear after
-_WAITS = 0.06  # for odometry of a scan's own time [s]
-_APART = 0.05  # sights nearer in time are not compared [s]
-_BLIND = math.radians(25.0)  # a LiDAR that lost so much is broken or covered
+_VOUCHED = 0.25  # share of range_max that may be driven after the last scan with a return
+_MAX_WAIT = 0.06  # for odometry of a scan's own time [s]
+_APART = 0.05  # sights closer in time are not compared [s]
+_MAX_BLINDED = math.radians(25.0)  # a LiDAR that lost more is broken or covered
 
 
 class PlausibilitySource:
-    """Of one LiDAR."""
+    """All checks of one LiDAR."""
 
     def __init__(self, model: LidarModel, first: bool) -> None:
         """first: whether its scans come as `Readings.scan`."""
@@ -35,20 +35,20 @@ class PlausibilitySource:
         self._pending: deque[Scan] = deque(maxlen=3)
         self._looked = -math.inf
         self._way = math.inf
-        """Gone since a scan last showed anything [m]."""
+        """Driven since a scan last showed anything [m]."""
 
     def forget(self) -> None:
-        """The clock jumped, or nobody looked for a while: what was before tells nothing."""
+        """Reset, after the clock jumped or `take` was not called for a while."""
         for part in (self._arrival, self._content, self._motion, self._view):
             part.forget()
         self._pending.clear()
 
     def moved(self, way: float) -> None:
-        """The robot has gone on by so much [m]."""
+        """The robot has driven this far [m]."""
         self._way += way
 
     def take(self, now: float, readings: Readings, trail: Trail) -> list[Finding]:
-        """What is wrong with a scan that is new, or that odometry has reached."""
+        """Check a scan that is new, or that odometry has reached."""
         scan = readings.scan if self._first else readings.of_lidar(self._name)
         found: list[Finding] = []
         if scan is not None and usable(scan) and self._arrival.new(scan):
@@ -59,10 +59,10 @@ class PlausibilitySource:
         while self._pending:
             first = self._pending[0]
             end = first.stamp + first.duration
-            if (trail.newest < end and now - end < _WAITS) or not len(trail):
+            if (trail.newest < end and now - end < _MAX_WAIT) or not len(trail):
                 break
             self._pending.popleft()
-            if end - trail.newest <= _WAITS:  # else there is no odometry to compare it with
+            if end - trail.newest <= _MAX_WAIT:  # else there is no odometry to compare it with
                 found += self._look(first, trail)
         return [one._replace(sensor=self._name) for one in found]
 
@@ -71,7 +71,7 @@ class PlausibilitySource:
         return self._view.looks(bearing)
 
     def limit(self, bearing: float) -> Finding | None:
-        """What it does not vouch for along a bearing, as far as it looks there."""
+        """The speed limit along a bearing [rad] in which the LiDAR has not returned anything."""
         if self._way > _VOUCHED * self._lidar.range_max:
             return self._crawl("the scan shows nothing at all: it vouches for no ground")
         if not self._view.vouches(bearing):
@@ -79,13 +79,13 @@ class PlausibilitySource:
         return None
 
     def doubt(self) -> Finding | None:
-        """What holds for any motion."""
+        """The speed limit for any motion."""
         if not self._motion.doubted:
             return None
         return self._crawl("scans and odometry disagreed, and have to agree first over some way")
 
     def _look(self, scan: Scan, trail: Trail) -> list[Finding]:
-        """A scan whose time odometry has reached."""
+        """Check a scan whose time odometry has reached."""
         ranges = np.asarray(scan.ranges, dtype=np.float64)
         if scan.stamp + scan.duration - self._looked < _APART:
             return []
@@ -95,7 +95,7 @@ class PlausibilitySource:
         angle = self._view.take(ranges, self._motion.blinded)
         if not self._view.blank:
             self._way = 0.0
-        if angle > _BLIND:
+        if angle > _MAX_BLINDED:
             wide = math.degrees(angle)
             found.append(fault(f"{wide:.0f} deg of the scan are empty where things stood"))
         return found

@@ -1,4 +1,4 @@
-"""Where odometry said the robot was, and what the wheels were told, over the last seconds."""
+"""History of odometry, and of the commands sent, over the last seconds."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _KEPT = 3.0  # [s]
 
 
 class Trail:
-    """Rows of time and numbers in the order of time, the oldest forgotten; linear between them."""
+    """Rows of time and numbers, in the order of time; old ones are dropped. Linear in between."""
 
     def __init__(self, columns: int, kept: float = _KEPT) -> None:
-        """columns: numbers a row beside the time. kept: for so long [s]."""
+        """columns: numbers in a row besides the time. kept: for how long [s]."""
         self._rows: Floats = np.empty((1024, columns + 1))
         self._first = self._end = 0
         self._kept = kept
@@ -35,7 +35,7 @@ class Trail:
         return float(self._rows[self._end - 1, 0]) if len(self) else -math.inf
 
     def add(self, t: float, *values: float) -> None:
-        """A row that is newer than all; where time went back or has a hole, all begins anew."""
+        """Append a newer row; where time went back or has a gap, the history begins anew."""
         if len(self) and not 0.0 < t - self.newest < 1.0:
             if t == self.newest:
                 return
@@ -64,7 +64,7 @@ class Trail:
 
 
 def extended(trail: Trail, odometry: Odometry) -> None:
-    """A reading more: x, y, unwrapped heading, v, omega."""
+    """Append a reading: x, y, unwrapped heading, v, omega."""
     x, y, psi = odometry.pose
     if len(trail):
         before = float(trail.rows[-1, 3])
@@ -73,7 +73,7 @@ def extended(trail: Trail, odometry: Odometry) -> None:
 
 
 def moving(trail: Trail, since: float) -> Twist:
-    """The largest speed and yaw rate that odometry gave since then, without signs."""
+    """The largest absolute speed and yaw rate by odometry since then."""
     rows = trail.since(since)
     if not len(rows):
         return Twist(0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Odometry against itself and against what the wheels were told."""
+"""Checks odometry against itself and against the commands sent to the wheels."""
 
 from __future__ import annotations
 
@@ -14,44 +14,44 @@ from cohelm.robot.plausibility.trail import Trail
 
 
 class WheelTolerance(NamedTuple):
-    """How far apart they may be."""
+    """Largest differences within odometry, and between it and the commands."""
 
     step: float = 0.03
     """Pose and twist over one reading [m, rad]: a filter's small correction."""
     drift: float = 0.05
     """Pose and twist over each of `windows` [m, rad]; a filtered twist lags by some 0.1 s."""
     share: float = 0.25
-    """... and this of the way more: a twist is an average, or an instant."""
+    """... plus this share of the way: a twist is an average, or an instant."""
     windows: tuple[float, ...] = (0.5, 2.0)
-    """Soon, and for what is slow [s]."""
+    """For fast and for slow errors [s]."""
     lag: float = 0.3
-    """Drives may follow a command by so much later than the robot's `delay_s` [s]: on a slope, with
-    a load, by a controller of their own."""
+    """Lag of the drives behind a command beyond the robot's `delay_s` [s]: on a slope, with a load,
+    by a controller of their own."""
     speed: float = 0.12
     """Measured and commanded speed [m/s]; a wheel that spins or is held back shows more."""
     yaw_rate: float = 0.25
     """[rad/s]"""
     ratio: float = 0.15
-    """... and this of the command more."""
+    """... plus this share of the command."""
     patience: float = 0.15
-    """For so long they have to be apart [s]."""
+    """Time they have to differ before it counts [s]."""
 
 
 TOLERANCE = WheelTolerance()
 
 
 def consistent(trail: Trail, t: WheelTolerance = TOLERANCE) -> Finding | None:
-    """Pose against twist: the way between two poses is what the speeds between them add up to."""
+    """Pose against twist: the way between two poses is the integral of the speeds between them."""
     rows = trail.rows
     if len(rows) < 2:
         return None
     last, before = rows[-1], rows[-2]
-    step, told = _over(before, last)
+    step, limits = _travel(before, last)
     owed = (0.0, 0.0)
     if len(rows) > 2:  # stamped late, its way was short, and the next one's is longer by as much
-        was, least = _over(rows[-3], before, min)
+        was, least = _travel(rows[-3], before, min)
         owed = (max(least[0] - was[0], 0.0), max(least[1] - was[1], 0.0))
-    for went, most, more, unit in zip(step, told, owed, ("m", "rad"), strict=True):
+    for went, most, more, unit in zip(step, limits, owed, ("m", "rad"), strict=True):
         if went > (1.0 + t.share) * most + t.step + more:
             return fault(f"the odometry jumped by {went:.2f} {unit} against its speed")
     for window in t.windows:
@@ -62,16 +62,16 @@ def consistent(trail: Trail, t: WheelTolerance = TOLERANCE) -> Finding | None:
             low, high = min(one, other), max(one, other)
             room = t.drift + t.share * max(abs(low), abs(high), abs(went))
             if not low - room <= went <= high + room:
-                said = f"{went:.2f} against {0.5 * (low + high):.2f} in {window} s"
-                return fault(f"the odometry's pose and {what} disagree: {said}")
+                text = f"{went:.2f} against {0.5 * (low + high):.2f} in {window} s"
+                return fault(f"the odometry's pose and {what} disagree: {text}")
     return None
 
 
-def _over(
+def _travel(
     before: Floats, after: Floats, which: Callable[[float, float], float] = max
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """From one row to the next: the way and the turn between the poses, and what the larger (or
-    smaller) of both speeds makes of the time [m, rad]."""
+    """From one row to the next: the way and the turn between the poses, and those at the larger (or
+    smaller) of both speeds [m, rad]."""
     dt = float(after[0] - before[0])
     went = math.hypot(after[1] - before[1], after[2] - before[2]), abs(float(after[3] - before[3]))
     speed, rate = (which(abs(float(before[i])), abs(float(after[i]))) for i in (4, 5))
@@ -80,8 +80,8 @@ def _over(
 
 @jit
 def added_up(rows: Floats, since: float) -> tuple[float, float, float, float, float, float]:
-    """Of the newest rows: the way along the headings there were, and round [m, rad]; and what speed
-    and yaw rate add up to, each if they are the mean since the last row, and if of the instant."""
+    """Of the newest rows: the way along the headings and the turn [m, rad]; and the integrals of
+    speed and yaw rate, each taken as the mean since the last row, and as of the instant."""
     gone = turned = way = way_before = turn = turn_before = 0.0
     for i in range(len(rows) - 1, 0, -1):
         if rows[i - 1, 0] < since:
@@ -99,8 +99,8 @@ def added_up(rows: Floats, since: float) -> tuple[float, float, float, float, fl
 
 
 class Following:
-    """Whether the wheels do what they are told, later and not quite: measured twist against the
-    range of what was commanded over the time in which a command may take effect."""
+    """Whether the wheels follow the commands: measured twist against the range of the commands over
+    the time in which a command may take effect."""
 
     def __init__(self, model: RobotModel, tolerance: WheelTolerance = TOLERANCE) -> None:
         self._t, self._late = tolerance, model.delay_s + tolerance.lag
@@ -109,42 +109,42 @@ class Following:
     def watch(
         self, now: float, twist: Twist, commands: Trail, stopped: bool = False
     ) -> Finding | None:
-        """A finding when they have been apart for long enough. stopped: the robot was sent a stop,
-        and brakes as hard as it can: any speed between standing and the commands is in order."""
-        told = commanded(commands.rows, now - self._late)
+        """A finding when they have differed for long enough. stopped: the robot was sent a stop,
+        and brakes as hard as it can: any speed between standing and the commands is allowed."""
+        sent = commanded(commands.rows, now - self._late)
         if stopped:
-            told = told._replace(
-                low_v=min(told.low_v, 0.0), high_v=max(told.high_v, 0.0),
-                low_omega=min(told.low_omega, 0.0), high_omega=max(told.high_omega, 0.0),
+            sent = sent._replace(
+                low_v=min(sent.low_v, 0.0), high_v=max(sent.high_v, 0.0),
+                low_omega=min(sent.low_omega, 0.0), high_omega=max(sent.high_omega, 0.0),
             )  # fmt: skip
-        if not told.rows or now - commands.rows[0, 0] < self._late:
+        if not sent.rows or now - commands.rows[0, 0] < self._late:
             self._apart = math.nan
             return None
-        why = self._wrong(twist, told)
-        if not why:
+        reason = self._wrong(twist, sent)
+        if not reason:
             self._apart = math.nan
             return None
         if math.isnan(self._apart):
             self._apart = now
         if now - self._apart < self._t.patience:
             return None
-        return fault(why) if told.least > 0.02 else hold(why)
+        return fault(reason) if sent.least > 0.02 else hold(reason)
 
-    def _wrong(self, twist: Twist, told: Commanded) -> str:
+    def _wrong(self, twist: Twist, sent: Commanded) -> str:
         t = self._t
-        if outside(twist.v, told.low_v, told.high_v, t.speed, t.ratio):
-            return f"the odometry says {twist.v:.2f} m/s where {told.v:.2f} m/s is commanded"
-        if outside(twist.omega, told.low_omega, told.high_omega, t.yaw_rate, t.ratio):
-            is_ = f"{told.omega:.2f} rad/s"
+        if outside(twist.v, sent.low_v, sent.high_v, t.speed, t.ratio):
+            return f"the odometry says {twist.v:.2f} m/s where {sent.v:.2f} m/s is commanded"
+        if outside(twist.omega, sent.low_omega, sent.high_omega, t.yaw_rate, t.ratio):
+            is_ = f"{sent.omega:.2f} rad/s"
             return f"the odometry says {twist.omega:.2f} rad/s where {is_} is commanded"
         return ""
 
 
 class Commanded(NamedTuple):
-    """What the wheels were told over some time."""
+    """The range and mean of the commands over some time."""
 
     rows: int
-    """How often."""
+    """Number of commands."""
     low_v: float
     high_v: float
     v: float
@@ -154,12 +154,12 @@ class Commanded(NamedTuple):
     omega: float
     """The mean [rad/s]."""
     least: float
-    """In each row v or omega was so large at least, without signs."""
+    """Least over the rows of the larger of |v| and |omega|."""
 
 
 @jit
 def commanded(rows: Floats, since: float) -> Commanded:
-    """By rows of time, v and omega, of those not older than since."""
+    """Of rows of time, v and omega, those not older than `since`."""
     n = 0
     low_v, high_v, v = math.inf, -math.inf, 0.0
     low_omega, high_omega, omega = math.inf, -math.inf, 0.0
@@ -178,6 +178,6 @@ def commanded(rows: Floats, since: float) -> Commanded:
 
 
 def outside(measured: float, low: float, high: float, room: float, ratio: float) -> bool:
-    """Beyond all that was told in that time."""
+    """Whether a measurement is beyond the range of the commands, with tolerance."""
     slack = room + ratio * max(abs(low), abs(high))
     return not low - slack <= measured <= high + slack

@@ -1,4 +1,4 @@
-"""All that is compiled, once: what has to be is not when the gate's process is waited for."""
+"""Compiles all compiled functions of the monitor, before the gate process is in use."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from cohelm.robot.sensors import LidarModel
 
 
 @cache
-def rehearse() -> None:
-    """Three scans of a small room, from which it looks as if it had grown between them."""
+def warm_up() -> None:
+    """Run every compiled function, on three scans of a small room that seems to grow."""
     model = LidarModel(
         beams=181, field_of_view_deg=180.0, range_min_m=0.05, range_max_m=10.0, rate_hz=10.0,
         noise_m=0.01,
