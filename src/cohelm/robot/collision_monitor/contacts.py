@@ -30,15 +30,15 @@ NEVER = Met(math.inf, -1, math.inf, -1)
 
 
 @jit
-def met(things: MonitorSurroundings, twist: Twist, shape: Outline) -> Met:
+def met(obstacles: MonitorSurroundings, twist: Twist, shape: Outline) -> Met:
     """What a motion meets. What is in the outline may be left. What is beside it, but may be nearer
     by its error, may be passed along too, and so may unknown ground, as that takes in no more of
     it."""
     solid, solid_point, anything, point = math.inf, -1, math.inf, -1
     ring = ring_of(twist, shape)
-    for i in range(len(things.points)):
-        x, y, error = things.points[i, 0], things.points[i, 1], things.errors[i]
-        time = contact_time(x, y, things.margins[i], twist, shape, ring)
+    for i in range(len(obstacles.points)):
+        x, y, error = obstacles.points[i, 0], obstacles.points[i, 1], obstacles.errors[i]
+        time = contact_time(x, y, obstacles.margins[i], twist, shape, ring)
         if time == math.inf:
             continue
         out = outwards(x, y, twist, shape) if time == 0.0 else -math.inf

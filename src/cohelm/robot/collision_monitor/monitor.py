@@ -114,13 +114,13 @@ class CollisionMonitor:
         """What is wrong with the readings; empty: nothing."""
         self._words: dict[str, tuple[str, float]] = {}
         """Text and last time of each kind of restriction."""
-        self._rehearse()
+        self._warm_up()
 
     def observe(
         self, now: float, readings: Readings, applied: Twist, stopped: bool = False
     ) -> Restriction:
         """Take odometry and scans; a fault on uncommanded motion."""
-        self._heed(readings.outline, applied)
+        self._update_outline(readings.outline, applied)
         self._reckon(now, applied)
         self._wrong = self._take(now, readings.odometry) or self._look(now, readings)
         speed = self._speed()
@@ -141,22 +141,22 @@ class CollisionMonitor:
             return UNRESTRICTED  # nothing to take from; the gate knows what to do with no number
         wrong = self._wrong or self._stale(now)
         if wrong:
-            return self._told(now, 0.0, "blind", wrong)
-        things = self._things(now + self._robot.delay, twist)
-        met, sent = self._met(things, twist), self._commanded.twist
-        where = self._braking(now, things, met if sent == twist else self._met(things, sent))
+            return self._worded(now, 0.0, "blind", wrong)
+        obstacles = self._obstacles(now + self._robot.delay, twist)
+        met, sent = self._met(obstacles, twist), self._commanded.twist
+        where = self._braking(now, obstacles, met if sent == twist else self._met(obstacles, sent))
         if where:
-            return self._told(now, 0.0, "stop", f"{where} on the braking path")
+            return self._worded(now, 0.0, "stop", f"{where} on the braking path")
         field = self._field(met, twist, self._robot.period, 1.0 - RESERVE)
         if field.share >= 1.0:
             return UNRESTRICTED
-        where = self._where(things, field.point)
+        where = self._where(obstacles, field.point)
         if field.share > 0.0:
-            return self._told(now, field.share, "slow", f"slower, {where}")
-        return self._told(now, 0.0, "stop", f"{where} on the braking path")
+            return self._worded(now, field.share, "slow", f"slower, {where}")
+        return self._worded(now, 0.0, "stop", f"{where} on the braking path")
 
-    def _rehearse(self) -> None:
-        """What has to be compiled is not when the gate's process is waited for."""
+    def _warm_up(self) -> None:
+        """Compile all that is used, before the gate process is in use."""
         here, sensor = Pose(0.0, 0.0, 0.0), self._robot.sensors[0]
         found = returns(np.ones(len(sensor.bearings)), sensor, math.inf)
         seen = MonitorSurroundings(found.points, found.errors, found.margins, found.passed)
@@ -164,15 +164,15 @@ class CollisionMonitor:
         edge_distances(seen.points, self._shape)
 
     def _farthest(self) -> float:
-        """What is farther beyond the turning circle can not matter [m]."""
+        """Distance beyond the turning circle from which nothing matters [m]."""
         return (self._top.v + self._top.omega * self._shape.reach) * self._stopping
 
-    def _heed(self, told: Floats | None, applied: Twist) -> None:
+    def _update_outline(self, reported: Floats | None, applied: Twist) -> None:
         """Use another outline, together with the previous one until a motion passes with both, or
         the robot stands."""
-        if told is not None and not np.array_equal(told, self._outline):
-            self._outline, self._free = np.array(told, dtype=np.float64), False
-            self._become(around(np.vstack((self._shape.corners, told))))
+        if reported is not None and not np.array_equal(reported, self._outline):
+            self._outline, self._free = np.array(reported, dtype=np.float64), False
+            self._become(around(np.vstack((self._shape.corners, reported))))
         elif self._shape.corners is not self._outline and (
             self._free or (applied == _NONE and self._speed() <= CRAWL)
         ):
@@ -184,12 +184,12 @@ class CollisionMonitor:
             source.reshape(self._shape, self._farthest())
 
     def _speed(self) -> float:
-        """Of the fastest point of the outline, as far as is measured [m/s]."""
+        """Measured speed of the fastest point of the outline [m/s]."""
         return max(fastest(twist, self._shape) for twist in self._motions())
 
-    def _things(self, when: float, twist: Twist) -> MonitorSurroundings:
-        """What is near enough to matter to a twist, or to the one that was sent last: by odometry
-        and by what was sent, seen from where the robot is then."""
+    def _obstacles(self, when: float, twist: Twist) -> MonitorSurroundings:
+        """Obstacles near enough to matter to a twist, or to the one sent last: by odometry and by
+        the commands sent, in the body frame at that time."""
         robot, reach = self._robot, self._shape.reach
         within = reach + max(
             fastest(motion, self._shape) * horizon(robot.period, self._brakes(motion, brakes))
@@ -233,7 +233,7 @@ class CollisionMonitor:
         for source, (new, _) in zip(self._sources, looks, strict=True):
             for other in self._sources if new else ():
                 if other is not source:
-                    other.heed(source)
+                    other.forget_passed(source)
         if any(new for new, _ in looks):
             spaces = [source.ground for source in self._sources if source.ground is not None]
             floors = [source.floor for source in self._sources if source.floor is not None]
@@ -245,24 +245,23 @@ class CollisionMonitor:
 
     def _stale(self, now: float) -> str:
         """What is wrong with the age of any LiDAR's newest scan, or ""."""
-        return next((said for source in self._sources if (said := source.stale(now))), "")
+        return next((text for source in self._sources if (text := source.stale(now))), "")
 
     def _motions(self) -> tuple[Twist, Twist]:
         """The measured twists: the odometry's, and that of its poses."""
         return self._measured.twist, self._measured.mean_twist(INCREMENTS)
 
-    def _braking(self, now: float, things: MonitorSurroundings, met: Met) -> str:
-        """Where something is that the robot meets if it brakes one period from now; nothing where
-        nothing is. What is no faster than a crawl can not do harm.
+    def _braking(self, now: float, obstacles: MonitorSurroundings, met: Met) -> str:
+        """Where the obstacle is that the robot meets if it brakes one period from now; empty if
+        there is none. Motion no faster than a crawl does no harm.
 
-        things: seen from where the robot is when that takes effect. It moves then as it was sent
-        last, and meets `met`; but a measured motion that nothing explains that it was sent goes on
-        until then.
+        obstacles: in the body frame when that takes effect. The robot then moves as the last twist
+        sent, and meets `met`; but a measured motion that no command explains goes on until then.
         """
         robot, history = self._robot, self._measured
         field = self._stop(met, self._commanded.twist, robot.period)
         if field.share < 1.0:
-            return self._where(things, field.point)
+            return self._where(obstacles, field.point)
         reaction = max(now - history.stamp, 0.0) + robot.delay + robot.period
         for twist in self._motions():
             if self._unexplained(twist):
@@ -307,15 +306,15 @@ class CollisionMonitor:
         """Braking time of a motion with a share of the deceleration [s]."""
         return change_time(twist, self._robot.bounds) / brakes
 
-    def _met(self, things: MonitorSurroundings, twist: Twist) -> Met:
+    def _met(self, obstacles: MonitorSurroundings, twist: Twist) -> Met:
         if twist == _NONE:
             return NEVER
-        return met(things, Twist(float(twist.v), float(twist.omega)), self._shape)
+        return met(obstacles, Twist(float(twist.v), float(twist.omega)), self._shape)
 
-    def _where(self, things: MonitorSurroundings, which: int) -> str:
+    def _where(self, obstacles: MonitorSurroundings, which: int) -> str:
         """Description of a point: kind, distance from the outline, and side."""
-        shape, point = self._shape, things.points[which]
-        what = _WHAT.get(float(things.errors[which]), "something")
+        shape, point = self._shape, obstacles.points[which]
+        what = _WHAT.get(float(obstacles.errors[which]), "something")
         outside = shape.normals @ point - shape.offsets
         along = shape.normals[outside.argmax()]
         if abs(along[0]) >= abs(along[1]):
@@ -324,7 +323,7 @@ class CollisionMonitor:
             side = "to the left" if along[1] > 0.0 else "to the right"
         return f"{what} {max(float(outside.max()), 0.0):.2f} m {side}"
 
-    def _told(self, now: float, share: float, kind: str, because: str) -> Restriction:
+    def _worded(self, now: float, share: float, kind: str, because: str) -> Restriction:
         """A restriction with the text with which it began: else every period would be logged."""
         words, last = self._words.get(kind, ("", -math.inf))
         if not 0.0 <= now - last <= LASTS:

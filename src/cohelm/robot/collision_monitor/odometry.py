@@ -1,4 +1,4 @@
-"""Where the robot was when, by its odometry or by what it was sent; and where it goes on an arc."""
+"""Pose history, by odometry or by the commands sent; and motion on an arc."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from cohelm.core.types import Floats, Pose, Twist
 
 KEPT = 1.5
-"""So long a past is remembered [s]: longer than any sweep and latency together that are
-described in `robot.sensors` and usual; what is older is taken to be as the oldest."""
+"""Length of the history [s]: longer than any usual sweep and latency of `robot.sensors` together;
+older times get the oldest pose."""
 
 
 def advanced(pose: Pose, twist: Twist, time: float) -> Pose:
-    """After holding a twist for a time, exactly on its arc."""
+    """The pose after holding a twist for a time [s], exactly on its arc."""
     turned, way = twist.omega * time, twist.v * time
     half = 0.5 * turned
     chord = way * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
@@ -28,7 +28,7 @@ def advanced(pose: Pose, twist: Twist, time: float) -> Pose:
 def between(before: Pose, after: Pose, time: float) -> Twist:
     """The twist that leads from one pose to the other in a time [s]; sideways motion counts as way.
 
-    Forward or backward by which of the two the robot went.
+    Positive if the robot drove forward, negative if backward.
     """
     dx, dy = after.x - before.x, after.y - before.y
     turned = after.psi - before.psi
@@ -59,8 +59,8 @@ def seen_from(points: Floats, pose: Pose) -> Floats:
 
 
 class PoseHistory:
-    """Poses at times that go up, each with the twist from then on. Between two of them the robot
-    went straight from one to the other; after the last one it goes on with its twist."""
+    """Poses at increasing times, each with the twist from then on. Linear in between; after
+    the last one it goes on with its twist."""
 
     def __init__(self) -> None:
         self._stamps: list[float] = []
@@ -72,7 +72,7 @@ class PoseHistory:
 
     @property
     def stamp(self) -> float:
-        """Of the last pose [s]; -inf before the first."""
+        """Time of the last pose [s]; -inf before the first."""
         return self._stamps[-1] if self._stamps else -math.inf
 
     @property
@@ -82,11 +82,11 @@ class PoseHistory:
 
     @property
     def twist(self) -> Twist:
-        """From the last pose on; standing before the first."""
+        """The twist from the last pose on; zero before the first."""
         return self._twists[-1] if self._twists else Twist(0.0, 0.0)
 
     def add(self, stamp: float, pose: Pose, twist: Twist) -> None:
-        """The next pose, later than the last one; its heading is unwrapped."""
+        """Append a pose later than the last one; its heading is unwrapped."""
         if self._poses:
             before = self._poses[-1].psi
             pose = pose._replace(psi=before + math.remainder(pose.psi - before, 2.0 * math.pi))
@@ -103,7 +103,7 @@ class PoseHistory:
         self._twists.clear()
 
     def at(self, stamp: float) -> Pose:
-        """The pose then, or where the robot will be. There must be a pose."""
+        """The pose at a time, past or predicted. There must be a pose."""
         if stamp >= self.stamp:
             return advanced(self.pose, self.twist, stamp - self.stamp)
         i = bisect_right(self._stamps, stamp)
@@ -123,14 +123,14 @@ class PoseHistory:
         return x, y, psi
 
     def twists(self, since: float, until: float) -> list[Twist]:
-        """All that were held from one time to another [s], the one that was held at first too."""
+        """All twists held from one time to another [s], including the one at the beginning."""
         first = max(bisect_right(self._stamps, since) - 1, 0)
         return self._twists[first : bisect_right(self._stamps, until)]
 
     def mean_twist(self, over: float) -> Twist:
-        """From the poses alone: between the last one and the one at least so long before [s].
+        """From the poses alone: between the last one and one at least `over` earlier [s].
 
-        Standing where there is none.
+        Zero where there is none.
         """
         for stamp, pose in zip(reversed(self._stamps), reversed(self._poses), strict=True):
             if self.stamp - stamp >= over:

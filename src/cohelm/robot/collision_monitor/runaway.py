@@ -1,4 +1,4 @@
-"""Motion that nobody commands: the robot moves though it has been told to stand for long enough."""
+"""Detects uncommanded motion: the robot moves although it was commanded to stand for some time."""
 
 from __future__ import annotations
 
@@ -7,32 +7,32 @@ import math
 from cohelm.core.types import Twist
 
 MOVES = 0.05
-"""The outline of a robot that stands is measured slower than this [m/s]: thirty times what a gyro
-drifts and wheels jitter, half of what is too fast for a contact."""
+"""Largest measured speed of the outline of a robot that stands [m/s]: thirty times a gyro's drift
+and the wheels' jitter, half of the speed that is too fast for a contact."""
 PATIENCE = 0.25
-"""So much longer than the delay and braking from full speed may a robot take to stand [s]: its
-drives lag, its odometry tells late, and somebody may nudge it."""
+"""Time to stand allowed beyond the delay and braking from full speed [s]: drives and odometry lag,
+and a person may nudge the robot."""
 
 
 class Runaway:
-    """Since when the robot should stand."""
+    """Watches a robot that is commanded to stand."""
 
     def __init__(self, stopping: float) -> None:
         """stopping: delay and braking from the largest speed [s]."""
-        self._takes = stopping + PATIENCE
-        self._told = math.nan
+        self._allowed = stopping + PATIENCE
+        self._stopped = math.nan
         self._stood = math.nan
 
     def noticed(self, now: float, applied: Twist, speed: float) -> bool:
-        """Whether it runs away. applied: what was sent last; speed: as measured [m/s]."""
+        """Whether it moves uncommanded. applied: the last twist sent; speed: as measured [m/s]."""
         if applied != Twist(0.0, 0.0):
-            self._told = self._stood = math.nan
+            self._stopped = self._stood = math.nan
             return False
-        if math.isnan(self._told):
-            self._told = now
+        if math.isnan(self._stopped):
+            self._stopped = now
         if not speed > MOVES:
             self._stood = now
-        since = self._stood if self._stood > self._told else math.nan
-        if math.isnan(since):  # has not stood since it was told to
-            return now - self._told > self._takes
+        since = self._stood if self._stood > self._stopped else math.nan
+        if math.isnan(since):  # has not stood since it was commanded to
+            return now - self._stopped > self._allowed
         return now - since > PATIENCE

@@ -1,7 +1,7 @@
-"""One LiDAR of the collision monitor: its newest scan, what it returned, and what it can not see.
+"""One LiDAR of the collision monitor: its newest scan, its returns, and its unobserved ground.
 
-Each is judged by its own: its beams, its stamps, its time-out. What one does not see any more is
-remembered even where another looks, which may look over it; unless both look in one plane.
+Each LiDAR has its own beams, stamps and time-out. Returns that leave its view are remembered even
+where another LiDAR looks, which may look over them; unless both look in one plane.
 """
 
 from __future__ import annotations
@@ -29,39 +29,39 @@ from cohelm.robot.port import AHEAD, Readings, Scan
 from cohelm.robot.sensors import of_sensor
 
 MISSED = 3.0
-"""Scans that may be due and not there: two lost in a row are ordinary, three are not."""
+"""Periods without a scan before the LiDAR is stale: two lost scans in a row are ordinary."""
 
 
 class MonitorSource:
-    """Of one LiDAR."""
+    """The scans of one LiDAR."""
 
     def __init__(
         self, sensor: Sensor, first: bool, shape: Outline, farthest: float, remembers: bool
     ) -> None:
-        """first: whether its scans come as `Readings.scan`. farthest: what is farther beyond the
-        turning circle can not matter [m]. remembers: whether ground may be unknown."""
+        """first: whether its scans come as `Readings.scan`. farthest: distance beyond the turning
+        circle from which nothing matters [m]. remembers: whether ground may be unknown."""
         self._sensor, self._first, self._shape = sensor, first, shape
         usual = MISSED / sensor.rate + sensor.sweep + sensor.latency
         self._patience = usual if math.isnan(sensor.timeout) else sensor.timeout
         self._around, self._own = all_round(sensor), shape
         self._near = 0.0
-        """Returns farther from the sensor than this can not matter [m]."""
+        """Returns farther from the sensor than this do not matter [m]."""
         vouches = sensor.forgets == math.inf
         self.ground = FreeSpace(sensor, shape, farthest) if remembers and vouches else None
-        """What it has looked at."""
+        """Ground that it has observed."""
         watches = sensor.floor_from > 0.0
         self.floor = FreeSpace(sensor, shape, farthest, floor=True) if watches else None
-        """Which floor it has seen, if it watches that."""
+        """Floor that it has seen, if it watches the floor."""
         self.reshape(shape, farthest)
         self._scan: Scan | None = None
         self._newest: ScanWithPoses | None = None
         self.by_odometry = NOTHING
         """Returns of the newest scan, in the frame of the odometry's poses, and remembered ones."""
         self.by_command = NOTHING
-        """Those of the scan in the frame of the poses reckoned from what was sent."""
+        """Returns of the newest scan in the frame of the poses reckoned from the commands sent."""
 
     def reshape(self, shape: Outline, farthest: float) -> None:
-        """The robot has another outline from now on. farthest: as above."""
+        """Change the robot's outline. farthest: as above."""
         self._shape = shape
         self._near = 2.0 * shape.reach + (farthest if self._around else max(farthest, BESIDE))
         for space in (self.ground, self.floor):
@@ -69,7 +69,7 @@ class MonitorSource:
                 space.reshape(shape, farthest)
 
     def forget(self) -> None:
-        """What odometry had placed: it began anew."""
+        """Forget what was placed by odometry, which began anew."""
         self._scan = self._newest = None
         self.by_odometry = NOTHING
         for space in (self.ground, self.floor):
@@ -79,20 +79,20 @@ class MonitorSource:
     def look(
         self, now: float, readings: Readings, measured: PoseHistory, commanded: PoseHistory
     ) -> tuple[bool, str]:
-        """Take in its scan: whether there was a new one, and what is wrong, or nothing."""
+        """Take its scan: whether there was a new one, and what is wrong, or an empty string."""
         scan = readings.scan if self._first else readings.of_lidar(self._sensor.name)
         if scan is None:
-            return False, self._said("there is no scan")
+            return False, self._text("there is no scan")
         if scan is self._scan:
             return False, ""
         sensor = self._sensor
         if len(scan.ranges) != len(sensor.bearings):
-            said = f"a scan of {len(scan.ranges)} beams, and not {len(sensor.bearings)}"
-            return False, self._said(said)
+            text = f"a scan of {len(scan.ranges)} beams, and not {len(sensor.bearings)}"
+            return False, self._text(text)
         if not math.isfinite(scan.stamp + scan.duration):
-            return False, self._said("the scan's time is no number")
+            return False, self._text("the scan's time is no number")
         if scan.stamp + scan.duration > now + AHEAD:
-            return False, self._said("the scan comes from the future")
+            return False, self._text("the scan comes from the future")
         first, last = (measured.at(scan.stamp + t) for t in (0.0, scan.duration))
         before = out_of_sight(
             self.by_odometry, scan.stamp, first, last, sensor, self._shape.reach, scan.ranges
@@ -112,8 +112,8 @@ class MonitorSource:
         self._look_at_ground(scan, first, last, measured)
         return True, ""
 
-    def heed(self, other: MonitorSource) -> None:
-        """Of what it does not see any more, forget what another's newest scan goes past."""
+    def forget_passed(self, other: MonitorSource) -> None:
+        """Forget remembered returns that another LiDAR's newest scan looks past."""
         look, own = other._newest, self._scan
         if look is None or own is None:
             return
@@ -123,12 +123,12 @@ class MonitorSource:
             self.by_odometry = MonitorSurroundings(*(column[stays] for column in old))
 
     def stale(self, now: float) -> str:
-        """What is wrong with the newest scan's age, or nothing."""
+        """What is wrong with the newest scan's age, or an empty string."""
         if self._scan is None:
-            return self._said("there is no scan")
+            return self._text("there is no scan")
         age = now - self._scan.stamp - self._scan.duration
         if age > self._patience:
-            return self._said(f"no scan for {1000.0 * age:.0f} ms")
+            return self._text(f"no scan for {1000.0 * age:.0f} ms")
         return ""
 
     def _look_at_ground(self, scan: Scan, first: Pose, last: Pose, measured: PoseHistory) -> None:
@@ -137,5 +137,5 @@ class MonitorSource:
             if space is not None:
                 space.look(scan.ranges, measured.at(when), last.psi - first.psi, when)
 
-    def _said(self, what: str) -> str:
+    def _text(self, what: str) -> str:
         return of_sensor(self._sensor.name, what)

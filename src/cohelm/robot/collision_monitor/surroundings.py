@@ -1,4 +1,4 @@
-"""The returns that count, in a frame that stays: of the newest scan, and of what it can not see."""
+"""Returns in a fixed frame: those of the newest scan, and remembered ones out of its view."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from cohelm.robot.collision_monitor.returns import SURE, Returns, Sensor
 from cohelm.robot.port import Scan
 
 REMEMBERED = 60.0
-"""What went out of sight is taken to stand there for so long [s]; then nobody knows, and there is a
-crawl. The filter remembers it without an end, so this forbids nothing that the filter allows."""
+"""Time for which a return out of view counts as an obstacle [s]; then it is unknown, and the robot
+crawls. The filter remembers it without limit, so this forbids nothing that the filter allows."""
 BESIDE = 3.0
-"""And while it is nearer to the outline than this [m]: 3 s of backing at full speed."""
+"""Distance from the outline within which it is remembered [m]: 3 s of backing at full speed."""
 GRAIN = 0.02
-"""Of what is remembered one return stands for all so near to each other [m]."""
+"""Grid on which remembered returns are merged [m]."""
 
 ENDS = 0.1
-"""A beam that ends no farther behind what is remembered is a new sight of it [m]."""
+"""A beam that ends no farther than this behind a remembered return sees it anew [m]."""
 
 LEVEL = 0.01
-"""Planes whose heights differ by no more are one [m]: the spot of a beam is as high."""
+"""Largest difference of heights of sensors in one plane [m]: the height of a beam's spot."""
 
 
 class MonitorSurroundings(NamedTuple):
@@ -36,19 +36,19 @@ class MonitorSurroundings(NamedTuple):
     points: Floats
     """(n, 2) [m]"""
     errors: Floats
-    """Standard deviation of each, (n,) [m]; -inf where nobody knows whether there is anything: it
+    """Standard deviation of each, (n,) [m]; -inf where it is unknown whether there is anything: it
     stops nothing, but is not driven into faster than at a crawl."""
     margins: Floats
-    """By how much the thing may be nearer, (n,) [m]."""
+    """By how much the obstacle may be nearer, (n,) [m]."""
     seen: Floats
-    """When, (n,) [s]."""
+    """Time of each, (n,) [s]."""
 
 
 NOTHING = MonitorSurroundings(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
 
 
 class ScanWithPoses(NamedTuple):
-    """A scan, and where it was taken."""
+    """A scan, and the poses at which it was taken."""
 
     sensor: Sensor
     scan: Scan
@@ -68,34 +68,34 @@ def of_scan(found: Returns, scan: Scan, poses: PoseHistory) -> MonitorSurroundin
 
 
 def joined(new: MonitorSurroundings, old: MonitorSurroundings) -> MonitorSurroundings:
-    """Both."""
+    """The returns of both."""
     if not len(old.points):
         return new
     return MonitorSurroundings(*(np.concatenate(both) for both in zip(new, old, strict=True)))
 
 
 def all_of(parts: list[MonitorSurroundings]) -> MonitorSurroundings:
-    """Those of several LiDARs."""
+    """The returns of several LiDARs."""
     return reduce(joined, parts)
 
 
-def seen_by(things: MonitorSurroundings, pose: Pose, within: float) -> MonitorSurroundings:
-    """In the body frame at a pose, those that are so near to its origin, with their margins [m]."""
-    return seen_by_both(things, pose, NOTHING, pose, within)
+def seen_by(obstacles: MonitorSurroundings, pose: Pose, within: float) -> MonitorSurroundings:
+    """In the body frame at a pose, returns within a distance of its origin, less margins [m]."""
+    return seen_by_both(obstacles, pose, NOTHING, pose, within)
 
 
 @jit
 def seen_by_both(
-    things: MonitorSurroundings,
+    obstacles: MonitorSurroundings,
     pose: Pose,
     others: MonitorSurroundings,
     other_pose: Pose,
     within: float,
 ) -> MonitorSurroundings:
     """The same, and of others in the frame of another pose."""
-    n, k = len(things.points) + len(others.points), 0
+    n, k = len(obstacles.points) + len(others.points), 0
     points, errors, margins, seen = np.empty((n, 2)), np.empty(n), np.empty(n), np.empty(n)
-    for of, at in ((things, pose), (others, other_pose)):
+    for of, at in ((obstacles, pose), (others, other_pose)):
         c, s = math.cos(at.psi), math.sin(at.psi)
         for i in range(len(of.points)):
             x, y, margin = of.points[i, 0] - at.x, of.points[i, 1] - at.y, of.margins[i]
@@ -107,7 +107,7 @@ def seen_by_both(
 
 
 def all_round(sensor: Sensor) -> bool:
-    """Whether nothing can go out of its sight but by distance."""
+    """Whether obstacles can leave its view only by distance."""
     return sensor.bearings[-1] - sensor.bearings[0] + 1.5 * sensor.step > 2.0 * math.pi
 
 
@@ -115,27 +115,26 @@ def out_of_sight(
     old: MonitorSurroundings, now: float, first: Pose, last: Pose, sensor: Sensor, reach: float,
     ranges: Floats | None = None,
 ) -> MonitorSurroundings:  # fmt: skip
-    """What of it a scan could not see, and is still to be reckoned with: at the end of the view,
-    or so near that beams may go past above it, unless they end there or before.
+    """Old returns that a scan could not see and that still count: beyond the end of the view, or so
+    near that beams may pass above, unless they end there or before.
 
-    ranges: of the scan; without them nothing is too near. first, last: where the robot was at its
+    ranges: of the scan; without them nothing is too near. first, last: poses of the robot at its
     first beam and at its last. A beam looks half a step to either side: what stands at the end of
-    the view of a robot that stands is in it, and who walks out of the view there does not stay
-    behind.
+    the view of a standing robot is in view, and a mover that leaves it there leaves no return.
     """
     low = sensor.whole_from > 0.0 and ranges is not None
     if (all_round(sensor) and not low) or not len(old.points):
         return NOTHING
     middle = 0.5 * (sensor.bearings[0] + sensor.bearings[-1])
     half = 0.5 * (sensor.bearings[-1] - sensor.bearings[0] + sensor.step)
-    begin, (end, far) = (_polar(old.points, pose, sensor, middle) for pose in (first, last))
+    begin, (end, dist) = (_polar(old.points, pose, sensor, middle) for pose in (first, last))
     right = begin[0] < 0.0
     unseen = (right & (begin[0] < -half)) | (~right & (np.abs(end) > half))
     if all_round(sensor):
         unseen[:] = False
     if ranges is not None and low:
         beams = np.clip(np.rint((end + half) / sensor.step - 0.5), 0, len(ranges) - 1)
-        unseen |= (far < sensor.whole_from) & ~(ranges[beams.astype(np.intp)] < far + ENDS)
+        unseen |= (dist < sensor.whole_from) & ~(ranges[beams.astype(np.intp)] < dist + ENDS)
     hidden = np.flatnonzero(unseen)
     here = seen_from(old.points[hidden], last)
     near = here[:, 0] ** 2 + here[:, 1] ** 2 < (reach + BESIDE) ** 2
@@ -148,12 +147,12 @@ def out_of_sight(
 
 
 def looked_past(old: MonitorSurroundings, look: ScanWithPoses) -> NDArray[np.bool_]:
-    """Which of these a scan shows not to be there any more, (n,): all beams that would meet the
-    thing, wherever it is within its margin, go past it, and have done so since it was seen.
+    """Which old returns a scan clears, (n,): all beams that would meet its obstacle, anywhere
+    within its margin, go past it, and do so since it was seen.
 
-    That margin holds those, too, for which one stands. They would meet it from where the robot was
-    at the first beam and at the last, and everywhere between. What the beams are too far apart to
-    meet for sure, or what is at the end of the view or of the range, may be there.
+    The margin includes returns merged into this one. The beams are those from the robot's pose at
+    the first beam, at the last, and everywhere between. Obstacles that may be between two beams, or
+    at the end of the view or of the range, stay.
     """
     sensor, ranges = look.sensor, look.scan.ranges
     points, _, margins, seen = old
@@ -183,7 +182,7 @@ def looked_past(old: MonitorSurroundings, look: ScanWithPoses) -> NDArray[np.boo
 def _polar(
     points: Floats, pose: Pose, sensor: Sensor, middle: float
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """Of points from the sensor of a robot at a pose: bearings from the middle of its view, (n,)
-    [rad], and distances, (n,) [m]."""
+    """Points in polar coordinates of the sensor of a robot at a pose: bearings from the middle of
+    its view, (n,) [rad], and distances, (n,) [m]."""
     there = seen_from(seen_from(points, pose), sensor.mount._replace(psi=sensor.mount.psi + middle))
     return np.arctan2(there[:, 1], there[:, 0]), np.hypot(there[:, 0], there[:, 1])

@@ -1,4 +1,4 @@
-"""When a convex outline that moves on an arc meets points: exactly, without steps in time.
+"""Time to contact of a convex outline on an arc with points: exactly, without steps in time.
 
 Seen from the body a resting point runs backwards round the centre of the turn. It enters the
 outline where that circle first crosses an edge.
@@ -15,37 +15,37 @@ from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Twist
 
 STRAIGHT = 1000.0
-"""A turn of a larger radius is taken as straight [m]: half a millimetre aside in a metre."""
+"""A turn of a larger radius counts as straight [m]: half a millimetre aside in a metre."""
 STRIDE = 0.05
-"""Whether a motion takes a point out of the outline shows within so much way of it [m]: more than
-a return in the outline can be wrong."""
+"""Way within which it shows whether a motion takes a point out of the outline [m]: more than the
+error of a return in the outline."""
 
 
 class Outline(NamedTuple):
-    """A convex outline, counter-clockwise, in the body frame. Edge i goes on from corner i."""
+    """A convex outline, counter-clockwise, in the body frame. Edge i begins at corner i."""
 
     corners: Floats
     """(k, 2) [m]"""
     normals: Floats
-    """Of each edge, outwards, unit vectors, (k, 2)."""
+    """Outward unit normals of the edges, (k, 2)."""
     offsets: Floats
-    """Of each edge from the origin along its normal, (k,) [m]."""
+    """Distance of each edge from the origin along its normal, (k,) [m]."""
     first: Floats
-    """Where each edge begins, along it, from the origin's foot on it, (k,) [m]."""
+    """Beginning of each edge, along it, from the origin's foot on it, (k,) [m]."""
     last: Floats
-    """And where it ends, (k,) [m]."""
+    """End of each edge, likewise, (k,) [m]."""
     first_grows: Floats
-    """By how much its beginning moves along it when all edges go out by 1 m, (k,)."""
+    """Motion of its beginning along it when all edges move outwards by 1 m, (k,)."""
     last_grows: Floats
-    """And its end, (k,)."""
+    """Motion of its end, likewise, (k,)."""
     spread: float
-    """By how much a corner moves at most when all edges go out by 1 m."""
+    """Largest motion of a corner when all edges move outwards by 1 m."""
     reach: float
-    """From the origin to the farthest corner [m]."""
+    """Distance from the origin to the farthest corner [m]."""
 
 
 def outline(corners: Floats) -> Outline:
-    """With all that the sweep needs. corners: (k, 2), convex, counter-clockwise [m]."""
+    """The outline with these corners: (k, 2), convex, counter-clockwise [m]."""
     corners = np.require(corners, np.float64, ("C", "W"))  # compiled code is made for one kind
     after = np.roll(corners, -1, axis=0)
     edges = after - corners
@@ -86,13 +86,13 @@ def around(points: Floats) -> Floats:
 
 
 def fastest(twist: Twist, shape: Outline) -> float:
-    """No point of the outline is faster than this [m/s]."""
+    """Upper bound of the speed of the outline's points [m/s]."""
     return abs(twist.v) + abs(twist.omega) * shape.reach
 
 
 @jit
 def edge_distances(points: Floats, shape: Outline) -> Floats:
-    """Of points of the body frame from the line of each edge, positive outside, (n, k) [m]."""
+    """Distances of body-frame points from the line of each edge, positive outside, (n, k) [m]."""
     out = np.empty((len(points), len(shape.offsets)))
     for i in range(len(points)):
         for edge in range(len(shape.offsets)):
@@ -104,9 +104,8 @@ def edge_distances(points: Floats, shape: Outline) -> Floats:
 def contact_time(
     x: float, y: float, margin: float, twist: Twist, shape: Outline, ring: Ring
 ) -> float:
-    """How long `twist` has to be held until the outline, grown by a margin [m], meets a point of
-    the body frame [s]: infinite where it never does, 0 for a point inside. ring: as of `ring_of`.
-    """
+    """Time to contact at a constant twist of the outline, grown by a margin [m], with a point of
+    the body frame [s]: infinite where it never meets, 0 for a point inside. ring: by `ring_of`."""
     if outside(x, y, shape) <= margin:
         return 0.0
     if math.isnan(ring.centre):
@@ -116,7 +115,7 @@ def contact_time(
 
 @jit_inline
 def outside(x: float, y: float, shape: Outline) -> float:
-    """How far a point is out of the outline, below 0 within it: at most so far [m]."""
+    """Lower bound of a point's distance from the outline, below 0 within it [m]."""
     most = -math.inf
     for edge in range(len(shape.offsets)):
         most = max(most, _distance(x, y, edge, shape))
@@ -125,8 +124,8 @@ def outside(x: float, y: float, shape: Outline) -> float:
 
 @jit_inline
 def outwards(x: float, y: float, twist: Twist, shape: Outline) -> float:
-    """By how much a point comes farther out of the outline, or less deep in it, within a stride of
-    the motion [m]; below 0 for one that it takes in."""
+    """Increase of a point's distance from the outline, negative inside, within `STRIDE` of the
+    motion [m]; below 0 for one that the motion takes in."""
     stride = STRIDE / (abs(twist.v) + abs(twist.omega) * shape.reach)
     speed_x, speed_y = twist.omega * y - twist.v, -twist.omega * x
     after = -math.inf
@@ -143,7 +142,7 @@ def _distance(x: float, y: float, edge: int, shape: Outline) -> float:
 
 @jit_inline
 def _straight(x: float, y: float, margin: float, twist: Twist, shape: Outline) -> float:
-    """The point runs along x, with -v: in where all edges are passed, out where any is."""
+    """The point runs along x, with -v: it enters at the last edge and leaves at the first."""
     enter, leave = 0.0, math.inf
     for edge in range(len(shape.offsets)):
         distance = _distance(x, y, edge, shape) - margin
@@ -158,17 +157,17 @@ def _straight(x: float, y: float, margin: float, twist: Twist, shape: Outline) -
 
 
 class Ring(NamedTuple):
-    """Round the centre of a turn: what is not in it can not meet the outline, but for margins."""
+    """The ring around the centre of a turn that the outline sweeps, without margins."""
 
     centre: float
-    """So far to the left [m]."""
+    """Distance to the left [m]."""
     nearest: float
     farthest: float
 
 
 @jit_inline
 def ring_of(twist: Twist, shape: Outline) -> Ring:
-    """Of a turn; NaN of a straight motion, and of none."""
+    """The ring of a turn; NaN for a straight motion, and for none."""
     if twist.omega == 0.0 or abs(twist.v) > STRAIGHT * abs(twist.omega):
         return Ring(math.nan, math.nan, math.nan)
     centre = twist.v / twist.omega
@@ -182,8 +181,8 @@ def ring_of(twist: Twist, shape: Outline) -> Ring:
 
 @jit_inline
 def _turning(x: float, y: float, margin: float, twist: Twist, shape: Outline, ring: Ring) -> float:
-    """The point runs round the centre of the turn, with -omega: where does that circle cross the
-    line of an edge, and is that on the edge?"""
+    """The point runs round the centre of the turn, with -omega: the first crossing of that circle
+    with the line of an edge that is on the edge."""
     centre = ring.centre
     radius = math.sqrt(x * x + (y - centre) ** 2)
     if radius > ring.farthest + shape.spread * margin or radius < ring.nearest - margin:
