@@ -1,8 +1,8 @@
-"""Robots that are carried off, wheels standing, and put down farther on: `benchmarks.carried`.
+"""Robots that are lifted, wheels standing, and put down farther on: `benchmarks.carried`.
 
-On published maps and in generated buildings, carried 9 m along their way in 6 s, as fast as a man
-walks, and driven on. Perception alone. Within 3 s of being put down: neither lost nor 0.2 m off
-from then on, for the rest of 9 s.
+On published maps and in generated buildings, carried 9 m along their path in 6 s, at walking speed,
+and then driven on. Perception alone. Success: at most 3 s after being put down neither lost nor
+0.2 m off, for the rest of 9 s.
 
     python -m benchmarks.carried [--only NAME] [--seed 3100] [--seeds 130:134] [--count 3]
 """
@@ -32,7 +32,7 @@ FASTER = 3  # than it drives, 0.5 m/s
 def recovered(
     place: Place, poses: list[Pose], twists: list[Twist], seed: int
 ) -> tuple[float, float]:
-    """When it was last lost or 0.2 m off since it was put down; wrong and sure at a stretch [s]."""
+    """Last time lost or 0.2 m off since it was put down; longest spell wrong but not lost [s]."""
     off = BEFORE + FASTER * CARRIED
     way = [*poses[:BEFORE], *poses[BEFORE:off:FASTER], *poses[off : off + AFTER]]
     steps = [*twists[:BEFORE], *[Twist(0.0, 0.0)] * CARRIED, *twists[off : off + AFTER - 1]]

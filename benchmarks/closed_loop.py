@@ -1,10 +1,10 @@
-"""The whole loop on maps by others, in simulated time: `python -m benchmarks.closed_loop`.
+"""The whole loop on published maps, in simulated time: `python -m benchmarks.closed_loop`.
 
-The plant is the twin, and what drives it is what drives robots: `Session`, with gate, monitors,
+The plant is the twin, driven by the software of real robots: `Session`, with gate, monitors,
 planner and guard. The robot has the published map and its start, and the sensors that it has in
 campaigns (LiDAR 2 cm, wheels 1.5 % wrong, drifting gyro). A published map is world and map at once;
-*gone* takes 30 % of the walls out of the world, *missing* out of the map, *boxes* puts ten boxes by
-the way that are on no map. Seeds below 100 may be tuned on; the tables count from 907 on.
+*gone* removes 30 % of the walls from the world, *missing* from the map, *boxes* puts ten boxes by
+the path that are on no map. Seeds below 100 may be tuned on; the tables count from 907 on.
 
     python -m benchmarks.closed_loop [--variant drawn,gone] [--only NAME] [--seeds 907:910]
         [--into benchmarks/counts/closed_loop.jsonl]
@@ -46,13 +46,13 @@ from tests.perceive.drives import along  # noqa: E402
 
 SPEED = 0.5  # [m/s], or three quarters of what the robot can
 ROBOTS = ("sally", "turtlebot3_waffle")
-"""A map is driven by the first that fits through all of its way: a map of a desk is no place for
-a robot of 0.72 m."""
+"""Each map is driven by the first robot that fits through its whole path: a robot of 0.72 m does
+not fit on the map of a desk."""
 ROOM, TIGHT = 0.38, 0.33  # from the way to what stands; where there is no other way [m]
 
 
 class Site(NamedTuple):
-    """scenario: with the world as it is. known: the map that the robot has."""
+    """scenario: with the true world. known: the robot's map."""
 
     name: str
     scenario: Scenario
@@ -63,7 +63,7 @@ class LoopResult(NamedTuple):
     name: str
     arrived: bool
     way: float
-    """Really driven [m]."""
+    """True distance driven [m]."""
     time: float
     """[s]"""
     least: float
@@ -75,23 +75,23 @@ class LoopResult(NamedTuple):
     lost: float
     """Share of the time."""
     wrong: float
-    """Share of the time, farther off than WRONG and sure."""
+    """Share of the time, farther off than WRONG but not lost."""
     longest: float
-    """That at a stretch [s]."""
+    """Longest spell of that [s]."""
     mode: str
     spells: tuple[str, ...]
-    """What was said while lost, each time."""
+    """The reported reason of each spell lost."""
 
 
 def carried(name: str) -> dict[str, object]:
-    """A robot with the sensors of campaigns; nobody looks through a camera."""
+    """A robot with the sensors of campaigns, without a camera."""
     model = robot(name)
     fitted = sensing(model).fitted(model).model_copy(update={"camera": None})
     return fitted.model_dump(mode="json", exclude_none=True)
 
 
 def fitting(made: OccupancyMap, way: list[tuple[float, float]]) -> str:
-    """The first robot that comes through, with the gap that a planner leaves [m]."""
+    """The first robot that fits through, with the planner's clearance [m]."""
     cells = np.argwhere(made.cells >= OCCUPIED)[:, ::-1]
     stands = placed((cells + 0.5) * made.resolution, made.origin)
     line = tangents(np.vstack([np.linspace(a, b, 7, endpoint=False) for a, b in pairwise(way)]))
@@ -125,7 +125,7 @@ def on_a_map(
 
 
 def in_a_building(seed: int, variant: str, length: float) -> Site:
-    """A drive through a generated one."""
+    """A drive through a generated building."""
     share = {"gone": {"gone": 0.3}, "missing": {"missing": 0.3}}
     place = building(seed, Artefacts(**share.get(variant, {})))
     way = tour(place, seed, length, ROOM)
@@ -150,7 +150,7 @@ def scenario(
 
 
 def without_walls(made: OccupancyMap, share: float, seed: int) -> OccupancyMap:
-    """The same with a share of what is occupied taken out, in pieces of 0.3 to 2 m: free there."""
+    """The map with a share of its occupied cells set free, in pieces of 0.3 to 2 m."""
     rng = np.random.default_rng([seed, 4])
     cells = made.cells.copy()
     solid = np.argwhere(cells >= OCCUPIED)
@@ -164,7 +164,7 @@ def without_walls(made: OccupancyMap, share: float, seed: int) -> OccupancyMap:
 
 
 def driven(site: Site) -> LoopResult:
-    """Until it arrives, the time is over, or it stops by itself."""
+    """Drive until it arrives, the time is over, or it faults."""
     made = Simulated(site.scenario, "twin", real_time=False, seed=site.scenario.simulation.seed)
     limit = 2.0 * site.scenario.reference.spline().duration + 30.0
     rows: list[tuple[float, float, float, float, bool]] = []
@@ -193,7 +193,7 @@ def driven(site: Site) -> LoopResult:
 
 
 def spells(said: list[tuple[float, str]]) -> tuple[str, ...]:
-    """When it was lost, for how long, where, and why at first."""
+    """Spells lost: start, duration, place, and first reason."""
     found: list[str] = []
     begun = last = -math.inf
     why = ""

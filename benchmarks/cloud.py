@@ -1,7 +1,7 @@
 """A point cloud as a scan: `python -m benchmarks.cloud [--points 24000]`.
 
-From the bytes of a PointCloud2 as they come from the network to ranges: what a robot's driver adds
-to reading it, in the process of the gate.
+From the received bytes of a PointCloud2 to ranges: the time that a robot's driver adds to reading
+it, in the gate process.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a person waits for: `cohelm --help`, and `cohelm reproduce` on a bare and a filled cache."""
+"""Start-up times: `cohelm --help`, and `cohelm reproduce` on an empty and a filled cache."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def measure(progress: Callable[[str, float], None], quick: bool) -> list[Command
 
 
 def _timed(command: Sequence[str], cache: str | None) -> tuple[float, float]:
-    """Wall time [s] and peak memory [MB] of a process; RuntimeError with its last words."""
+    """Wall time [s] and peak memory [MB] of a process; RuntimeError with its last output."""
     environment = {**os.environ, "MPLBACKEND": "Agg"}
     if cache is not None:
         environment["COHELM_CACHE_DIR"] = cache

@@ -1,7 +1,7 @@
 """A depth image as a scan: `python -m benchmarks.depth [--width 640 --height 480]`.
 
-From the bytes of an Image as they come from the network to ranges: what a robot's driver adds to
-reading it, in the process of the gate.
+From the received bytes of an Image to ranges: the time that a robot's driver adds to reading it,
+in the gate process.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """The lab driven manually from far away, on the twin: `python -m benchmarks.far [--delay 0.075]`.
 
 `cohelm robot --twin --listen` in a network namespace of its own, and a scripted operator at the
-other end of a bad network of real packets (tests/link/net.py), 150 ms round trip by default. It
-gets the link's messages, as late as they come, predicts ahead by as much, and steers in manual mode
-along the reference, around the obstacles that it is shown, 50 times a second; the guard on the
-robot keeps clear. Contacts are judged by the truth.
+other end of a bad network of real packets (tests/link/net.py), 150 ms round trip by default. The
+operator receives the link's delayed messages, predicts by their age, and steers in manual mode
+along the reference, around the obstacles in them, 50 times a second; the guard on the robot keeps
+clear. Contacts are counted from the truth.
 """
 
 from __future__ import annotations
@@ -44,21 +44,21 @@ STUCK = 4.0  # held for so long, the person backs out a little [s]
 
 
 class Thing(NamedTuple):
-    """Something that stands on the line."""
+    """An obstacle on the line."""
 
     at: Floats
     row: int
-    """Of the line, where it stands."""
+    """Where on the line it stands."""
     side: float
-    """1: it is passed on its left, -1: on its right."""
+    """1: the robot passes on its left, -1: on its right."""
     far: float
-    """How far the line is left there [m]."""
+    """Lateral offset from the line there [m]."""
 
 
 class Person:
     """A scripted operator: pure pursuit of the line, slower the more it must turn.
 
-    It passes what stands on the line, on the side chosen when first seen.
+    It passes obstacles on the line on the side chosen when first seen.
     """
 
     def __init__(self, line: Floats) -> None:
@@ -106,7 +106,7 @@ class Person:
         self.line = self.reference + shift[:, None] * self._left
 
     def stick(self, now: float, pose: Pose, v: float) -> Stick:
-        """The deflection for what is seen."""
+        """The deflection for the newest scan."""
         if not abs(v) < 0.02 or math.isnan(self.free):
             self.free = now
         if now - self.free > STUCK:
@@ -124,12 +124,12 @@ class Person:
         return Stick(x, min(max(2.2 * turn, -0.9), 0.9))
 
     def done(self, pose: Pose) -> bool:
-        """Whether the end of the line is here."""
+        """Whether the end of the line is reached."""
         return math.hypot(*(self.line[-1] - pose[:2])) < NEAR
 
 
 def points(scan: WholeScan) -> Floats:
-    """(n, 2) of what a scan hit, in the map [m]."""
+    """Points of a scan, in the map, (n, 2) [m]."""
     hit = (scan.ranges > 0) & (scan.ranges < 65535)
     angles = scan.sensor.psi + scan.first + scan.step * np.flatnonzero(hit)
     away = 1e-3 * scan.ranges[hit, None]
@@ -137,7 +137,7 @@ def points(scan: WholeScan) -> Floats:
 
 
 def drive(path: dict[str, float], scenario: str, limit: float) -> dict[str, object]:
-    """One drive; what became of it."""
+    """One drive and its result."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         os.environ["COHELM_KEYS"] = str(folder / "keys")
@@ -166,7 +166,7 @@ def drive(path: dict[str, float], scenario: str, limit: float) -> dict[str, obje
 def _drive_manually(
     station: StationEnd, bulk: StationBulk, limit: float
 ) -> tuple[float, list[str], bool, float]:
-    """Seconds driven, why it was stopped meanwhile, whether it arrived, the least speed cap."""
+    """Seconds driven, reasons of stops, whether it arrived, the least speed cap."""
     person: Person | None = None
     asked, stops, least, wanted = -math.inf, [], math.inf, Stick(0.0, 0.0)
     began = math.nan

@@ -19,7 +19,7 @@ def measure(progress: Callable[[str, float], None], quick: bool) -> BenchResult:
 
 
 def per_disc_ns(rounds: dict[int, Rounds]) -> float:
-    """What one more disc costs, between the fewest and the most [ns]."""
+    """Time of one more disc, between the fewest and the most [ns]."""
     few, many = min(rounds), max(rounds)
     return 1e3 * (rounds[many].median - rounds[few].median) / (many - few)
 

@@ -36,7 +36,7 @@ PEERS = {"qpax": "cbfpy, qpax", "elastiqp": "cbfpy, elastiqp"}
 
 @dataclass
 class GuardTimes:
-    """Microseconds a step, by number of things; and of cbfpy's filter at COMPARED discs."""
+    """Microseconds a step, by number of obstacles; and of cbfpy's filter at COMPARED discs."""
 
     discs: dict[int, Rounds] = field(default_factory=dict)
     points: dict[int, Rounds] = field(default_factory=dict)
@@ -45,7 +45,7 @@ class GuardTimes:
     """A whole call of `cohelm.SafetyFilter`, see FILTERS."""
 
     def as_json(self) -> dict[str, object]:
-        """Medians, and how many times as long cbfpy takes."""
+        """Medians, and cbfpy's times relative to them."""
         ours = self.discs[COMPARED]
         return {
             "discs_us": {str(n): r.median for n, r in self.discs.items()},
@@ -64,7 +64,7 @@ def room(n: int) -> Floats:
 
 
 def measure(progress: Callable[[str, float], None], quick: bool) -> GuardTimes:
-    """Rounds in which all are timed in turns; Jackal's outline and limits."""
+    """Time all in turns, in rounds; with Jackal's outline and limits."""
     model = _jackal()
     guarded = prepared(model.outline, model.bounds())
     rounds, calls = (7, 2_000) if quick else (15, 10_000)
@@ -121,7 +121,7 @@ def measure(progress: Callable[[str, float], None], quick: bool) -> GuardTimes:
 
 
 class _Peers:
-    """cbfpy's backends that are installed, each in its process, with the same discs and poses."""
+    """The installed backends of cbfpy, each in its process, with the same discs and poses."""
 
     def __init__(self, f: Field) -> None:
         self._question = {

@@ -1,9 +1,9 @@
-"""How far off the map of the Intel log is, by the relations of its publication.
+"""Errors of the map of the Intel log, by the relations of its publication.
 
 A relation names two scans of the whole log by their times. The log has one scan in fifteen, but a
-line of odometry for each of them: where that was is reckoned from the scans before and after. Times
-are written with six digits, of late a hundredth of a second, and lines came in bunches: where
-several have the time of a relation, nobody can say which is meant.
+line of odometry for each of them: its pose is interpolated from the scans before and after. Times
+are written with six digits, later a hundredth of a second, and lines came in bunches: where several
+have the time of a relation, it is unknown which is meant.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _TURN = 0.5  # a turn makes odometry as unsure as so much way does [m/rad]
 
 
 class RelationErrors(NamedTuple):
-    """How far off the pose of each relation is: off [m], heading [rad], (n,). alone: (n,), whether
-    both its times are those of one line alone."""
+    """Error of each relation: off [m], heading [rad], (n,). alone: (n,), whether each of its times
+    belongs to a single line."""
 
     off: Floats
     heading: Floats
@@ -41,8 +41,8 @@ class _Line(NamedTuple):
 
 
 def surveyed(raw: bool = False) -> MappingResult:
-    """The log mapped from the poses in its scans, which are a solution by others, or from the raw
-    odometry between its scans alone."""
+    """The log mapped from the poses in its scans, which are a published solution, or only from the
+    raw odometry between its scans."""
     drive = read_log(LOG)
     seen = mapping_scans(drive.lidar.lidar(), drive.odometry, drive.scans)
     survey, odometry = Mapper(drive.lidar.lidar()), seen[0].odometry
@@ -54,7 +54,7 @@ def surveyed(raw: bool = False) -> MappingResult:
 
 
 def errors(poses: list[Pose]) -> RelationErrors:
-    """poses: of the log's scans."""
+    """Errors of `poses`, those of the log's scans."""
     segments = _segments()
     lines = _placed(segments, poses)
     asked = read_relations(LOG.with_name("intel.relations"))
@@ -73,8 +73,8 @@ def errors(poses: list[Pose]) -> RelationErrors:
 
 
 def _segments() -> list[list[_Line]]:
-    """A scan and the odometry from it to the next, each: after a scan, the log's odometry goes on
-    from where its author's mapping had put that."""
+    """Each scan with the odometry from it to the next: after a scan, the log's odometry continues
+    from the pose that its author's mapping gave that scan."""
     found: list[list[_Line]] = []
     for text in LOG.read_text().splitlines():
         words = text.split()
@@ -87,8 +87,8 @@ def _segments() -> list[list[_Line]]:
 
 
 def _placed(segments: list[list[_Line]], poses: list[Pose]) -> list[_Line]:
-    """Where each line was, from where the scans were: reckoned from the scan before and from the
-    one after, to which the last line of a segment belongs, the nearer counting more."""
+    """Pose of each line, interpolated from the poses of the scan before and of the one after, to
+    which the last line of a segment belongs; the nearer has more weight."""
     found: list[_Line] = []
     for segment, (here, there) in zip(segments[:-1], pairwise(poses), strict=True):
         seen = [between(segment[0].pose, line.pose) for line in segment]
@@ -103,7 +103,7 @@ def _placed(segments: list[list[_Line]], poses: list[Pose]) -> list[_Line]:
 
 
 def _clock(times: Floats, scans: Floats) -> float:
-    """The time of relations at which that of the log is 0: at most of these gaps lies a scan."""
+    """Offset of the relations' clock from the log's: for most relations a scan has that time."""
     gaps = (times[:, None] - scans).ravel()
     bins = np.round(gaps / 0.02).astype(np.int64)
     values, counts = np.unique(bins, return_counts=True)

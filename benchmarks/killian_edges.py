@@ -1,9 +1,9 @@
-"""What the loop edges of the Killian Court log can say of a map: they err, too.
+"""Accuracy of the loop edges of the Killian Court log as a reference for maps: they err, too.
 
-An edge is somebody's match of two scans. Two edges from one scan to two others a few steps apart
-tell the way between these, and so do the sequential edges: by so much they contradict each other.
-And a scan, put where an edge says or where a map says it is, lies on what was seen around the other
-one, or does not.
+An edge is a published match of two scans. Two edges from one scan to two others a few steps apart
+give the motion between these, and so do the sequential edges: the difference is a contradiction.
+And a scan, placed by an edge or by a map, either lies on the points seen around the other scan or
+does not.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ _HELD = np.diag([1e8, 1e8, 1e8])
 
 
 def contradictions(log: Log) -> Floats:
-    """(n, 2): how far off the second of two edges from one scan is by the first one and the
-    sequential edges, along the heading and across [m]. Of either edge it is 1/sqrt(2) of that."""
+    """(n, 2): difference of the second of two edges from one scan to the first one and the
+    sequential edges, along the heading and across [m]. The error of one edge is 1/sqrt(2) of it."""
     off: list[tuple[float, float]] = []
     for a in sorted({a for a, _, _ in log.loops}):
         own = sorted((b, pose) for first, b, pose in log.loops if first == a)
@@ -39,9 +39,9 @@ def contradictions(log: Log) -> Floats:
 
 
 def fits(log: Log, poses: list[Pose]) -> tuple[Floats, Floats]:
-    """Of each loop edge, how far its second scan's points lie off what was seen around the first,
-    rms, where the edge puts them and where `poses` do: (n, 2). And how far these two are off the
-    best match of both, where that is one and known in every direction: (m, 2) [m]."""
+    """For each loop edge, rms distance of its second scan's points from those seen around the
+    first, as placed by the edge and by `poses`: (n, 2). And distance of these two placements from
+    the best match, where that is unique and constrained in every direction: (m, 2) [m]."""
     seen: list[tuple[Floats, Floats]] = []
     for glimpse in log.seen:
         near = np.hypot(*glimpse.points.T) < _FAR
@@ -64,7 +64,7 @@ def fits(log: Log, poses: list[Pose]) -> tuple[Floats, Floats]:
 
 
 def _around(log: Log, seen: list[tuple[Floats, Floats]], a: int) -> Surfaces:
-    """What the scans around scan a saw, in its frame, by the sequential edges."""
+    """Points of the scans around scan a, in its frame, by the sequential edges."""
     near = range(max(0, a - _AROUND), min(len(seen), a + _AROUND + 1))
     ways = [between(log.odometry[a], log.odometry[i]) for i in near]
     points = [moved(way, seen[i][0], True) for way, i in zip(ways, near, strict=True)]

@@ -1,4 +1,4 @@
-"""The lab on sensors only, through the whole loop in simulated time: how well it keeps to the path.
+"""The lab on sensors only, through the whole loop in simulated time: path tracking errors.
 
 python -m benchmarks.lab [--kind kinematic|twin] [--seeds 3] [--push 2.0 --at 22]
 """
@@ -22,8 +22,8 @@ from cohelm.robot.gate.modes import GateMode
 from cohelm.study.campaign.plant import with_all_round_lidar
 
 FREE = 0.5
-"""Nothing is in the way where nothing is seen nearer than this to the outline [m], the guard
-changes nothing, and the robot follows the route that was asked for, on no detour, led by nobody;"""
+"""The path is free where nothing is seen nearer than this to the outline [m], the guard changes
+nothing, and the robot follows the requested route, without a detour or an operator;"""
 NEAR, BACK = 0.03, 3.0
 """from when it has first come as near to the route again [m], or for so long had the time to [s].
 The whole is counted from there: corners, slow places, and how far it swings over."""
@@ -38,17 +38,17 @@ class LabResult(NamedTuple):
     least: float
     """Smallest gap of the real outline while the robot moved [m]."""
     path_rms: float
-    """From the reference to where the robot really was when that took effect, where free [m]."""
+    """From the reference to the robot's true position when that took effect, where free [m]."""
     path_99: float
     free: float
-    """Share of the drive in which nothing was in the way."""
+    """Share of the drive in which the path was free."""
     located_rms: float
-    """Of the place, where not lost [m]."""
+    """Position error while not lost [m]."""
     located_99: float
     heading_rms: float
     """[rad]"""
     found: float
-    """After a push: until it knew again where it was, to 5 cm [s]; NaN: was not pushed."""
+    """After a push: until it was localised again to 5 cm [s]; NaN: was not pushed."""
     mode: str
     reason: str
 
@@ -61,7 +61,7 @@ def drive(
     rows: list[tuple[float, ...]] = []
     pushed = found = math.nan
     made = simulated(scenario, kind, real_time=False, seed=seed)
-    blind = made.model.model_copy(update={"camera": None})  # nobody looks, and pictures take long
+    blind = made.model.model_copy(update={"camera": None})  # no viewer, and pictures take long
     blind = with_all_round_lidar(blind) if all_round else blind
     made = replace(made, scenario=made.scenario.model_copy(update={"robot": blind}))
     with Session(SessionConfig(made)) as session:
@@ -104,7 +104,7 @@ def drive(
 
 
 def back(clear: np.ndarray, apart: np.ndarray, patience: int) -> np.ndarray:
-    """Where it is clear, and has been since the robot was back on its route."""
+    """Where the path is free, and has been since the robot was back on its route."""
     found, there, since = np.zeros(len(clear), dtype=bool), False, 0
     for k in range(len(clear)):
         since = since + 1 if clear[k] else 0

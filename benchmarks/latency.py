@@ -35,7 +35,7 @@ BEAT = 0.02  # a page sends its stick 50 times a second [s]
 
 @dataclass(frozen=True)
 class Timed(Simulated):
-    """Logs its wheels' commands and when they came."""
+    """Logs the wheel commands and their times."""
 
     log: str = ""
 
@@ -65,7 +65,7 @@ def drive(line: Connection, made: Timed, rate: float, keys: Keys) -> None:
 
 
 class Hand:
-    """Steers 50 times a second, as a page does, and says what happens meanwhile."""
+    """Steers 50 times a second, as a page does, and collects the commands meanwhile."""
 
     def __init__(self, station: StationEnd, log: Path) -> None:
         self.station, self.log = station, log.open("rb")
@@ -73,14 +73,14 @@ class Hand:
         self.due = time.monotonic()
 
     def hold(self, seconds: float) -> None:
-        """Go on with the same deflection."""
+        """Keep the same deflection."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self.station.steer(self.stick, True, True, Device.SCRIPT)
             time.sleep(BEAT)
 
     def ask(self, what: Ask, value: int, done) -> None:
-        """Until it has come about."""
+        """Request, and wait until it is done."""
         end = time.monotonic() + 60.0
         while not done():
             if time.monotonic() > end:
@@ -94,7 +94,7 @@ class Hand:
         return list(SENT.iter_unpack(data[: len(data) // SENT.size * SENT.size]))
 
     def step(self, x: float) -> float:
-        """A new deflection; how long until the wheels are told [s]."""
+        """Set a new deflection; time until the wheels are commanded [s]."""
         before = self.sent()[-1][1]
         self.stick = Stick(x, 0.0)
         began = time.monotonic()

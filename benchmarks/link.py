@@ -1,7 +1,7 @@
 """Stick to loop on this machine, and ages over a bad network: `python -m benchmarks.link`.
 
-The loop asks as often as it can, so what is measured is the link alone: from `steer` to the first
-`heard` that has the new deflection. The bad network needs namespaces (tests/link/net.py).
+The loop polls as often as it can, so the link alone is measured: from `steer` to the first `heard`
+with the new deflection. The bad network needs namespaces (tests/link/net.py).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from tests.link.ends import STATUS, until
 
 
 def spread(seconds: list[float]) -> str:
-    """Median, 99 % and most, in milliseconds."""
+    """Median, 99 % and maximum, in milliseconds."""
     s = sorted(seconds)
     parts = (s[len(s) // 2], s[int(0.99 * len(s))], s[-1])
     return "median {:.1f}, 99 % {:.1f}, most {:.1f} ms".format(*(1e3 * part for part in parts))
 
 
 def loopback(count: int) -> str:
-    """Each deflection is waited for, then the next one follows a period later."""
+    """Wait for each deflection; the next one follows a period later."""
     robot_keys, keys = pair_here()
     took: list[float] = []
     with (
@@ -49,7 +49,7 @@ def loopback(count: int) -> str:
 
 
 def impaired(seconds: float, **bad: float) -> str:
-    """What a 50 Hz loop uses: the true age of each command, by a clock both ends share."""
+    """True age of each command that a 50 Hz loop uses, by a clock that both ends share."""
     robot_keys, keys = pair_here()
     made: dict[float, float] = {}
     ages: list[float] = []

@@ -2,12 +2,12 @@
 
     python -m benchmarks.loop [--seconds 60] [--rate 50 200] [--busy 1] [--twin] [--starts 20]
 
-Drives the lab, lap after lap, recording; somebody is shown the pictures of a camera (made before,
-for the kinematic robot; drawn, for the twin). Reports lateness, overruns and the share of one core
-that each of the loop's processes uses. 99.9 % of periods within 2 ms is what is asked of 50 Hz. In
-the same run a bare process that does nothing but wake up on time says what the machine itself
+Drives the lab, lap after lap, recording; a viewer receives the pictures of a camera (made before,
+for the kinematic robot; rendered, for the twin). Reports lateness, overruns and the share of one
+core that each of the loop's processes uses. The requirement at 50 Hz is 99.9 % of periods within
+2 ms. In the same run a bare process that only wakes up on time measures what the machine itself
 allows: on a shared one that is the limit. With --starts so many new drives one after the other, the
-first half of them with nothing beside: it ends with 1 if any of them was faulted.
+first half of them without load: exit status 1 if any of them was faulted.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def burn() -> None:
 
 
 def wake(rate: float, said: Connection) -> None:
-    """Nothing but waking up so often, before the loop in rank; tells how that went when asked."""
+    """Only wake up at this rate, with priority above the loop; report the lateness on request."""
     raise_priority()
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(11))
@@ -73,7 +73,7 @@ def wake(rate: float, said: Connection) -> None:
 
 @contextmanager
 def beside(busy: int) -> Generator[None]:
-    """So many busy processes, meanwhile."""
+    """Run so many busy processes meanwhile."""
     context = multiprocessing.get_context("spawn")
     others = [context.Process(target=burn, daemon=True) for _ in range(busy)]
     for other in others:
@@ -86,7 +86,7 @@ def beside(busy: int) -> Generator[None]:
 
 
 def used(pid: int) -> float:
-    """Processor time of a process so far [s]."""
+    """Processor time used by a process [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / TICK
 
@@ -98,7 +98,7 @@ LAP = 60.0
 
 
 def laps(seconds: float) -> str:
-    """The change of the lab that makes its route long enough to be driven for so long."""
+    """The change of the lab that makes its route long enough for this time."""
     once = [list(point) for point in load.scenario("lab-guard").reference.waypoints_m]
     points = once + (BACK + once[1:]) * math.ceil(seconds / LAP)
     return f"reference.waypoints_m={json.dumps(points)}"
@@ -106,7 +106,7 @@ def laps(seconds: float) -> str:
 
 @dataclass(frozen=True)
 class Filmed(Simulated):
-    """The kinematic robot with the camera that its description says, which sees pictures made
+    """The kinematic robot with the camera of its description, which returns pictures made
     beforehand."""
 
     def __call__(self) -> Any:

@@ -6,9 +6,9 @@
 The method (Williams et al. 2017) is the package's: 300 sequences of 30 twists, 0.1 s apart, with
 noise that is correlated along a sequence, weighed by the exponential of their reward. What a
 sequence is worth is ours, in the manner of Nav2's critics: at each of its steps the distance from
-the goal, nearness to anything, a touch, and what is faster than the reference. Everybody is
-foreseen to keep his velocity. The outline is two circles. It is asked ten times a second, and there
-is no filter behind it. It knows discs and walls, and what its wheels can do.
+the goal, the clearance, contacts, and speed above the reference. Each mover is predicted with
+constant velocity. The outline is two circles. It runs ten times a second, without a filter behind
+it. It knows discs, walls, and the limits of the wheels.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ TEMPERATURE = 1.0
 
 
 def controller(robot: cohelm.RobotModel, period: float) -> Controller:
-    """A new one for each episode."""
+    """A new controller for each episode."""
     return Controller(robot, period)
 
 
 class Controller:
-    """Asks the package every 0.1 s."""
+    """Runs the package's controller every 0.1 s."""
 
     def __init__(self, robot: cohelm.RobotModel, period: float) -> None:
         from gymnasium.spaces import Box
@@ -69,7 +69,7 @@ class Controller:
 
 
 class Rollouts:
-    """All sequences at once, as the package asks for it."""
+    """All sequences at once, as the package requires."""
 
     def __init__(self, robot: cohelm.RobotModel) -> None:
         self.limits = robot.bounds()
@@ -81,7 +81,7 @@ class Rollouts:
         return actions * np.array([self.limits.speed, self.limits.yaw_rate])
 
     def reset(self) -> None:
-        """Begins anew with `set_state`."""
+        """Restart with `set_state`."""
 
     def set_state(self, states: list[Observation]) -> None:
         now, n = states[0], len(states)
@@ -92,7 +92,7 @@ class Rollouts:
         self.over = np.zeros(n, dtype=bool)
 
     def step(self, actions: Floats) -> tuple[None, Floats, Any, Any, None]:
-        """One step of all of them: no observation, the rewards, who is through, nobody, nothing."""
+        """One step of all sequences: no observation, rewards, terminated, truncated, no info."""
         self.t += STEP
         most = self.limits.wheel_acceleration * STEP
         change = self.twists(actions) - self.twist
@@ -110,7 +110,7 @@ class Rollouts:
         return None, -cost * STEP, self.over, self.over, None
 
     def gap(self) -> Floats:
-        """Of each pose to the nearest of everything, foreseen [m]."""
+        """Clearance of each pose to the nearest predicted obstacle [m]."""
         c, s = np.cos(self.pose[:, 2]), np.sin(self.pose[:, 2])
         least = np.full(len(self.pose), math.inf)
         d = self.discs

@@ -1,4 +1,4 @@
-"""Two well-known ways to localise on a map, to compare with: a particle filter and plain ICP.
+"""Two well-known localizers on a map, for comparison: a particle filter and plain ICP.
 
 Both take the same deskewed scans, odometry and map, and the same start.
 """
@@ -25,7 +25,7 @@ from cohelm.robot.sensors import Lidar
 
 
 class Told(NamedTuple):
-    """As much of `perceive.pipeline.Seen` as is compared."""
+    """The fields of `perceive.pipeline.Seen` that are compared."""
 
     pose: Pose
     covariance: Floats
@@ -34,7 +34,7 @@ class Told(NamedTuple):
 
 
 class Other(ABC):
-    """Carries a pose on by odometry, and corrects it at each scan. Never says that it is lost."""
+    """Propagates a pose by odometry, and corrects it at each scan. Never reports itself lost."""
 
     def __init__(self, lidar: Lidar, known: LocalizationMap, start: Pose) -> None:
         self.lidar, self.known, self.pose = lidar, known, start
@@ -67,7 +67,7 @@ class Other(ABC):
 
 
 class PlainIcp(Other):
-    """Point-to-line ICP on the map from where odometry leads; nothing is learnt, nothing judged."""
+    """Point-to-line ICP on the map from the odometry's pose; without adaptation or validation."""
 
     def correct(self, step: Pose, seen: DeskewedScan) -> None:
         points, across = normals(seen.points, seen.beams, self.lidar.step)

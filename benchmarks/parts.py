@@ -1,4 +1,4 @@
-"""The parts that measure themselves: each a script here, which prints a few lines."""
+"""Runs the benchmarks that are scripts of their own, each of which prints a few lines."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ PARTS = (
     Part("The operator's page", "station", ("--seconds", "10"), ("--seconds", "3")),
     Part("Campaigns", "campaign", (), ("--quick",)),
 )
-"""One line for each; a script that is not there is left out."""
+"""One for each script; a missing script is left out."""
 
 
 @dataclass(frozen=True)
 class Told:
-    """What a part printed, or why it has no numbers."""
+    """Output of a part, or why it has no numbers."""
 
     part: Part
     lines: tuple[str, ...]
@@ -70,7 +70,7 @@ def _ran(part: Part, quick: bool) -> tuple[str, ...]:
 
 
 def markdown(told: list[Told]) -> list[str]:
-    """A section for each part, in its own words."""
+    """A section for each part, with its output."""
     lines: list[str] = []
     for each in told:
         lines += [f"## {each.part.title}", "", f"`python -m benchmarks.{each.part.script}`", ""]

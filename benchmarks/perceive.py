@@ -1,6 +1,6 @@
-"""Localisation, mapping and movers, with truth beside them: `python benchmarks/perceive.py`.
+"""Localisation, mapping and movers against the truth: `python benchmarks/perceive.py`.
 
-`--quick` takes a few of each; name tables to see only those. The lab is driven with 1-2 % of
+`--quick` runs a few of each; name tables to run only those. The lab is driven with 1-2 % of
 odometry error, a gyro that drifts, and a LiDAR of 2 cm noise at 10 Hz that sweeps for 75 ms and
 reports 50 ms later. Real data are read from ../shared/data where that is there, and the Killian
 Court log from where COHELM_KILLIAN says it is.
@@ -163,7 +163,7 @@ def localised(maps: dict[str, LocalizationMap]) -> Iterator[Row]:
 
 
 def pushed(on: LocalizationMap, count: int) -> Iterator[Row]:
-    """Dragged 1-2 m aside within a second, the wheels noticing nothing, then turned slowly."""
+    """Dragged 1-2 m aside within a second, unseen by the wheels, then turned slowly."""
     poses, twists = along(TOUR)
     rng = np.random.default_rng(5)
     back, wrong = [], 0
@@ -209,7 +209,7 @@ def pushed(on: LocalizationMap, count: int) -> Iterator[Row]:
 
 
 def cold(on: LocalizationMap, count: int) -> Iterator[Row]:
-    """Switched on anywhere in the lab, with up to two people about who are on no map."""
+    """Cold starts anywhere in the lab, with up to two people who are on no map."""
     poses, twists = along(TOUR)
     for kind in ("standing, turned anyhow", "driving the tour"):
         rng = np.random.default_rng(6)
@@ -289,7 +289,7 @@ def watched(
     name: str, path: tuple[list[Pose], list[Twist]], around: Callable[[float], Floats],
     walls: Floats | None = None,
 ) -> Row:  # fmt: skip
-    """Movers told against those that walk, within 6 m and with five beams on them for 0.6 s."""
+    """Reported movers against true walkers within 6 m, with five beams on them for 0.6 s."""
     perception, number = Perception(SALLY), None
     more = {} if walls is None else {"walls": walls}
     told = seen_ = false = there = 0
@@ -396,7 +396,7 @@ def court_mapped(drifting: bool) -> tuple[MappingResult, float]:
 
 
 def court_edges() -> Iterator[Row]:
-    """What the yardstick itself is off, and what scans say to it and to the map."""
+    """Errors of the reference edges themselves, and the fit of scans to them and to the map."""
     if killian.FILE is None:
         return
     log = killian.read(killian.FILE)

@@ -1,4 +1,4 @@
-"""Localisation on maps by others and on generated buildings: `python -m benchmarks.places`.
+"""Localisation on published maps and in generated buildings: `python -m benchmarks.places`.
 
 Perception alone, along synthetic drives: scans are cast in the true world, the robot has the map.
 Published maps are read where they are there, beside the checkout; such a map is world and map
@@ -58,7 +58,7 @@ POOR = LidarModel(
 WRONG = 0.3
 """Farther off than this a pose is wrong [m]."""
 SLOW = 10.0
-"""A scan should not take longer, but for one in a hundred [ms]."""
+"""99 % of scans should take no longer [ms]."""
 NO_WALLS: Floats = np.empty((0, 4))
 
 
@@ -72,11 +72,11 @@ class Result(NamedTuple):
     lost: float
     """Shares of the time."""
     wrong: float
-    """Wrong and sure."""
+    """Wrong but not lost."""
     longest: float
-    """Wrong and sure at a stretch [s]."""
+    """Longest spell wrong but not lost [s]."""
     sigmas: float
-    """Error over told sigma, 95 %."""
+    """Error over reported sigma, 95 %."""
     ms: float
     """Processor time of a scan, median, and 99 %."""
     ms_99: float
@@ -87,20 +87,20 @@ class Result(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Of places that were told, while not lost [m]; shares of the time."""
+    """Errors of reported poses while not lost [m]; shares of the time."""
 
     rms: float
     at_99: float
     largest: float
     lost: float
     wrong: float
-    """Farther off than WRONG, and sure."""
+    """Farther off than WRONG, but not lost."""
     longest: float
-    """That at a stretch [s]."""
+    """Longest spell of that [s]."""
 
 
 def errors(off: Floats, lost: NDArray[np.bool_], period: float) -> Errors:
-    """off: (n,), how far off at even steps of `period` [m, s]. lost: (n,), whether it said so."""
+    """off: (n,), errors at steps of `period` [m, s]. lost: (n,), whether it was reported lost."""
     sure = off[~lost] if not lost.all() else np.array([math.nan])
     wrong = (off > WRONG) & ~lost
     run = longest = 0
@@ -114,7 +114,7 @@ def errors(off: Floats, lost: NDArray[np.bool_], period: float) -> Errors:
 
 
 def published() -> dict[str, Callable[[], OccupancyMap]]:
-    """The maps by others that are there."""
+    """The published maps that are available."""
     found: dict[str, Callable[[], OccupancyMap]] = {}
     for file in sorted(DATA.glob("*.yaml")):
         found[file.stem] = lambda file=file: read_map(file)
@@ -147,7 +147,7 @@ def followed(
     model: LidarModel = LIDAR, error: float = 0.015, speed: float = 0.5,
     other: type[Other] | None = None, name: str = "",
 ) -> Result:  # fmt: skip
-    """A drive that the robot has the start of, by our perception or by another method."""
+    """A drive with known start, by our perception or by another method."""
     poses, twists = along(way, speed)
     walls = place.walls
     if boxed:
@@ -189,15 +189,15 @@ def followed(
 
 
 def kept(path: Path | None, row: dict[str, object]) -> None:
-    """A line of a file of results, from which `tools/tables.py` writes the tables of the docs;
-    `code` says which perception it was."""
+    """A line of a results file, from which `tools/tables.py` writes the tables of the docs; `code`
+    is the fingerprint of the perception."""
     if path is not None:
         with path.open("a", encoding="utf-8") as file:
             file.write(json.dumps({**row, "code": CODE}) + "\n")
 
 
 def fingerprint(folder: Path) -> str:
-    """Of the code in a folder: what is counted with one is not what another does."""
+    """Fingerprint of the code in a folder: counts are valid for one code only."""
     whole = hashlib.sha256()
     for file in sorted(folder.rglob("*.py")):
         whole.update(file.read_bytes())
@@ -208,7 +208,7 @@ CODE = fingerprint(ROOT / "src" / "cohelm" / "perceive")
 
 
 def timed(ms: list[float]) -> dict[str, float]:
-    """Processor time that scans took: how many, median [ms], share of them above 10 ms."""
+    """Processor time of scans: number, median [ms], share of them above 10 ms."""
     a = np.array(ms)
     return {"scans": len(a), "ms": float(np.median(a)), "slow": float((a > SLOW).mean())}
 
@@ -271,7 +271,7 @@ def main() -> None:
 
 
 def drives(given: argparse.Namespace, first: int, last: int) -> None:
-    """Drives of which the robot has the start, with what is wrong with maps and senses."""
+    """Drives with known start, with errors of maps and sensors."""
     print(HEAD)
     rows: dict[str, list[Result]] = {}
     variants = {name: how for name, how in VARIANTS.items() if given.variant in name}
@@ -358,7 +358,7 @@ def beside(given: argparse.Namespace, first: int, last: int) -> None:
 
 
 def summed(name: str, rows: list[Result]) -> Result:
-    """Of many drives: means of the shares, and the worst of the rest."""
+    """Summary of many drives: means of the shares, worst of the rest."""
     a = np.array([r[1:] for r in rows])
     return Result(
         f"{len(rows)} x {name}", a[:, 0].sum(), float(np.sqrt(np.nanmean(a[:, 1] ** 2))),
@@ -379,12 +379,12 @@ KINDS = ("moved 2 m", "moved 2 m, turned", "told 1 m, 20 deg", "started 1 m, 20 
 SENSES: dict[str, dict[str, Any]] = {
     "": {}, "poor": {"model": POOR, "error": 0.05}, "people": {"people": 6},
 }  # fmt: skip
-"""Of kidnaps and cold starts: what LiDAR and wheels are like, and who walks about."""
+"""Of kidnaps and cold starts: LiDAR, odometry, and walkers."""
 
 
 class Kidnap(NamedTuple):
-    """On a way, from step `start` on: after 3 s moved by `shift` at once, or told a place that is
-    off by `told`; or told that as its start, and no later."""
+    """On a path, from step `start` on: after 3 s moved by `shift` at once, or given an initial pose
+    that is off by `told`; or given that at its start, and no later."""
 
     start: int
     shift: Shift
@@ -394,9 +394,9 @@ class Kidnap(NamedTuple):
 
 
 class WorstAttack(NamedTuple):
-    """last: when it was last lost or more than 0.2 m off after the push [s]; longest: wrong and
-    sure at a stretch [s]; trace: of each step since the push, time, truth, place, lost, reason;
-    ms: that each scan took."""
+    """last: when it was last lost or more than 0.2 m off after the push [s]; longest: spell wrong
+    but not lost [s]; trace: of each step since the push, time, truth, estimate, lost, reason; ms:
+    time of each scan."""
 
     last: float
     longest: float
@@ -405,7 +405,7 @@ class WorstAttack(NamedTuple):
 
 
 def pushed(place: Place, poses: list[Pose], kind: str, seed: int, count: int) -> list[Kidnap]:
-    """Drawn by chance, to where the rest of the way can be driven on; turned, in any direction."""
+    """A random push to where the rest of the path can be driven; turned, in any direction."""
     rng, found = np.random.default_rng([seed, 9]), []
     for _ in range(count):
         k = int(rng.integers(0, len(poses) - 600))
@@ -432,7 +432,7 @@ def pushed(place: Place, poses: list[Pose], kind: str, seed: int, count: int) ->
 
 
 def walkers(way: list[Pose], count: int, seed: int) -> Callable[[float], Floats]:
-    """Who walks to and fro beside a way that is driven, never nearer than 0.8 m to the robot."""
+    """Walkers to and fro beside the driven path, never nearer than 0.8 m to the robot."""
     rng, t = np.random.default_rng([seed, 11]), DT * np.arange(len(way))
     xy = np.array(way)[:, :2]
     found: list[Floats] = []
@@ -501,7 +501,7 @@ def recovered(
 
 
 def circumstances(given: argparse.Namespace) -> str:
-    """What is other than usual."""
+    """Disturbances of a drive."""
     return ", ".join(filter(None, (given.senses, "alike" if given.alike else "")))
 
 
@@ -510,8 +510,8 @@ def _beside(truth: Pose, off: Pose) -> Pose:
 
 
 def kidnaps(given: argparse.Namespace, first: int, last: int) -> None:
-    """Moved by 2 m at once while driving, turned as well or not; told a place 1 m and 20 degrees
-    off, or told that as its start."""
+    """Moved by 2 m at once while driving, turned as well or not; given a pose 1 m and 20 degrees
+    off, or given that at its start."""
     print(
         f"{'':54s} {'found':>8s} {'in 3 s':>6s} {'median':>7s} {'99 %':>7s} {'last':>7s} "
         f"{'ms':>5s} {'99 %':>5s} wrong and sure > 1 s"
@@ -555,8 +555,8 @@ def _clear(place: Place, x: float, y: float) -> float:
 
 
 def cold(given: argparse.Namespace, first: int, last: int) -> None:
-    """Switched on with no idea where it is, and driven for 15 s, or until it has been right for
-    two: twelve times on each map, four times in each building."""
+    """Started without a pose, and driven for 15 s, or until it has been right for two: twelve times
+    on each map, four times in each building."""
     print(f"{'':44s} {'right within 10 s':>18s} {'median':>7s} ever wrong and sure")
     how = dict(SENSES[given.senses])
     people, model = how.pop("people", 0), how.get("model", LIDAR)

@@ -3,10 +3,10 @@
     python -m benchmarks.release [--seed 3000] [--n 1000] [--json FILE]
 
 Each case is a room of the suite `random` without its walkers, with true obstacles. An adversarial
-operator drives the robot under the safety filter, anywhere, and presses it against obstacles,
-until it stands with less than TIGHT to something; there it lets go. As it got there, and wheels go
-both ways, a motion out exists: the way it came. The robot then follows the room's route. Counted
-are those that are back on a path, E_P (51) below 0.03, and those that arrive, within LIMIT.
+operator drives the robot under the safety filter, anywhere, and presses it against obstacles, until
+it stands with less than TIGHT clearance; there it releases the stick. As wheels turn both ways, a
+motion out exists: the way in, reversed. The robot then follows the room's route. Counted are those
+that are back on a path, E_P (51) below 0.03, and those that arrive, within LIMIT.
 
 Seeds below 2000 may be tuned on; the docs count from 3000 on.
 """
@@ -44,11 +44,11 @@ _AT_LEAST = 6.0  # and one that finds it at once goes on looking [s]
 
 
 class Released(NamedTuple):
-    """What became of one robot."""
+    """The result of one robot."""
 
     number: int
     pose: Pose
-    """Where it was let go of."""
+    """Pose where the stick was released."""
     clearance: float
     """There [m]."""
     away: float
@@ -57,7 +57,7 @@ class Released(NamedTuple):
     """Until it is back on its path; inf: never [s]."""
     arrived: bool
     touched: bool
-    """Whether it came nearer to anything than the promise, or than it was where it was let go."""
+    """Whether it came nearer to an obstacle than promised, or than it was at the release."""
 
 
 def room_without_walkers(seed: int, number: int) -> Setup:

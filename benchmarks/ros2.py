@@ -2,9 +2,9 @@
 
     python -m benchmarks.ros2 [--count 1000] [--rate 50] [--scenario lab-guard]
 
-Base, filter, gate and controller are processes of their own on this machine. The controller asks
-for a small circle whose speed differs from command to command, so that each is known again on
-/cmd_vel; what is timed is from its `send` to its coming back there, both ways of DDS included.
+Base, filter, gate and controller are processes of their own on this machine. The controller
+commands a small circle whose speed differs from command to command, so that each is recognised on
+/cmd_vel; the time is from its `send` to its arrival there, both ways of DDS included.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from cohelm.ros.port import COMMAND, SENSOR
 
 
 def used(pid: int) -> float:
-    """Processor time of a process so far, all its threads together [s]."""
+    """Processor time used by a process, all its threads together [s]."""
     threads = Path(f"/proc/{pid}/task").glob("*/schedstat")
     return sum(1e-9 * int(thread.read_text().split()[0]) for thread in threads)
 

@@ -1,8 +1,8 @@
 """The lab closed on sensors only, with its requirements: `python benchmarks/sensors.py`.
 
 Odometry 1-2 % wrong, a gyro that drifts, LiDAR of 2 cm noise at 10 Hz, 50 ms late. First the parts
-with truth beside them (map, localisation, pushes), then whole drives through the loop in simulated
-time, on the twin or, with `--kind kinematic`, on exact arcs; at last pushes of 2 m on the way.
+against the truth (map, localisation, pushes), then whole drives through the loop in simulated
+time, on the twin or, with `--kind kinematic`, on exact arcs; finally pushes of 2 m on the way.
 """
 
 from __future__ import annotations

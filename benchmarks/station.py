@@ -40,7 +40,7 @@ NAN = math.nan
 
 
 class Pattern:
-    """A robot that drives round in circles, seen by its messages only."""
+    """The messages of a robot that drives round in circles."""
 
     def __init__(self) -> None:
         self.pictures: dict[int, float] = {}
@@ -52,7 +52,7 @@ class Pattern:
         self._jpegs = [_jpeg(rng) for _ in range(8)]
 
     def news(self) -> list[News]:
-        """All that is due."""
+        """All messages that are due."""
         t = time.monotonic() - self._begun
         out: list[News] = []
         if self._first:
@@ -81,7 +81,7 @@ class Pattern:
         return True
 
     def steer(self, stick: Stick, valid: bool, armed: bool, device: m.Device, scale: float) -> None:
-        """Note when which deflection came."""
+        """Record the arrival time of each deflection."""
         self.sticks.append((time.time(), stick.psi))
 
     def ask(self, what: m.Ask, value: int = 0) -> int:
@@ -108,7 +108,7 @@ class Pattern:
 
 
 def _jpeg(rng: np.random.Generator) -> bytes:
-    """640 x 480 with as much in it as a room has."""
+    """A picture of 640 x 480 with the detail of a room."""
     small = rng.integers(0, 255, (60, 80, 3), dtype=np.uint8)
     file = io.BytesIO()
     Image.fromarray(small).resize((640, 480)).save(file, "JPEG", quality=75)

@@ -1,4 +1,4 @@
-"""The physics twin: how fast, how exact, and what a guard must know of it.
+"""The physics twin: its speed, its accuracy, and what the guard must assume of it.
 
 `python benchmarks/twin.py` prints tables for docs/twin.md; `--quick` for a look.
 """
@@ -114,7 +114,7 @@ def stopped(robot: Twin | Kinematic, asked: Twist) -> tuple[float, float, float]
 
 
 class Errors(NamedTuple):
-    """How far the outline's corners are from where a stop was predicted to take them [m]."""
+    """Distance of the outline's corners from their predicted stop [m]."""
 
     in_step: float
     """While the command is held: assumption 2."""
@@ -123,7 +123,7 @@ class Errors(NamedTuple):
     typical: float
     """Median over the stops of the largest along each."""
     longer: float
-    """How much longer the stop was than predicted, at most."""
+    """Largest excess of the stop over its prediction."""
 
 
 def predicted(

@@ -1,9 +1,9 @@
 """Drives where a share of the walls is gone, by a robot that stands while it is lost.
 
-`python -m benchmarks.walls_gone`: what `closed_loop --variant gone` asks of the localiser, by
-perception alone and in a fraction of the time. The robot follows its way exactly, slows down to a
-stand as soon as it does not know its place, and goes on once it does: whoever stands sees nothing
-new. It is given up where it has stood for STANDING seconds.
+`python -m benchmarks.walls_gone`: the localisation of `closed_loop --variant gone`, by perception
+alone and in a fraction of the time. The robot follows its path exactly, brakes to a stand as soon
+as it is lost, and drives on once it is localised: a standing robot sees nothing new. A drive ends
+after STANDING seconds of standing.
 
     python -m benchmarks.walls_gone [--only NAME] [--seeds 3100:3103] [--length 110] [--share 0.3]
         [--into FILE]
@@ -45,7 +45,7 @@ NO_WALLS = np.empty((0, 4))
 
 
 class GoneResult(NamedTuple):
-    """As of `closed_loop`, by perception alone; share: of the way that was driven."""
+    """As in `closed_loop`, by perception alone; share: of the path that was driven."""
 
     name: str
     share: float
@@ -59,7 +59,7 @@ class GoneResult(NamedTuple):
 
 
 class World(NamedTuple):
-    """The way through it, and what stands."""
+    """The path through the world, and its obstacles."""
 
     poses: list[Pose]
     twists: list[Twist]
@@ -67,7 +67,7 @@ class World(NamedTuple):
 
 
 def driven(world: World, perception: Perception, model: RobotModel, seed: int) -> Iterator:
-    """Truth and what is known, at every period."""
+    """True poses and estimates, at every period."""
     assert model.lidar is not None
     rng, lidar = np.random.default_rng(seed), model.lidar.lidar()
     scale = 1.0 + 0.015 * rng.choice([-1.0, 1.0]) * rng.uniform(0.7, 1.3)
