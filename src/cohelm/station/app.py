@@ -1,8 +1,8 @@
-"""The web application: the page, the login, the WebSocket of each operator, records to fetch.
+"""The web application: the page, the login, the WebSocket of each operator, record downloads.
 
-A page shows its session with each request: as `Authorization: Bearer SESSION`, for a WebSocket as
-its second subprotocol, and for a download as a ticket that it got for one. So a browser that is
-led here by another page, or by another program on this machine, shows nothing.
+A page sends its session with each request: as `Authorization: Bearer SESSION`, for a WebSocket as
+its second subprotocol, and for a download as a ticket for that record. So a request that another
+page, or another program on this machine, makes a browser send carries no session.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from cohelm.station.robot_link import Connect
 
 MOST_OPERATORS = 12
 PROTOCOL = "cohelm"
-"""Of the WebSocket; the session stands beside it."""
+"""First subprotocol of the WebSocket; the second is the session."""
 GRACE = 5.0
-"""How long an operator without a page is kept, so that it can be loaded again [s]."""
+"""How long an operator without a page is kept, so that the page can be reloaded [s]."""
 _WATCH = 0.02
 _TOKEN_BYTES = 256
 _BODY_WITHIN = 5.0
@@ -52,12 +52,12 @@ HEADERS = {
     "cross-origin-resource-policy": "same-origin",
     "connection": "close",
 }
-"""Of all answers. One request a connection: a page is three, and nobody sits there or asks for a
-thousand things in one breath."""
+"""Headers of all responses. One request per connection: a page needs three, and no client holds a
+connection or sends a thousand requests on one."""
 
 
 def pages() -> Path:
-    """Where the built pages are. CohelmError where they were not built."""
+    """Folder of the built pages. Raises CohelmError if they are not built."""
     folder = Path(str(files("cohelm.station") / "static"))
     if not (folder / "index.html").is_file():
         raise CohelmError("the station's pages are not built in this checkout; run: tools/web.sh")
@@ -71,17 +71,17 @@ class Station:
         self, connect: Connect, token: str, names: Collection[str] = (),
         admitted: Callable[[tuple[str, int]], None] = lambda _: None, stale: float = STALE,
     ) -> None:  # fmt: skip
-        """names: what this machine is called besides; admitted: told who has shown a session."""
+        """names: further host names of this machine. admitted: called with authorised clients."""
         self.connect, self.stale = connect, stale
         self.doors = Doorkeeper(token)
         self._names, self._admitted = names, admitted
         self._downloads = Downloads(connect)
         self.operators: dict[str, PageOperator] = {}
         self._count = 0
-        self._leaving: set[asyncio.Task[None]] = set()
+        self._closing: set[asyncio.Task[None]] = set()
 
     def app(self) -> ASGIApp:
-        """What a web server serves."""
+        """The ASGI application."""
         folder = pages()
         html, svg = (folder / "index.html").read_bytes(), (folder / "icon.svg").read_bytes()
 
@@ -114,41 +114,41 @@ class Station:
             with contextlib.suppress(asyncio.CancelledError):
                 await watch
             await asyncio.gather(
-                *self._leaving, *(asyncio.to_thread(o.link.close) for o in self.operators.values())
+                *self._closing, *(asyncio.to_thread(o.link.close) for o in self.operators.values())
             )
             self.operators.clear()
 
     async def _watch(self) -> None:
-        """50 times a second: sticks that are gone, operators that are gone."""
+        """Watch for lost sticks and operators, at 50 Hz."""
         while True:
             await asyncio.sleep(_WATCH)
             now = time.monotonic()
-            here = [o.name for o in self.operators.values() if o.socket is not None]
+            present = [o.name for o in self.operators.values() if o.socket is not None]
             names = {o.client: o.name for o in self.operators.values() if o.client}
             for operator in list(self.operators.values()):
-                operator.others, operator.names = here, names
+                operator.others, operator.names = present, names
                 operator.watch(now)
                 if operator.socket is None and now - operator.left > GRACE:
                     del self.operators[operator.key]
-                    # closing waits for threads, and nobody's stick may wait for that
-                    leaving = asyncio.create_task(asyncio.to_thread(operator.link.close))
-                    self._leaving.add(leaving)
-                    leaving.add_done_callback(self._leaving.discard)
+                    # closing waits for threads, and no stick may wait for that
+                    closing = asyncio.create_task(asyncio.to_thread(operator.link.close))
+                    self._closing.add(closing)
+                    closing.add_done_callback(self._closing.discard)
                     _log.info("%s left", operator.name)
 
     def _authorised(self, connection: HTTPConnection, session: str | None) -> bool:
-        """Whether this session was given out; who shows one is not let go for strangers."""
+        """Whether this session is valid; its connection is then kept, however many others come."""
         if not self.doors.knows(session):
             return False
-        self._here(connection)
+        self._admit(connection)
         return True
 
-    def _here(self, connection: HTTPConnection) -> None:
+    def _admit(self, connection: HTTPConnection) -> None:
         if connection.client is not None:
             self._admitted((connection.client.host, connection.client.port))
 
     async def _session(self, request: Request) -> Response:
-        """GET: whether the page may come in. POST: the token, for a session."""
+        """GET: whether the session is valid. POST: a session for the token."""
         if request.method != "POST":
             inside = self._authorised(request, _bearer(request))
             return Response(status_code=204 if inside else 401)
@@ -173,11 +173,11 @@ class Station:
             if isinstance(about, Response):
                 return about
             ticket = self.doors.ticket(name)
-            said = {"ticket": ticket, "bytes": about.size, "sha256": about.sha256.hex()}
-            return JSONResponse(said, headers={"cache-control": "no-store"})
+            described = {"ticket": ticket, "bytes": about.size, "sha256": about.sha256.hex()}
+            return JSONResponse(described, headers={"cache-control": "no-store"})
         if not admitted and not self.doors.admits(request.query_params.get("ticket"), name):
             return PlainTextResponse("log in first", 401)
-        self._here(request)
+        self._admit(request)
         return await self._downloads.response(request, name)
 
     async def _socket(self, socket: WebSocket) -> None:
@@ -203,7 +203,7 @@ class Station:
             _log.exception("the page of %s broke down", operator.name)
 
     def _operator(self, key: str | None) -> PageOperator | None:
-        """Who comes again is who it was, unless that one is here already: a second tab."""
+        """The operator of a key; a new one if there is none, or its page is open: a second tab."""
         known = self.operators.get(key or "")
         if known is not None and known.socket is None:
             return known
@@ -223,7 +223,7 @@ def _bearer(request: Request) -> str | None:
 
 
 async def _body(request: Request) -> str | None:
-    """A short body that comes soon, or None."""
+    """The body, or None if it is too long or too late."""
     body = b""
     try:
         async with asyncio.timeout(_BODY_WITHIN):
@@ -237,8 +237,8 @@ async def _body(request: Request) -> str | None:
 
 
 class _Guarded:
-    """Refuses what calls this machine by a name it does not have, and what another page has caused;
-    adds the headers. The page itself holds no secret, and a link to it may be followed."""
+    """Refuses requests with an unknown host name, and from another page; adds the headers. The page
+    itself holds no secret, so a link to it may be followed."""
 
     def __init__(self, app: ASGIApp, names: Collection[str]) -> None:
         self.app, self.names = app, names
@@ -256,13 +256,13 @@ class _Guarded:
                 await send({"type": "websocket.close", "code": 1008})
             return
 
-        async def headed(message: Message) -> None:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 extra = [(k.encode(), v.encode()) for k, v in HEADERS.items()]
                 message = {**message, "headers": [*message.get("headers", []), *extra]}
             await send(message)
 
-        await self.app(scope, receive, headed)
+        await self.app(scope, receive, send_with_headers)
 
     def _refusal(self, scope: Scope) -> tuple[int, str]:
         headers = HTTPConnection(scope).headers
@@ -271,7 +271,7 @@ class _Guarded:
             return 421, f"unknown host name {host[:64]!r}"
         origin, site = headers.get("origin"), headers.get("sec-fetch-site")
         secure = scope["scheme"] in ("https", "wss")
-        led = scope["path"] == "/" and scope.get("method") == "GET" and origin is None
-        if not led and from_elsewhere(origin, site, host, secure):
+        followed_link = scope["path"] == "/" and scope.get("method") == "GET" and origin is None
+        if not followed_link and from_elsewhere(origin, site, host, secure):
             return 403, f"from another page, {(origin or site or '')[:64]!r}"
         return 200, ""

@@ -1,8 +1,8 @@
-"""Who may come in: host names, origins, the token, sessions, and tickets for downloads.
+"""Access control: host names, origins, the token, sessions, and tickets for downloads.
 
-No cookie is set: a browser sends cookies to every port of a host, so to another user's server on
-the same machine too, and with requests that another page caused. A session is kept by the page in
-the storage of its own origin, which has the port in it, and is shown by name with each request.
+No cookie is set: a browser sends cookies to every port of a host, so also to another user's server
+on the same machine, and with requests that another page caused. The page keeps its session in the
+storage of its own origin, which includes the port, and sends it explicitly with each request.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TRIES = 5
 TRIES_IN = 30.0
 """[s]"""
 TICKET_FOR = 3600.0
-"""A download may be begun, or gone on with, for so long [s]."""
+"""A download may be started or resumed for so long [s]."""
 _MOST_SESSIONS = 256
 _MOST_TICKETS = 256
 
@@ -37,11 +37,11 @@ def is_loopback(host: str) -> bool:
 
 
 def own_name(host: str, certified: Collection[str] = ()) -> bool:
-    """Whether a Host header names this machine, and not a name that somebody made point here.
+    """Whether a Host header names this machine, and not a name that was made to point here.
 
-    An address can not be made to point elsewhere; a name can (DNS rebinding), so of names only
-    localhost, this machine's own, and those `certified` are taken: whoever makes another name
-    point here has no certificate for it.
+    An address can not be made to point elsewhere; a name can (DNS rebinding). So the only names
+    accepted are localhost, this machine's own, and those `certified`: an attacker that makes
+    another name point here has no certificate for it.
     """
     try:
         name = urlsplit(f"//{host}").hostname or ""
@@ -58,7 +58,7 @@ def own_name(host: str, certified: Collection[str] = ()) -> bool:
 
 
 def same_origin(origin: str | None, host: str, secure: bool) -> bool:
-    """Whether a WebSocket comes from our own page. A browser always says where from."""
+    """Whether a WebSocket comes from our own page. A browser always sends the origin."""
     return origin == f"{'https' if secure else 'http'}://{host}"
 
 
@@ -73,16 +73,16 @@ def from_elsewhere(origin: str | None, site: str | None, host: str, secure: bool
 
 
 class Doorkeeper:
-    """Knows the token, who has shown it, and who may fetch which record."""
+    """Checks the token, sessions, and download tickets."""
 
     def __init__(self, token: str) -> None:
         self.token = token
         self._sessions: deque[str] = deque(maxlen=_MOST_SESSIONS)
-        self._wrong: dict[str, deque[float]] = {}
+        self._failures: dict[str, deque[float]] = {}
         self._tickets: deque[tuple[str, str, float]] = deque(maxlen=_MOST_TICKETS)
 
     def knows(self, session: str | None) -> bool:
-        """Whether this session was given out."""
+        """Whether this session is valid."""
         if session is None or not session.isascii():
             return False
         return any(hmac.compare_digest(session, known) for known in self._sessions)
@@ -90,8 +90,8 @@ class Doorkeeper:
     def shown(self, token: str, address: str) -> str | None:
         """A session for the right token, None for a wrong one.
 
-        The right one is always heard: nobody can lock a person out by guessing, and 128 bits are
-        not guessed.
+        The right one is always accepted: guessing locks no person out, and 128 bits can not be
+        guessed.
         """
         if not hmac.compare_digest(token.encode(), self.token.encode()):
             self._recent(address).append(time.monotonic())
@@ -101,17 +101,17 @@ class Doorkeeper:
         return session
 
     def tires(self, address: str) -> bool:
-        """Whether so many wrong tokens came from an address that they are only counted."""
+        """Whether an address sent so many wrong tokens that more are only counted."""
         return len(self._recent(address)) >= TRIES
 
     def ticket(self, record: str) -> str:
-        """What fetches one record, for a while; a link that is followed can say no more."""
+        """A ticket that fetches one record, for a while: a link can carry no header."""
         made = secrets.token_urlsafe(32)
         self._tickets.append((made, record, time.monotonic() + TICKET_FOR))
         return made
 
     def admits(self, ticket: str | None, record: str) -> bool:
-        """Whether this ticket is for this record, and still good."""
+        """Whether this ticket is for this record, and still valid."""
         if ticket is None or not ticket.isascii():
             return False
         now = time.monotonic()
@@ -122,9 +122,9 @@ class Doorkeeper:
 
     def _recent(self, address: str) -> deque[float]:
         now = time.monotonic()
-        if address not in self._wrong and len(self._wrong) > 1000:
-            self._wrong.clear()
-        tries = self._wrong.setdefault(address, deque(maxlen=TRIES))
+        if address not in self._failures and len(self._failures) > 1000:
+            self._failures.clear()
+        tries = self._failures.setdefault(address, deque(maxlen=TRIES))
         while tries and now - tries[0] > TRIES_IN:
             tries.popleft()
         return tries

@@ -1,10 +1,10 @@
-"""A listening socket that always has room for whoever comes next.
+"""A listening socket that always has room for the next connection.
 
-A connection is *waiting* until its first request has come whole, *served* from then on, and
-*admitted* once it has shown a session. Of the first two there may be so many; one more, and the
-oldest of its kind is let go. So connections that only sit there, in the middle of a TLS handshake
-too, shut nobody out: they make room for new ones, and a page is through within milliseconds. What
-is admitted is never let go for others.
+A connection is *waiting* until its first request is complete, *served* from then on, and *admitted*
+once it has sent a session. The number of each of the first two is limited; beyond it, the oldest of
+its kind is closed. So idle connections, also ones in a TLS handshake, block no other: they make
+room for new ones, and a page is loaded within milliseconds. An admitted connection is never closed
+for others.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from typing import Any
 from cohelm.station.doors import is_loopback
 
 MOST_WAITING = 256
-"""Room for a page that needs 0.1 s to speak among 2000 new connections a second; well below the
-1024 files that a process may have open by default."""
+"""Room for a page that sends its request within 0.1 s, among 2000 new connections a second; well
+below the 1024 files that a process may have open by default."""
 MOST_SERVED = 128
 """A browser opens six at once for a page, and needs them for 0.3 s: so room for a page among 400
 new requests a second."""
 MOST_OF_ONE_ADDRESS = 48
-"""Waiting and served, from one address of the network; loopback is everybody on this machine."""
+"""Waiting and served, from one network address; loopback, all local users, has no limit."""
 Address = tuple[str, int]
 _log = logging.getLogger("cohelm.station")
 
@@ -44,7 +44,7 @@ class _Connection:
 
 
 class ListeningSocket(socket.socket):
-    """All calls but the making come from the thread of the server."""
+    """All calls but the constructor come from the thread of the server."""
 
     def __init__(self, family: socket.AddressFamily) -> None:
         super().__init__(family, socket.SOCK_STREAM)
@@ -63,49 +63,49 @@ class ListeningSocket(socket.socket):
         return sock, address
 
     def made(self, client: Address, abort: Callable[[], None]) -> None:
-        """A connection can speak now; abort: ends it at once."""
+        """A connection is established. abort: closes it at once."""
         if client in self._all:
             self._all[client].abort = abort
 
     def served(self, client: Address) -> None:
-        """A connection has said what it wants."""
-        self._becomes(client, _Kind.SERVED)
+        """A connection has sent its first request."""
+        self._set_kind(client, _Kind.SERVED)
 
     def admitted(self, client: Address) -> None:
-        """A connection has shown who it is."""
-        self._becomes(client, _Kind.ADMITTED)
+        """A connection has sent a valid session."""
+        self._set_kind(client, _Kind.ADMITTED)
 
     def is_admitted(self, client: Address) -> bool:
-        """Whether it has."""
+        """Whether a connection has sent a valid session."""
         return client in self._all and self._all[client].kind is _Kind.ADMITTED
 
     def count(self) -> int:
-        """Connections that are neither closed nor let go."""
+        """Number of open connections."""
         return sum(connection.sock.fileno() >= 0 for connection in self._all.values())
 
-    def _becomes(self, client: Address, kind: _Kind) -> None:
+    def _set_kind(self, client: Address, kind: _Kind) -> None:
         connection = self._all.get(client)
-        if connection is not None and connection.kind is not kind:  # who asks again stays as old
+        if connection is not None and connection.kind is not kind:  # a repeat keeps the age
             connection.kind, connection.since = kind, time.monotonic()
             self._make_room(client[0])
 
     def _make_room(self, address: str) -> None:
-        strangers = [a for a, c in self._all.items() if c.kind is not _Kind.ADMITTED]
+        others = [a for a, c in self._all.items() if c.kind is not _Kind.ADMITTED]
         if not is_loopback(address):
-            here = [a for a in strangers if a[0] == address]
+            here = [a for a in others if a[0] == address]
             self._keep(here, MOST_OF_ONE_ADDRESS)
-        for kind, most in ((_Kind.WAITING, MOST_WAITING), (_Kind.SERVED, MOST_SERVED)):
-            self._keep([a for a in strangers if a in self._all and self._all[a].kind is kind], most)
+        for kind, limit in ((_Kind.WAITING, MOST_WAITING), (_Kind.SERVED, MOST_SERVED)):
+            self._keep([a for a in others if a in self._all and self._all[a].kind is kind], limit)
 
-    def _keep(self, those: list[Address], most: int) -> None:
-        """The newest of them; the others are let go."""
-        if len(those) <= most:
+    def _keep(self, clients: list[Address], limit: int) -> None:
+        """Keep the newest connections and close the others."""
+        if len(clients) <= limit:
             return
-        for client in sorted(those, key=lambda a: self._all[a].since)[: len(those) - most]:
+        for client in sorted(clients, key=lambda a: self._all[a].since)[: len(clients) - limit]:
             connection = self._all.pop(client)
             if connection.abort is not None:
                 connection.abort()
-            else:  # it is still shaking hands: the server closes what is shut down
+            else:  # still in the handshake: the server closes what is shut down
                 with contextlib.suppress(OSError):
                     connection.sock.shutdown(socket.SHUT_RDWR)
             self._closed_count += 1

@@ -1,8 +1,8 @@
-"""What the page and the server say to each other; `typescript.py` makes the page's types of it.
+"""Messages between page and server; `typescript.py` generates the page's types from them.
 
-Text messages are JSON objects with a `type`. What is large and frequent (map, scan, picture)
-travels as bytes, see `binary.py`. SI units and radians, world frame, unless a name says
-otherwise; None for what is not known, or infinite.
+Text messages are JSON objects with a `type`. Large and frequent ones (map, scan, picture) are
+binary, see `binary.py`. SI units and radians, world frame, unless a name says otherwise; None for
+unknown or infinite numbers.
 """
 
 from __future__ import annotations
@@ -32,41 +32,41 @@ Request = Literal[
 
 
 class Stick(Schema):
-    """Where the stick is. Sent at 50 Hz while a page is open; it is the page's heartbeat too."""
+    """State of the stick. Sent at 50 Hz while a page is open; also the page's heartbeat."""
 
     type: Literal["stick"] = "stick"
     n: Count
-    """Counts up; one that is not newer than the last is dropped."""
+    """Sequence number; one that is not newer than the last is dropped."""
     heard_ms: Annotated[float, Field(ge=0.0, le=1e15)]
-    """`at_ms` of the newest beat heard: says how old this can be at most."""
+    """`at_ms` of the newest beat received: bounds the age of this message."""
     x: Deflection
     """Fore-aft, forward positive."""
     psi: Deflection
     """Left-right, left positive."""
     valid: bool
-    """False where there is no stick to speak of: pad gone, tab hidden. Not the same as centred."""
+    """False if there is no stick: gamepad disconnected, tab hidden. Not the same as centred."""
     armed: bool
-    """A person chose this device, and it was centred since."""
+    """The operator chose this device, and it was centred since."""
     device: DeviceName
     speed_scale: Share
-    """Share of the robot's speed that the person allows."""
+    """Share of the robot's speed that the operator allows."""
 
 
 class Do(Schema):
-    """Something to be done once."""
+    """A request to do something once."""
 
     type: Literal["do"] = "do"
     what: Request
     value: Annotated[int, Field(ge=0, le=65535)] = 0
-    """Which alarm is acknowledged (0: all); which client is given the robot (0: nobody); at which
-    dock, from 1 (0: where the robot is)."""
+    """Number of the alarm to acknowledge (0: all), of the client to give the lease to (0: none), or
+    of the dock, from 1 (0: where the robot is)."""
     heard_ms: Annotated[float, Field(ge=0.0, le=1e15)] | None = None
-    """`at_ms` of the newest beat heard when the person pressed: what was pressed before a stop is
-    not done after it, however long it was under way. Null: just now."""
+    """`at_ms` of the newest beat received when the operator pressed: a request from before a stop
+    is not done after it, however long it was in transit. Null: just now."""
 
 
 class Waypoints(Schema):
-    """A way for the robot to check and, unless it is only to be checked, to take."""
+    """A path for the robot to check and, unless `only_check`, to follow."""
 
     type: Literal["waypoints"] = "waypoints"
     points: Annotated[list[Point], Field(min_length=1, max_length=200)]
@@ -74,14 +74,14 @@ class Waypoints(Schema):
 
 
 class Got(Schema):
-    """Credit: what was sent has been shown, and more may come."""
+    """Credit: the page has shown a message of this stream, and can take another."""
 
     type: Literal["got"] = "got"
     stream: Literal["state", "scan", "frame"]
 
 
 class Play(Schema):
-    """Whether a replay goes on, how fast, and where from; None: as it is."""
+    """Whether a replay runs, how fast, and from where; None: unchanged."""
 
     type: Literal["play"] = "play"
     playing: bool | None = None
@@ -90,13 +90,13 @@ class Play(Schema):
 
 
 FromPage = Annotated[Stick | Do | Waypoints | Got | Play, Field(discriminator="type")]
-"""Everything a page may say."""
+"""All messages from a page."""
 
 _FROM_PAGE: TypeAdapter[FromPage] = TypeAdapter(FromPage)
 
 
 def from_page(text: str) -> FromPage:
-    """What a page said; pydantic's ValidationError where that is no message."""
+    """Parse a page's message; raises pydantic's ValidationError if it is malformed."""
     return _FROM_PAGE.validate_json(text, strict=True)
 
 
@@ -104,17 +104,17 @@ def from_page(text: str) -> FromPage:
 
 
 class Beat(Schema):
-    """The station lives; 25 times a second, whatever the robot does."""
+    """Heartbeat of the station; 25 times a second, whatever the robot does."""
 
     type: Literal["beat"] = "beat"
     at_ms: float
     """The station's clock."""
     page_ms: float | None
-    """How long a beat and its stick took there and back."""
+    """Round trip of a beat and its stick."""
 
 
 class Camera(Schema):
-    """Where the camera looks from, to draw into its picture."""
+    """Field of view and mount of the camera, to draw into its picture."""
 
     field_of_view_rad: float
     """Vertical."""
@@ -128,22 +128,22 @@ class Welcome(Schema):
 
     type: Literal["welcome"] = "welcome"
     you: str
-    """What the driver and the others see this page called."""
+    """Name of this page, as the driver and the others see it."""
     key: str
-    """What the page shows when it comes back, to be the same operator again."""
+    """The page sends it when it reconnects, to be the same operator again."""
     version: str
     replay_s: float | None
-    """Length of the record that is shown; None when it is a robot."""
+    """Length of the record that is shown; None for a robot."""
     replay_from_s: float
-    """The robot's clock at the record's beginning."""
+    """The robot's clock at the start of the record."""
     stale_s: float
-    """A page that hears nothing for so long says so, and its stick counts as gone."""
+    """A page that receives nothing for so long shows it, and its stick counts as lost."""
     centre: float
-    """Deflections up to this are centred: a gamepad that waits is armed by them."""
+    """Deflections up to this are centred, and arm a waiting gamepad."""
 
 
 class Robot(Schema):
-    """What robot this is."""
+    """The robot's name, outline and limits."""
 
     type: Literal["robot"] = "robot"
     name: str
@@ -157,13 +157,13 @@ class Robot(Schema):
 
 
 class State(Schema):
-    """The robot now, up to 30 times a second."""
+    """The robot's state, up to 30 times a second."""
 
     type: Literal["state"] = "state"
     t_s: float
     """The robot's clock."""
     age_ms: float
-    """How old this was when it left for the page."""
+    """Age when it was sent to the page."""
     pose: Where
     odometry: Where
     localised: Literal["unknown", "exact", "good", "poor", "lost"]
@@ -172,56 +172,56 @@ class State(Schema):
     twist: Motion
     """Measured."""
     nominal: Motion
-    """What person and controller want together, before the filter."""
+    """Blended command of operator and controller, before the filter."""
     applied: Motion
-    """What the wheels get."""
+    """Command at the wheels."""
     why: str
-    """Why the two differ, or empty."""
+    """Why `applied` differs from `nominal`, or empty."""
     verdict: Literal["untouched", "shaped", "braking", "standing", "invalid"]
     stick: Motion
-    """In use on the robot: fore-aft, left-right."""
+    """The stick in use on the robot: fore-aft, left-right."""
     arming: Literal["absent", "waiting", "armed"]
     authority: float | None
     """e^{-V_h}: the controller's share."""
     e_p: float | None
     h_m2: float | None
     clearance_m: float | None
-    """From the outline to the nearest thing."""
+    """From the outline to the nearest obstacle."""
     limiting: Point | None
-    """What held the wish back."""
+    """Position of the limiting obstacle."""
     progress: float | None
     ahead: list[Point]
     """Predicted path, in steps of `ahead_step_s`."""
     ahead_step_s: float
     mode: ModeName
     stopped: str
-    """Why it is stopped; empty: it is not."""
+    """Why the robot is stopped; empty: it is not."""
     speed_cap_mps: float | None
     cap_reason: str
     recording: bool
     docking: Literal["away", "staged", "docking", "docked", "undocking", "between"]
     dock: int
-    """At which of the docks, from 1; 0: at none."""
+    """Number of the dock, from 1; 0: none."""
 
 
 class Who(Schema):
-    """Who drives, and who would like to."""
+    """The driver, and the operator that requests the lease."""
 
     type: Literal["who"] = "who"
     you_drive: bool
     driver: str | None
     asking: str | None
-    """Who asks the driver for the robot."""
+    """The operator that requests the lease from the driver."""
     asking_client: int
     you_ask: bool
     left_s: float | None
-    """Until it is given to who asks, if the driver says nothing."""
+    """Time until the request is granted, if the driver does not answer."""
     operators: list[str]
-    """All who are connected."""
+    """All connected operators."""
 
 
 class Alarm(Schema):
-    """One thing a person must know."""
+    """One alarm."""
 
     number: int
     severity: Literal["notice", "warning", "alarm"]
@@ -231,7 +231,7 @@ class Alarm(Schema):
 
 
 class Alarms(Schema):
-    """All that are active or not acknowledged yet, the worst first."""
+    """All alarms that are active or not acknowledged yet, the worst first."""
 
     type: Literal["alarms"] = "alarms"
     alarms: list[Alarm]
@@ -259,33 +259,33 @@ class Dock(Schema):
     pose: Where
     """Of the docked robot."""
     approach_m: float
-    """Length of the straight way that ends there."""
+    """Length of the straight approach that ends there."""
 
 
 class Docks(Schema):
-    """Where the robot can dock; replaces the earlier ones."""
+    """The docks of the site; replaces the earlier ones."""
 
     type: Literal["docks"] = "docks"
     docks: list[Dock]
 
 
 class Link(Schema):
-    """How good the link to the robot is; four times a second."""
+    """Quality of the link to the robot; four times a second."""
 
     type: Literal["link"] = "link"
     connected: bool
     name: str
-    """What the robot is reached by."""
+    """Name of the link."""
     why: str
     """Why it is not connected; empty while it is."""
     round_trip_ms: float | None
     loss: float | None
-    """Share of our datagrams that never came."""
+    """Share of our datagrams that were lost."""
     command_age_ms: float | None
-    """How old commands were when the robot used them."""
+    """Age of commands when the robot used them."""
     state_age_ms: float | None
     offset_ms: float | None
-    """The robot's clock against the station's."""
+    """Offset of the robot's clock from the station's."""
     late_ms: float | None
     """Worst lateness of a step on the robot in the last second."""
     battery: float | None
@@ -293,42 +293,42 @@ class Link(Schema):
 
 
 class RecordFile(Schema):
-    """A record on the robot, to be fetched below /records/."""
+    """A record on the robot, to be downloaded from /records/."""
 
     name: str
     bytes: int
 
 
 class Records(Schema):
-    """The records that can be fetched, newest first."""
+    """The records that can be downloaded, newest first."""
 
     type: Literal["records"] = "records"
     files: list[RecordFile]
 
 
 class Playing(Schema):
-    """Where the replay is."""
+    """Playback position of a replay."""
 
     type: Literal["playing"] = "playing"
     at_s: float
-    """Since the beginning of the record."""
+    """Since the start of the record."""
     playing: bool
     speed: float
 
 
 class Checked(Schema):
-    """What the robot says to way-points."""
+    """The robot's answer to way-points."""
 
     type: Literal["checked"] = "checked"
     ok: bool
     only_check: bool
     why: str
     worst: int | None
-    """Which one is to blame, from 0."""
+    """Index of the way-point at fault, from 0."""
 
 
 class Refused(Schema):
-    """Something the page asked for was not done, and why."""
+    """A request of the page was refused, and why."""
 
     type: Literal["refused"] = "refused"
     what: str
@@ -339,4 +339,4 @@ ToPage = (
     Beat | Welcome | Robot | State | Who | Alarms | Discs | Line | Docks | Link | Records | Playing
     | Checked | Refused
 )  # fmt: skip
-"""Everything the server says in text."""
+"""All text messages from the server."""

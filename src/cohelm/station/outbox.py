@@ -1,18 +1,18 @@
-"""What waits to be sent to one page: the newest of everything, and only as much as it can take."""
+"""Send queue of one page: the newest message of each slot, with flow control by credits."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable
 
 CREDIT = {"state": 4, "scan": 2, "frame": 2}
-"""How many of a stream may be on their way; the page says what it has shown."""
+"""How many messages of a stream may be in flight; the page reports those it has shown."""
 
 
 class Outbox:
-    """Newest wins: a message replaces one of its slot that was not sent yet.
+    """A message replaces one of its slot that is not sent yet.
 
-    What belongs to a stream of `CREDIT` waits until the page has shown earlier ones, and so
-    does what has a slot of its own in one, `scan/1`.
+    A message of a stream in `CREDIT` waits until the page has shown earlier ones; slots of their
+    own within a stream, as `scan/1`, share its credit.
     """
 
     def __init__(self) -> None:
@@ -21,7 +21,7 @@ class Outbox:
         self._credit = dict(CREDIT)
 
     def put(self, slot: Hashable, message: str | bytes, *, changed_only: bool = False) -> None:
-        """Have it sent. changed_only: not if it is what was sent last."""
+        """Queue a message. changed_only: not if it equals the last one of its slot."""
         if changed_only and slot not in self._waiting and self._sent.get(slot) == message:
             return
         if changed_only:
@@ -29,11 +29,11 @@ class Outbox:
         self._waiting[slot] = message
 
     def credit(self, stream: str) -> None:
-        """The page has shown one of this stream."""
+        """The page has shown one message of this stream."""
         self._credit[stream] = min(self._credit[stream] + 1, CREDIT[stream])
 
     def take(self) -> list[str | bytes]:
-        """What can be sent now."""
+        """The messages that can be sent now."""
         out: list[str | bytes] = []
         for slot in list(self._waiting):
             stream = slot.partition("/")[0] if isinstance(slot, str) else ""

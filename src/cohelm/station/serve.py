@@ -1,4 +1,4 @@
-"""The web server around the application: addresses, TLS, limits, time-outs."""
+"""The web server of the application: addresses, TLS, limits, timeouts."""
 
 from __future__ import annotations
 
@@ -24,64 +24,64 @@ from cohelm.station.tls import certified
 
 PORT = 8765
 HEAD_WITHIN = 5.0
-"""Who has not sent a whole request by then is let go, also the next one after an answer [s]."""
+"""Time limit of a whole request, also of the next one on a connection [s]."""
 DONE_WITHIN = 20.0
-"""A request must have come and been answered by then, but for what shows a session [s]."""
+"""Time limit of request and response, without a session [s]."""
 LARGEST_MESSAGE = 16_384
-"""Of a page, in bytes."""
+"""Largest message from a page [B]."""
 _BACKLOG = 128
 _log = logging.getLogger("cohelm.station")
 
 
-def _patient(listener: ListeningSocket) -> type[H11Protocol]:
-    """HTTP with an end to its patience, whatever trickles in meanwhile."""
+def _with_time_limits(listener: ListeningSocket) -> type[H11Protocol]:
+    """The class of HTTP connections with time limits, however slowly data arrives."""
 
-    class Patient(H11Protocol):
+    class TimeLimited(H11Protocol):
         _limit: asyncio.TimerHandle | None = None
 
         def connection_made(self, transport: Transport) -> None:  # type: ignore[override]
             super().connection_made(transport)
-            listener.made(self._who, transport.abort)
-            self._within(HEAD_WITHIN)
+            listener.made(self._client, transport.abort)
+            self._set_limit(HEAD_WITHIN)
 
         def handle_events(self) -> None:
             before = self.scope
             super().handle_events()
             if self.scope is before:
                 return
-            listener.served(self._who)
+            listener.served(self._client)
             upgraded = self.transport.get_protocol() is not self
-            self._within(None if upgraded else DONE_WITHIN)
+            self._set_limit(None if upgraded else DONE_WITHIN)
 
         def on_response_complete(self) -> None:
-            listener.served(self._who)
-            self._within(HEAD_WITHIN)  # first: what was pipelined may begin in the next line
+            listener.served(self._client)
+            self._set_limit(HEAD_WITHIN)  # first: a pipelined request may begin in the next line
             super().on_response_complete()
 
         def connection_lost(self, exc: Exception | None) -> None:
-            self._within(None)
+            self._set_limit(None)
             super().connection_lost(exc)
 
         @property
-        def _who(self) -> tuple[str, int]:
+        def _client(self) -> tuple[str, int]:
             return self.client or ("", 0)
 
-        def _within(self, seconds: float | None) -> None:
+        def _set_limit(self, seconds: float | None) -> None:
             if self._limit is not None:
                 self._limit.cancel()
-            self._limit = None if seconds is None else self.loop.call_later(seconds, self._late)
+            self._limit = None if seconds is None else self.loop.call_later(seconds, self._expire)
 
-        def _late(self) -> None:
-            if listener.is_admitted(self._who):  # a long download
+        def _expire(self) -> None:
+            if listener.is_admitted(self._client):  # a long download
                 return
             _log.info("no whole request in time; let go")
             self.transport.abort()
 
-    return Patient
+    return TimeLimited
 
 
 class Server:
-    """A station that listens; `run` serves until it is stopped."""
+    """The web server of a station; `run` serves until it is stopped."""
 
     def __init__(
         self, connect: Connect, host: str = "127.0.0.1", port: int = PORT,
@@ -102,7 +102,7 @@ class Server:
                        "ssl_version": ssl.PROTOCOL_TLS_SERVER}  # fmt: skip
         self.host, self.port = host, self._listener.getsockname()[1]
         config = uvicorn.Config(
-            self.station.app(), http=_patient(self._listener), ws="websockets-sansio",
+            self.station.app(), http=_with_time_limits(self._listener), ws="websockets-sansio",
             loop="asyncio", backlog=_BACKLOG,
             ws_max_size=LARGEST_MESSAGE, ws_ping_interval=20.0, ws_ping_timeout=20.0,
             timeout_keep_alive=5,
@@ -111,47 +111,47 @@ class Server:
             server_header=False,
             date_header=False, proxy_headers=False, lifespan="on", **options,
         )  # fmt: skip
-        self._server = _Unhurried(config)
+        self._server = _GracefulServer(config)
 
     @property
     def address(self) -> str:
-        """What to open in a browser, with the token in it.
+        """The URL to open in a browser, with the token in its fragment.
 
-        It stands behind the #, which a browser sends nowhere: not to the server, so in no log, and
+        A browser sends the fragment (after #) nowhere: not to the server, so it is in no log, and
         not to other pages as Referer.
         """
         return f"{self.origin}/#token={self.token}"
 
     @property
     def origin(self) -> str:
-        """Where the page is, without the token."""
+        """The URL of the page, without the token."""
         host = self.host
         if host in ("0.0.0.0", "::"):
             host = socket.gethostname()
             if self._names and host.lower() not in self._names:
-                host = min(self._names)  # what a browser will find right
+                host = min(self._names)  # a name that the browser accepts
         elif ":" in host:
             host = f"[{host}]"
         return f"{'https' if self.secure else 'http'}://{host}:{self.port}"
 
     def run(self) -> None:
-        """Serve until `stop`, or until a signal to the process says so."""
-        gc.freeze()  # looking through all that was imported would hold the stick up for 0.1 s
+        """Serve until `stop`, or until a signal ends the process."""
+        gc.freeze()  # a collection over all imports would delay the stick by 0.1 s
         asyncio.run(self._server.serve(sockets=[self._listener]))
 
     def stop(self) -> None:
-        """Let `run` return; from any thread."""
+        """Make `run` return; from any thread."""
         self._server.should_exit = True
 
     @property
     def started(self) -> bool:
-        """Whether pages are served by now."""
+        """Whether pages are served."""
         return self._server.started
 
 
-class _Unhurried(uvicorn.Server):
-    """One for whom a second Ctrl-C is no more than the first: it ends within a second anyway, and
-    breaking that off would only be a traceback."""
+class _GracefulServer(uvicorn.Server):
+    """A server that ignores a second Ctrl-C: it ends within a second anyway, and to abort that
+    would only print a traceback."""
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         if not self.should_exit:
@@ -165,7 +165,7 @@ def _listening(host: str, port: int) -> ListeningSocket:
         listening.bind((host, port))
         listening.listen(
             _BACKLOG
-        )  # who opens the address as soon as it is printed waits, and is served
+        )  # a page opened as soon as the address is printed waits, and is served
     except (OSError, OverflowError) as error:
         listening.close()
         cure = "choose another with --port (0 takes a free one)"

@@ -1,7 +1,7 @@
-"""A certificate for the web page, made on this machine: for tablets on the same network.
+"""Makes a self-signed certificate for the web page: for tablets on the same network.
 
-No authority signs it, so a browser warns once; the fingerprint that is printed at the start is what
-the browser must show. It is kept, so that a browser that accepted it does not ask again.
+A browser warns once, and must show the fingerprint that is printed at the start. The certificate is
+kept, so that a browser that accepted it does not warn again.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from cohelm.link.keys import fingerprint, read
 from cohelm.link.owned import guarded, make_folder
 
 DAYS = 397
-"""Browsers refuse certificates that hold longer."""
+"""Validity; browsers refuse certificates that are valid for longer."""
 _RENEW = datetime.timedelta(days=30)
 
 
 def certificate(folder: Path, host: str) -> tuple[Path, Path, str]:
-    """Files of certificate and key for `host`, and the fingerprint; made where there are none.
+    """Files of certificate and key for `host`, and the fingerprint; made if there are none.
 
-    Raises CohelmError where the folder can not be written.
+    Raises CohelmError if the folder can not be written.
     """
     path, key = folder / "station-web.pem", folder / "station-web.key"
     names = _names(host)
     try:
-        if not _good(path, key, names):
+        if not _valid(path, key, names):
             make_folder(folder)
             _make(path, key, names)
         guarded(key, within=folder, secret=True)
@@ -49,7 +49,7 @@ def certificate(folder: Path, host: str) -> tuple[Path, Path, str]:
 
 
 def certified(path: Path) -> frozenset[str]:
-    """The host names in a certificate file. Raises CohelmError where it is none."""
+    """The host names in a certificate file. Raises CohelmError if it holds no certificate."""
     try:
         kept = x509.load_pem_x509_certificate(read(path))
         there = kept.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
@@ -61,9 +61,9 @@ def certified(path: Path) -> frozenset[str]:
 
 
 def own(path: Path, key: Path) -> tuple[Path, Path]:
-    """A certificate and key from elsewhere, looked at before they are used.
+    """Check the user's own certificate and key before they are used.
 
-    Raises CohelmError where a browser could not be served with them.
+    Raises CohelmError if a browser could not be served with them.
     """
     certified(path)
     check_regular(key)
@@ -81,7 +81,7 @@ def own(path: Path, key: Path) -> tuple[Path, Path]:
 
 
 def _names(host: str) -> list[x509.GeneralName]:
-    """What a browser may call this machine."""
+    """The names and addresses that a browser may use for this machine."""
     names = {"localhost", socket.gethostname()}
     addresses = {"127.0.0.1", "::1"}
     try:
@@ -105,8 +105,8 @@ def _own_addresses() -> set[str]:
     return {str(entry[4][0]).partition("%")[0] for entry in found}
 
 
-def _good(path: Path, key: Path, names: list[x509.GeneralName]) -> bool:
-    """Whether what is there can still be used, for all these names."""
+def _valid(path: Path, key: Path, names: list[x509.GeneralName]) -> bool:
+    """Whether the files hold a certificate that is valid for all these names."""
     if not (path.exists() and key.exists()):
         return False
     try:

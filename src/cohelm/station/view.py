@@ -1,4 +1,4 @@
-"""The robot's messages as the page's: numbers that are not known become None."""
+"""Converts the robot's messages to the page's: unknown numbers become None."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from cohelm.station import messages as page
 from cohelm.station.robot_link import Quality, ReplayLink
 
 MOST_POINTS = 2000
-"""Points of one line that a page is sent; a longer line is thinned out."""
+"""Most points of one line sent to a page; a longer line is thinned out."""
 
 
 def known(value: float) -> float | None:
-    """The number, or None for NaN and infinity; four digits after the point are plenty."""
+    """The number rounded to four decimals; None for NaN and infinity."""
     return round(value, 4) if math.isfinite(value) else None
 
 
@@ -46,7 +46,7 @@ def welcome(name: str, key: str, stale: float, link: object) -> page.Welcome:
 
 
 def hello(message: bulk.Hello) -> page.Robot:
-    """What robot it is."""
+    """The robot's name, outline and limits."""
     angle, x, z, tilt = message.camera
     camera = None
     if all(math.isfinite(v) for v in message.camera):
@@ -59,7 +59,7 @@ def hello(message: bulk.Hello) -> page.Robot:
 
 
 def _points(points: np.ndarray) -> list[page.Point]:
-    """(n, 2) as pairs, thinned out to what a page can use; what is not finite left out."""
+    """(n, 2) as pairs, thinned out to `MOST_POINTS`, without points that are not finite."""
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) > MOST_POINTS:
         points = points[np.linspace(0, len(points) - 1, MOST_POINTS).astype(int)]
@@ -76,7 +76,7 @@ _LINES = get_args(page.Line.model_fields["what"].annotation)
 
 
 def state(s: robot.Status, stamp: float, age: float) -> page.State:
-    """The robot now. stamp: its clock [s]. age: how old that is [s]."""
+    """The robot's state. stamp: by its clock [s]. age: of the state [s]."""
     limiting = s.guarding.limiting
     reference = _where(s.reference) if all(map(math.isfinite, s.reference)) else None
     estimated = s.localised not in (robot.Localised.UNKNOWN, robot.Localised.LOST)
@@ -100,7 +100,7 @@ def state(s: robot.Status, stamp: float, age: float) -> page.State:
 
 
 def who(lease: robot.Lease, names: dict[int, str], operators: list[str]) -> page.Who:
-    """Who drives. names: of the robot's clients that are pages of this station."""
+    """The driver. names: of the robot's clients that are pages of this station."""
 
     def name(number: int, own_name: str) -> str | None:
         if number == 0:
@@ -118,7 +118,7 @@ def who(lease: robot.Lease, names: dict[int, str], operators: list[str]) -> page
 
 
 def alarms(all_: tuple[robot.Alarm, ...]) -> page.Alarms:
-    """Alarms that matter still."""
+    """Alarms that are active or not acknowledged."""
     return page.Alarms(
         alarms=[
             page.Alarm(
@@ -142,14 +142,12 @@ def line(message: bulk.Polyline) -> page.Line:
 
 
 def docks(message: bulk.Docks) -> page.Docks:
-    """Where the robot can dock."""
-    known_places = [
-        dock for dock in message.all if all(map(math.isfinite, (*dock.pose, dock.approach)))
-    ]
+    """The docks of the site."""
+    finite = [dock for dock in message.all if all(map(math.isfinite, (*dock.pose, dock.approach)))]
     return page.Docks(
         docks=[
             page.Dock(name=dock.name, pose=_where(dock.pose), approach_m=_or_0(dock.approach))
-            for dock in known_places
+            for dock in finite
         ]
     )
 
@@ -160,7 +158,7 @@ def link(
     age: float,
     health: bulk.HealthReport | None,
 ) -> page.Link:
-    """How good the link is. age: of the newest status [s]."""
+    """Quality of the link. age: of the newest status [s]."""
     return page.Link(
         connected=quality.connected, name=quality.name, why=quality.why,
         round_trip_ms=_ms(quality.round_trip), loss=known(quality.loss),
@@ -178,7 +176,7 @@ def records(message: bulk.Records) -> page.Records:
     return page.Records(files=files)
 
 
-_ASKS: dict[str, tuple[robot.Ask, int | None]] = {
+_REQUESTS: dict[str, tuple[robot.Ask, int | None]] = {
     "stop": (robot.Ask.STOP, 0),
     "reset": (robot.Ask.RESET, 0),
     "take": (robot.Ask.TAKE, 0),
@@ -197,8 +195,8 @@ _ASKS: dict[str, tuple[robot.Ask, int | None]] = {
 
 
 def request_of(do: page.Do) -> tuple[robot.Ask, int]:
-    """What the robot is to be asked for."""
-    what, value = _ASKS[do.what]
+    """The request to the robot, and its value."""
+    what, value = _REQUESTS[do.what]
     return what, do.value if value is None else int(value)
 
 
@@ -208,4 +206,4 @@ DEVICES: dict[Literal["none", "keyboard", "gamepad", "touch"], robot.Device] = {
     "gamepad": robot.Device.GAMEPAD,
     "touch": robot.Device.TOUCH,
 }
-"""The page's words for devices."""
+"""Devices by the page's names."""

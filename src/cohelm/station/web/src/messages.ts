@@ -1,7 +1,7 @@
 // Made from src/cohelm/station/messages.py; a test holds the two equal. To make it:
 // python -m cohelm.station.typescript > src/cohelm/station/web/src/messages.ts
 
-/** Where the camera looks from, to draw into its picture. */
+/** Field of view and mount of the camera, to draw into its picture. */
 export interface Camera {
   /** Vertical. */
   field_of_view_rad: number
@@ -10,7 +10,7 @@ export interface Camera {
   tilt_rad: number
 }
 
-/** One thing a person must know. */
+/** One alarm. */
 export interface Alarm {
   number: number
   severity: 'notice' | 'warning' | 'alarm'
@@ -24,60 +24,60 @@ export interface Dock {
   name: string
   /** Of the docked robot. */
   pose: [number, number, number]
-  /** Length of the straight way that ends there. */
+  /** Length of the straight approach that ends there. */
   approach_m: number
 }
 
-/** A record on the robot, to be fetched below /records/. */
+/** A record on the robot, to be downloaded from /records/. */
 export interface RecordFile {
   name: string
   bytes: number
 }
 
-/** Where the stick is. Sent at 50 Hz while a page is open; it is the page's heartbeat too. */
+/** State of the stick. Sent at 50 Hz while a page is open; also the page's heartbeat. */
 export interface Stick {
   type: 'stick'
-  /** Counts up; one that is not newer than the last is dropped. */
+  /** Sequence number; one that is not newer than the last is dropped. */
   n: number
-  /** `at_ms` of the newest beat heard: says how old this can be at most. */
+  /** `at_ms` of the newest beat received: bounds the age of this message. */
   heard_ms: number
   /** Fore-aft, forward positive. */
   x: number
   /** Left-right, left positive. */
   psi: number
-  /** False where there is no stick to speak of: pad gone, tab hidden. Not the same as centred. */
+  /** False if there is no stick: gamepad disconnected, tab hidden. Not the same as centred. */
   valid: boolean
-  /** A person chose this device, and it was centred since. */
+  /** The operator chose this device, and it was centred since. */
   armed: boolean
   device: 'none' | 'keyboard' | 'gamepad' | 'touch'
-  /** Share of the robot's speed that the person allows. */
+  /** Share of the robot's speed that the operator allows. */
   speed_scale: number
 }
 
-/** Something to be done once. */
+/** A request to do something once. */
 export interface Do {
   type: 'do'
   what: 'stop' | 'reset' | 'take' | 'give' | 'refuse' | 'acknowledge' | 'record' | 'record_stop' | 'hold' | 'shared' | 'automatic' | 'manual' | 'dock' | 'undock'
-  /** Which alarm is acknowledged (0: all); which client is given the robot (0: nobody); at which dock, from 1 (0: where the robot is). */
+  /** Number of the alarm to acknowledge (0: all), of the client to give the lease to (0: none), or of the dock, from 1 (0: where the robot is). */
   value: number
-  /** `at_ms` of the newest beat heard when the person pressed: what was pressed before a stop is not done after it, however long it was under way. Null: just now. */
+  /** `at_ms` of the newest beat received when the operator pressed: a request from before a stop is not done after it, however long it was in transit. Null: just now. */
   heard_ms: number | null
 }
 
-/** A way for the robot to check and, unless it is only to be checked, to take. */
+/** A path for the robot to check and, unless `only_check`, to follow. */
 export interface Waypoints {
   type: 'waypoints'
   points: Array<[number, number]>
   only_check: boolean
 }
 
-/** Credit: what was sent has been shown, and more may come. */
+/** Credit: the page has shown a message of this stream, and can take another. */
 export interface Got {
   type: 'got'
   stream: 'state' | 'scan' | 'frame'
 }
 
-/** Whether a replay goes on, how fast, and where from; None: as it is. */
+/** Whether a replay runs, how fast, and from where; None: unchanged. */
 export interface Play {
   type: 'play'
   playing: boolean | null
@@ -85,34 +85,34 @@ export interface Play {
   seek_s: number | null
 }
 
-/** The station lives; 25 times a second, whatever the robot does. */
+/** Heartbeat of the station; 25 times a second, whatever the robot does. */
 export interface Beat {
   type: 'beat'
   /** The station's clock. */
   at_ms: number
-  /** How long a beat and its stick took there and back. */
+  /** Round trip of a beat and its stick. */
   page_ms: number | null
 }
 
 /** First message on every connection. */
 export interface Welcome {
   type: 'welcome'
-  /** What the driver and the others see this page called. */
+  /** Name of this page, as the driver and the others see it. */
   you: string
-  /** What the page shows when it comes back, to be the same operator again. */
+  /** The page sends it when it reconnects, to be the same operator again. */
   key: string
   version: string
-  /** Length of the record that is shown; None when it is a robot. */
+  /** Length of the record that is shown; None for a robot. */
   replay_s: number | null
-  /** The robot's clock at the record's beginning. */
+  /** The robot's clock at the start of the record. */
   replay_from_s: number
-  /** A page that hears nothing for so long says so, and its stick counts as gone. */
+  /** A page that receives nothing for so long shows it, and its stick counts as lost. */
   stale_s: number
-  /** Deflections up to this are centred: a gamepad that waits is armed by them. */
+  /** Deflections up to this are centred, and arm a waiting gamepad. */
   centre: number
 }
 
-/** What robot this is. */
+/** The robot's name, outline and limits. */
 export interface Robot {
   type: 'robot'
   name: string
@@ -125,12 +125,12 @@ export interface Robot {
   camera: Camera | null
 }
 
-/** The robot now, up to 30 times a second. */
+/** The robot's state, up to 30 times a second. */
 export interface State {
   type: 'state'
   /** The robot's clock. */
   t_s: number
-  /** How old this was when it left for the page. */
+  /** Age when it was sent to the page. */
   age_ms: number
   pose: [number, number, number]
   odometry: [number, number, number]
@@ -139,55 +139,55 @@ export interface State {
   reference: [number, number, number] | null
   /** Measured. */
   twist: [number, number]
-  /** What person and controller want together, before the filter. */
+  /** Blended command of operator and controller, before the filter. */
   nominal: [number, number]
-  /** What the wheels get. */
+  /** Command at the wheels. */
   applied: [number, number]
-  /** Why the two differ, or empty. */
+  /** Why `applied` differs from `nominal`, or empty. */
   why: string
   verdict: 'untouched' | 'shaped' | 'braking' | 'standing' | 'invalid'
-  /** In use on the robot: fore-aft, left-right. */
+  /** The stick in use on the robot: fore-aft, left-right. */
   stick: [number, number]
   arming: 'absent' | 'waiting' | 'armed'
   /** e^{-V_h}: the controller's share. */
   authority: number | null
   e_p: number | null
   h_m2: number | null
-  /** From the outline to the nearest thing. */
+  /** From the outline to the nearest obstacle. */
   clearance_m: number | null
-  /** What held the wish back. */
+  /** Position of the limiting obstacle. */
   limiting: [number, number] | null
   progress: number | null
   /** Predicted path, in steps of `ahead_step_s`. */
   ahead: Array<[number, number]>
   ahead_step_s: number
   mode: 'hold' | 'shared' | 'automatic' | 'manual'
-  /** Why it is stopped; empty: it is not. */
+  /** Why the robot is stopped; empty: it is not. */
   stopped: string
   speed_cap_mps: number | null
   cap_reason: string
   recording: boolean
   docking: 'away' | 'staged' | 'docking' | 'docked' | 'undocking' | 'between'
-  /** At which of the docks, from 1; 0: at none. */
+  /** Number of the dock, from 1; 0: none. */
   dock: number
 }
 
-/** Who drives, and who would like to. */
+/** The driver, and the operator that requests the lease. */
 export interface Who {
   type: 'who'
   you_drive: boolean
   driver: string | null
-  /** Who asks the driver for the robot. */
+  /** The operator that requests the lease from the driver. */
   asking: string | null
   asking_client: number
   you_ask: boolean
-  /** Until it is given to who asks, if the driver says nothing. */
+  /** Time until the request is granted, if the driver does not answer. */
   left_s: number | null
-  /** All who are connected. */
+  /** All connected operators. */
   operators: Array<string>
 }
 
-/** All that are active or not acknowledged yet, the worst first. */
+/** All alarms that are active or not acknowledged yet, the worst first. */
 export interface Alarms {
   type: 'alarms'
   alarms: Array<Alarm>
@@ -206,27 +206,27 @@ export interface Line {
   points: Array<[number, number]>
 }
 
-/** Where the robot can dock; replaces the earlier ones. */
+/** The docks of the site; replaces the earlier ones. */
 export interface Docks {
   type: 'docks'
   docks: Array<Dock>
 }
 
-/** How good the link to the robot is; four times a second. */
+/** Quality of the link to the robot; four times a second. */
 export interface Link {
   type: 'link'
   connected: boolean
-  /** What the robot is reached by. */
+  /** Name of the link. */
   name: string
   /** Why it is not connected; empty while it is. */
   why: string
   round_trip_ms: number | null
-  /** Share of our datagrams that never came. */
+  /** Share of our datagrams that were lost. */
   loss: number | null
-  /** How old commands were when the robot used them. */
+  /** Age of commands when the robot used them. */
   command_age_ms: number | null
   state_age_ms: number | null
-  /** The robot's clock against the station's. */
+  /** Offset of the robot's clock from the station's. */
   offset_ms: number | null
   /** Worst lateness of a step on the robot in the last second. */
   late_ms: number | null
@@ -234,32 +234,32 @@ export interface Link {
   faults: Array<string>
 }
 
-/** The records that can be fetched, newest first. */
+/** The records that can be downloaded, newest first. */
 export interface Records {
   type: 'records'
   files: Array<RecordFile>
 }
 
-/** Where the replay is. */
+/** Playback position of a replay. */
 export interface Playing {
   type: 'playing'
-  /** Since the beginning of the record. */
+  /** Since the start of the record. */
   at_s: number
   playing: boolean
   speed: number
 }
 
-/** What the robot says to way-points. */
+/** The robot's answer to way-points. */
 export interface Checked {
   type: 'checked'
   ok: boolean
   only_check: boolean
   why: string
-  /** Which one is to blame, from 0. */
+  /** Index of the way-point at fault, from 0. */
   worst: number | null
 }
 
-/** Something the page asked for was not done, and why. */
+/** A request of the page was refused, and why. */
 export interface Refused {
   type: 'refused'
   what: string
