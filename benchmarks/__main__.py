@@ -29,16 +29,16 @@ def main() -> None:
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True)) as bar:
 
-        def told(what: str) -> Callable[[str, float], None]:
+        def progress_of(what: str) -> Callable[[str, float], None]:
             task = bar.add_task(what, total=1.0)
             return lambda doing, share: bar.update(
                 task, description=f"{what}: {doing}", completed=share
             )
 
-        steps = growth.measure(told("steps"), quick)
-        guarded = guard.measure(told("guard"), quick)
-        waits = commands.measure(told("commands"), quick)
-        others = parts.measure(told("parts"), quick)
+        steps = growth.measure(progress_of("steps"), quick)
+        guarded = guard.measure(progress_of("guard"), quick)
+        waits = commands.measure(progress_of("commands"), quick)
+        others = parts.measure(progress_of("parts"), quick)
     found = {
         "growth": steps.as_json(),
         "guard": guarded.as_json(),

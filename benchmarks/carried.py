@@ -69,12 +69,12 @@ def main() -> None:
             k = int(rng.integers(0, len(poses) - length))
             seed = int(rng.integers(1_000_000))
             found.append(recovered(place, poses[k : k + length], twists[k : k + length], seed))
-        print(told(place.name, found), flush=True)
+        print(summary(place.name, found), flush=True)
         whole += found
-    print(told("all", whole))
+    print(summary("all", whole))
 
 
-def told(name: str, found: list[tuple[float, float]]) -> str:
+def summary(name: str, found: list[tuple[float, float]]) -> str:
     last, longest = np.array(found).T
     return (
         f"{name:24s} found {(last < 8.5).sum():3d}, within 3 s {(last < 3.0).sum():3d} of "

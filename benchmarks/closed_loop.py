@@ -168,7 +168,7 @@ def driven(site: Site) -> LoopResult:
     made = Simulated(site.scenario, "twin", real_time=False, seed=site.scenario.simulation.seed)
     limit = 2.0 * site.scenario.reference.spline().duration + 30.0
     rows: list[tuple[float, float, float, float, bool]] = []
-    said: list[tuple[float, str]] = []
+    lost_at: list[tuple[float, str]] = []
     with Session(SessionConfig(made, known=site.known)) as session:
         gated, loop = session.loop.gated, session.loop
 
@@ -178,7 +178,7 @@ def driven(site: Site) -> LoopResult:
             off = math.hypot(seen.pose.x - truth.pose.x, seen.pose.y - truth.pose.y)
             rows.append((now, *truth.pose[:2], off, seen.lost))
             if seen.lost:
-                said.append((now, f"{truth.pose.x:.1f} {truth.pose.y:.1f}: {seen.reason}"))
+                lost_at.append((now, f"{truth.pose.x:.1f} {truth.pose.y:.1f}: {seen.reason}"))
             stopped = GateMode(gated.gate.mode) == GateMode.FAULTED
             return loop.driver.arrived or now > limit or stopped
 
@@ -188,16 +188,16 @@ def driven(site: Site) -> LoopResult:
     t = np.array(rows)
     return LoopResult(
         site.name, arrived, float(np.hypot(*np.diff(t[:, 1:3], axis=0).T).sum()), t[-1, 0], least,
-        *errors(t[:, 3], t[:, 4] > 0.0, session.plan.period), mode, spells(said),
+        *errors(t[:, 3], t[:, 4] > 0.0, session.plan.period), mode, spells(lost_at),
     )  # fmt: skip
 
 
-def spells(said: list[tuple[float, str]]) -> tuple[str, ...]:
+def spells(lost_at: list[tuple[float, str]]) -> tuple[str, ...]:
     """Spells lost: start, duration, place, and first reason."""
     found: list[str] = []
     begun = last = -math.inf
     why = ""
-    for now, reason in [*said, (math.inf, "")]:
+    for now, reason in [*lost_at, (math.inf, "")]:
         if now > last + 0.05:
             if why:
                 found.append(f"{begun:.1f} s, for {last - begun:.1f} s, at {why}")
@@ -212,7 +212,7 @@ HEAD = (
 )
 
 
-def told(r: LoopResult) -> str:
+def summary(r: LoopResult) -> str:
     return (
         f"{r.name:34s} {'yes' if r.arrived else 'NO':>7s} {r.way:5.0f} {r.time:6.0f} "
         f"{100 * r.least:5.1f} {100 * r.rms:6.2f} {100 * r.at_99:6.1f} {100 * r.largest:7.1f} "
@@ -250,7 +250,7 @@ def shown(site: Site, variant: str, given: argparse.Namespace) -> None:
     begun = time.process_time()
     found = driven(site)
     kept(given.into, {"variant": variant, **found._asdict()})
-    print(f"{told(found)}  ({time.process_time() - begun:.0f} s)", flush=True)
+    print(f"{summary(found)}  ({time.process_time() - begun:.0f} s)", flush=True)
     for spell in found.spells if given.why else ():
         print(f"    lost at {spell}", flush=True)
 

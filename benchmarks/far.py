@@ -168,7 +168,7 @@ def _drive_manually(
 ) -> tuple[float, list[str], bool, float]:
     """Seconds driven, reasons of stops, whether it arrived, the least speed cap."""
     person: Person | None = None
-    asked, stops, least, wanted = -math.inf, [], math.inf, Stick(0.0, 0.0)
+    requested, stops, least, wanted = -math.inf, [], math.inf, Stick(0.0, 0.0)
     began = math.nan
     start = time.monotonic()
     while (now := time.monotonic()) - start < limit:
@@ -177,15 +177,15 @@ def _drive_manually(
                 person = Person(np.asarray(message.points, dtype=np.float64))
         station.steer(wanted, True, True, Device.SCRIPT)
         time.sleep(BEAT)
-        told = station.status()
-        if told is None or person is None:
+        received = station.status()
+        if received is None or person is None:
             continue
-        status = told.status
+        status = received.status
         ready = status.mode == Mode.MANUAL and status.arming == Arming.ARMED and not status.stopped
         if not ready:
             wanted = Stick(0.0, 0.0)
-            if now - asked > 0.5:
-                asked = now
+            if now - requested > 0.5:
+                requested = now
                 if status.stopped:
                     stops += [status.stopped] if not math.isnan(began) else []
                     station.ask(Ask.RESET)
@@ -196,7 +196,7 @@ def _drive_manually(
             continue
         began = now if math.isnan(began) else began
         least = min(least, status.speed_cap)
-        here = arc(status.pose, status.twist, max(told.age, 0.0))  # an operator predicts
+        here = arc(status.pose, status.twist, max(received.age, 0.0))  # an operator predicts
         if person.done(here):
             return now - began, stops, True, least
         scan = station.scan()

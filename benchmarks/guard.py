@@ -74,10 +74,10 @@ def measure(progress: Callable[[str, float], None], quick: bool) -> GuardTimes:
     timed: dict[tuple[str, int], Callable[[int], object]] = {}
 
     def step(
-        obstacles: Surroundings, poses: tuple[Pose, ...], asked: tuple[Twist, ...]
+        obstacles: Surroundings, poses: tuple[Pose, ...], nominals: tuple[Twist, ...]
     ) -> Callable[[int], object]:
         def call(i: int) -> object:
-            nominal = asked[i % POSES]
+            nominal = nominals[i % POSES]
             return guarded(poses[i % POSES], before, nominal, obstacles)
 
         before = Twist(0.4, 0.1)
@@ -85,8 +85,8 @@ def measure(progress: Callable[[str, float], None], quick: bool) -> GuardTimes:
         return call
 
     for n, f in fields.items():
-        asked = tuple(Twist(float(v), float(w)) for v, w in f.wishes)
-        timed["discs", n] = step(surroundings(f.discs), f.poses, asked)
+        nominals = tuple(Twist(float(v), float(w)) for v, w in f.wishes)
+        timed["discs", n] = step(surroundings(f.discs), f.poses, nominals)
     for n in POINTS:
         timed["points", n] = step(surroundings(points=room(n)), here, wishes)
     safe = SafetyFilter(model, 0.02, delay=0.05)
@@ -96,9 +96,9 @@ def measure(progress: Callable[[str, float], None], quick: bool) -> GuardTimes:
         here[0],
     )
     poses, now = fields[COMPARED].poses, Twist(0.4, 0.1)
-    asked = tuple(Twist(float(v), float(w)) for v, w in fields[COMPARED].wishes)
+    nominals = tuple(Twist(float(v), float(w)) for v, w in fields[COMPARED].wishes)
     points = Obstacles(points=seen)
-    timed["filter discs", 16] = lambda i: safe(poses[i % POSES], now, asked[i % POSES], known)
+    timed["filter discs", 16] = lambda i: safe(poses[i % POSES], now, nominals[i % POSES], known)
     timed["filter points", 16] = lambda i: safe(scan, now, wishes[i % POSES], points)
     timed["filter fresh points", 16] = lambda i: safe(
         scan, now, wishes[i % POSES], Obstacles(points=seen)

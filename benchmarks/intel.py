@@ -57,14 +57,14 @@ def errors(poses: list[Pose]) -> RelationErrors:
     """Errors of `poses`, those of the log's scans."""
     segments = _segments()
     lines = _placed(segments, poses)
-    asked = read_relations(LOG.with_name("intel.relations"))
-    times = np.unique([t for a, b, _ in asked for t in (a, b)])
+    relations = read_relations(LOG.with_name("intel.relations"))
+    times = np.unique([t for a, b, _ in relations for t in (a, b)])
     zero = _clock(times, np.array([segment[0].stamp for segment in segments]))
     stamps = np.array([line.stamp for line in lines])
     nearest = {t: stamps[np.abs(stamps - (t - zero)).argmin()] for t in times.tolist()}
     which = {t: np.flatnonzero(stamps == stamp).tolist() for t, stamp in nearest.items()}
     off, heading, alone = [], [], []
-    for a, b, true in asked:
+    for a, b, true in relations:
         one = between(true, between(lines[which[a][0]].pose, lines[which[b][0]].pose))
         off.append(math.hypot(one.x, one.y))
         heading.append(abs(one.psi))

@@ -74,8 +74,8 @@ def drive(
             off = math.hypot(seen.pose.x - truth.pose.x, seen.pose.y - truth.pose.y)
             if d is not None:
                 pilot = loop.driver.pilot
-                asked = pilot is not None and pilot.course.row == 0 and d.behavior == FOLLOWING
-                free = float(asked and d.clearance_seen > FREE and d.verdict == UNTOUCHED)
+                on_route = pilot is not None and pilot.course.row == 0 and d.behavior == FOLLOWING
+                free = float(on_route and d.clearance_seen > FREE and d.verdict == UNTOUCHED)
                 turned = wrap(seen.pose.psi - truth.pose.psi)
                 row = (now, *truth.pose[:2], d.x_d, d.y_d, free, off, turned, float(seen.lost))
                 rows.append(row)

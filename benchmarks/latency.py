@@ -126,10 +126,10 @@ def measure(count: int, rate: float, twin: bool) -> list[float]:
             hand = Hand(station, log)
             while station.status() is None:
                 hand.hold(0.1)
-            told = lambda: station.status().status  # noqa: E731
-            hand.ask(Ask.TAKE, 0, lambda: told().lease.driver == told().lease.you)
-            hand.ask(Ask.MODE, Mode.MANUAL, lambda: told().mode == Mode.MANUAL)
-            while told().arming != Arming.ARMED:
+            status = lambda: station.status().status  # noqa: E731
+            hand.ask(Ask.TAKE, 0, lambda: status().lease.driver == status().lease.you)
+            hand.ask(Ask.MODE, Mode.MANUAL, lambda: status().mode == Mode.MANUAL)
+            while status().arming != Arming.ARMED:
                 hand.hold(0.1)
             took = []
             for number in range(count):
@@ -152,9 +152,9 @@ def main() -> None:
     with beside(given.busy):
         took = sorted(measure(given.count, given.rate, given.twin))
     parts = (took[len(took) // 2], took[int(0.99 * len(took))], took[-1])
-    said = "median {:.1f}, 99 % {:.1f}, most {:.1f} ms".format(*(1e3 * part for part in parts))
+    text = "median {:.1f}, 99 % {:.1f}, most {:.1f} ms".format(*(1e3 * part for part in parts))
     load = os.getloadavg()[0]
-    print(f"stick to wheels at {given.rate:g} Hz: {said}; {len(took)} steps, load {load:.1f}")
+    print(f"stick to wheels at {given.rate:g} Hz: {text}; {len(took)} steps, load {load:.1f}")
 
 
 if __name__ == "__main__":

@@ -56,19 +56,19 @@ def burn() -> None:
             block[k] = k & 255
 
 
-def wake(rate: float, said: Connection) -> None:
+def wake(rate: float, pipe: Connection) -> None:
     """Only wake up at this rate, with priority above the loop; report the lateness on request."""
     raise_priority()
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(11))
     timing, due = Timing(), time.monotonic()
-    while not said.poll():
+    while not pipe.poll():
         due += 1.0 / rate
         time.sleep(max(due - time.monotonic(), 0.0))
         now = time.monotonic()
         timing.add(now, now - due, 0.0, False)
         due = max(due, now - 1.0 / rate)
-    said.send(timing.punctuality())
+    pipe.send(timing.punctuality())
 
 
 @contextmanager

@@ -24,7 +24,7 @@ from cohelm.robot.port import Readings
 from cohelm.robot.sensors import Lidar
 
 
-class Told(NamedTuple):
+class Estimate(NamedTuple):
     """The fields of `perceive.pipeline.Seen` that are compared."""
 
     pose: Pose
@@ -43,7 +43,7 @@ class Other(ABC):
         self._last: Pose | None = None
         self._map_odom: Pose | None = None
 
-    def take(self, now: float, readings: Readings) -> Told:
+    def take(self, now: float, readings: Readings) -> Estimate:
         """As `Perception.take`."""
         if readings.odometry is not None:
             self._trail = extended(self._trail, readings.odometry)
@@ -59,7 +59,7 @@ class Other(ABC):
             self._last = odometry
             self.correct(step, seen)
             self._map_odom = compose(self.pose, inverse(odometry))
-        return Told(compose(self._map_odom, pose_at(self._trail, now)), self.covariance)
+        return Estimate(compose(self._map_odom, pose_at(self._trail, now)), self.covariance)
 
     @abstractmethod
     def correct(self, step: Pose, seen: DeskewedScan) -> None:

@@ -36,21 +36,21 @@ PARTS = (
 
 
 @dataclass(frozen=True)
-class Told:
+class PartOutput:
     """Output of a part, or why it has no numbers."""
 
     part: Part
     lines: tuple[str, ...]
 
 
-def measure(progress: Callable[[str, float], None], quick: bool) -> list[Told]:
+def measure(progress: Callable[[str, float], None], quick: bool) -> list[PartOutput]:
     """Run every part in a process of its own, one after the other."""
     there = [part for part in PARTS if (HERE / f"{part.script}.py").is_file()]
-    told: list[Told] = []
+    outputs: list[PartOutput] = []
     for k, part in enumerate(there):
         progress(part.script, k / len(there))
-        told.append(Told(part, _ran(part, quick)))
-    return told
+        outputs.append(PartOutput(part, _ran(part, quick)))
+    return outputs
 
 
 def _ran(part: Part, quick: bool) -> tuple[str, ...]:
@@ -69,10 +69,10 @@ def _ran(part: Part, quick: bool) -> tuple[str, ...]:
     return tuple(done.stdout.rstrip().splitlines())
 
 
-def markdown(told: list[Told]) -> list[str]:
+def markdown(outputs: list[PartOutput]) -> list[str]:
     """A section for each part, with its output."""
     lines: list[str] = []
-    for each in told:
+    for each in outputs:
         lines += [f"## {each.part.title}", "", f"`python -m benchmarks.{each.part.script}`", ""]
         lines += ["```text", *each.lines, "```", ""]
     return lines

@@ -292,7 +292,7 @@ def watched(
     """Reported movers against true walkers within 6 m, with five beams on them for 0.6 s."""
     perception, number = Perception(SALLY), None
     more = {} if walls is None else {"walls": walls}
-    told = seen_ = false = there = 0
+    reported = seen_ = false = there = 0
     place: list[float] = []
     speed: list[float] = []
     covered: list[bool] = []
@@ -323,10 +323,10 @@ def watched(
                     place.append(float(gaps[i]))
                     speed.append(float(np.hypot(*(found[i, 2:4] - velocity))))
                     covered.append(bool(gaps[i] + person[4] <= found[i, 4] + 0.05))
-        told += len(found)
+        reported += len(found)
         false += len(found) - len(used)
     return (
-        name, f"{seen_} of {there}", f"{false} of {told}",
+        name, f"{seen_} of {there}", f"{false} of {reported}",
         cm(np.mean(place)) if place else "-", f"{np.mean(speed):.2f} m/s" if speed else "-",
         f"{100 * np.mean(covered):.0f} %" if covered else "-",
     )  # fmt: skip

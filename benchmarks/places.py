@@ -221,7 +221,7 @@ HEAD = (
 )
 
 
-def told(r: Result) -> str:
+def summary(r: Result) -> str:
     return (
         f"{r.name:44s} {r.way:5.0f} {100 * r.rms:6.1f} {100 * r.at_99:6.1f} "
         f"{100 * r.largest:7.1f} {100 * r.lost:5.1f}% {100 * r.wrong:5.1f}% {r.longest:6.1f}s "
@@ -282,7 +282,7 @@ def drives(given: argparse.Namespace, first: int, last: int) -> None:
         row = {"variant": variant, **found._asdict(), "name": place.name, "seed": seed}
         kept(given.into, row)
         rows.setdefault(variant, []).append(found)
-        print(told(found), flush=True)
+        print(summary(found), flush=True)
 
     for name, make in published().items():
         if given.only not in name:
@@ -299,7 +299,7 @@ def drives(given: argparse.Namespace, first: int, last: int) -> None:
                 one(building(seed, Artefacts(**artefacts)), seed, given.length, 0.38, variant)
     print(HEAD)
     for variant, found in rows.items():
-        print(told(summed(variant, found)))
+        print(summary(summed(variant, found)))
 
 
 def mapping(first: int, last: int, alike: bool) -> None:
@@ -352,9 +352,9 @@ def beside(given: argparse.Namespace, first: int, last: int) -> None:
                 row = {"variant": variant, "method": name, **found._asdict(), "name": place.name}
                 kept(given.into, {**row, "seed": given.seed})
                 rows.setdefault((variant, name), []).append(found)
-                print(told(found), flush=True)
+                print(summary(found), flush=True)
     for (variant, name), found in rows.items():
-        print(told(summed(f"{variant}, {name}", found)))
+        print(summary(summed(f"{variant}, {name}", found)))
 
 
 def summed(name: str, rows: list[Result]) -> Result:
@@ -473,14 +473,14 @@ def recovered(
     perception = Perception(SALLY.model_copy(update={"lidar": model}), place.known, begun)
     from_ = 0.0 if one.at_start else 3.0
     last = run = longest = 0.0
-    said, trace, ms, number = one.at_start, [], [], None
+    placed, trace, ms, number = one.at_start, [], [], None
     for moment in drive(
         way, twists[k : k + 599], one.seed, around=around, walls=place.walls, grid=place.grid,
         pushes=pushes, model=model, error=error,
     ):  # fmt: skip
         t = moment.truth
-        if moment.now >= 3.0 and off and not said:
-            said = True
+        if moment.now >= 3.0 and off and not placed:
+            placed = True
             perception.place(_beside(t, off))
         clock = time.thread_time()
         seen = perception.take(moment.now, moment.readings)

@@ -87,20 +87,20 @@ def pictures(count: int) -> list[tuple[str, int, int, float, float]]:
     return found
 
 
-def reached(robot: Twin | Kinematic, asked: Twist) -> Twist:
+def reached(robot: Twin | Kinematic, commanded: Twist) -> Twist:
     """Mean speeds in the second second."""
-    drive(robot, asked, 2.0)
+    drive(robot, commanded, 2.0)
     a = robot.truth()
-    drive(robot, asked, 2.0)
+    drive(robot, commanded, 2.0)
     b = robot.truth()
     turned, chord = b.pose.psi - a.pose.psi, math.dist(a.pose[:2], b.pose[:2])
     way = chord if abs(turned) < 1e-3 else chord * 0.5 * turned / math.sin(0.5 * turned)
-    return Twist(math.copysign(way, asked.v) / 2.0, turned / 2.0)
+    return Twist(math.copysign(way, commanded.v) / 2.0, turned / 2.0)
 
 
-def stopped(robot: Twin | Kinematic, asked: Twist) -> tuple[float, float, float]:
+def stopped(robot: Twin | Kinematic, commanded: Twist) -> tuple[float, float, float]:
     """From driving steadily to standing: way [m], turn [rad], time [s]."""
-    drive(robot, asked, 2.0)
+    drive(robot, commanded, 2.0)
     a = robot.truth()
     way, last = 0.0, a
     while True:
@@ -200,30 +200,30 @@ def main() -> None:
         print(f"| {says} | {width} × {height} | {wall:.0f} | {cpu:.0f} |")
 
     print("\n| asked | twin | kinematic |\n|---|---|---|")
-    for asked in (Twist(1.0, 0.0), Twist(0.0, 1.0), Twist(0.5, 0.5), Twist(-0.5, 0.0)):
-        got = [reached(make(sally), asked) for make in (_twin, Kinematic)]
+    for commanded in (Twist(1.0, 0.0), Twist(0.0, 1.0), Twist(0.5, 0.5), Twist(-0.5, 0.0)):
+        got = [reached(make(sally), commanded) for make in (_twin, Kinematic)]
         cells = " | ".join(f"{t.v:.4f} m/s, {t.omega:.4f} rad/s" for t in got)
-        print(f"| {asked.v:g} m/s, {asked.omega:g} rad/s | {cells} |")
+        print(f"| {commanded.v:g} m/s, {commanded.omega:g} rad/s | {cells} |")
 
     print("\n| stop from | twin | kinematic |\n|---|---|---|")
-    for asked in (Twist(0.5, 0.0), Twist(1.0, 0.0), Twist(0.0, 1.5), Twist(0.5, 0.5)):
-        got = [stopped(make(sally), asked) for make in (_twin, Kinematic)]
+    for commanded in (Twist(0.5, 0.0), Twist(1.0, 0.0), Twist(0.0, 1.5), Twist(0.5, 0.5)):
+        got = [stopped(make(sally), commanded) for make in (_twin, Kinematic)]
         cells = " | ".join(f"{way:.3f} m, {turn:.3f} rad, {t:.2f} s" for way, turn, t in got)
-        print(f"| {asked.v:g} m/s, {asked.omega:g} rad/s | {cells} |")
+        print(f"| {commanded.v:g} m/s, {commanded.omega:g} rad/s | {cells} |")
 
     episodes = 10 if quick else 100
     print("\n| twin | delay assumed | in the step | along the stop (median) | longer |")
     print("|---|---|---|---|---|")
-    asked = [("as it comes", TwinModel(), delay) for delay in (0.04, 0.06, 0.08, 0.10)]
-    for said, physics in (
+    commanded = [("as it comes", TwinModel(), delay) for delay in (0.04, 0.06, 0.08, 0.10)]
+    for label, physics in (
         ("lag 10 ms", TwinModel(wheel_lag_s=0.01)), ("lag 50 ms", TwinModel(wheel_lag_s=0.05)),
         ("friction 0.3", TwinModel(friction=0.3)), ("friction 0.15", TwinModel(friction=0.15)),
     ):  # fmt: skip
-        asked.append((said, physics, lag(sally, physics, DT)))
-    for said, physics, delay in asked:
+        commanded.append((label, physics, lag(sally, physics, DT)))
+    for label, physics, delay in commanded:
         mm = [1e3 * value for value in predicted(sally, physics, delay, episodes)]
         print(
-            f"| {said} | {delay * 1e3:.0f} ms | {mm[0]:.1f} mm | {mm[1]:.1f} mm "
+            f"| {label} | {delay * 1e3:.0f} ms | {mm[0]:.1f} mm | {mm[1]:.1f} mm "
             f"({mm[2]:.1f}) | {mm[3]:.1f} mm |"
         )
 

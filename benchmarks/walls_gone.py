@@ -114,17 +114,17 @@ def followed(name: str, made: OccupancyMap, seed: int, length: float, share: flo
     poses, twists = along(way, SPEED)
     world = World(poses, twists, without_walls(made, share, seed).grid())
     perception = Perception(model, place.known, poses[0])
-    off, lost, said, stood, done = [], [], [], 0.0, 0.0
+    off, lost, lost_at, stood, done = [], [], [], 0.0, 0.0
     for now, truth, seen, done in driven(world, perception, model, seed):  # noqa: B007
         off.append(math.hypot(seen.pose.x - truth.x, seen.pose.y - truth.y))
         lost.append(seen.lost)
         stood = stood + DT if seen.lost else 0.0
         if seen.lost:
-            said.append((now, f"{truth.x:.1f} {truth.y:.1f}: {seen.reason}"))
+            lost_at.append((now, f"{truth.x:.1f} {truth.y:.1f}: {seen.reason}"))
         if stood > STANDING:
             break
     name = f"{name}, {seed}" if by == "sally" else f"{name} ({by}), {seed}"
-    return GoneResult(name, done, *errors(np.array(off), np.array(lost), DT), spells(said))
+    return GoneResult(name, done, *errors(np.array(off), np.array(lost), DT), spells(lost_at))
 
 
 def main() -> None:
