@@ -36,16 +36,14 @@ def calibrate(
     twin: Twin = False,
     floor: Annotated[
         float,
-        typer.Option(
-            metavar="METRES", min=0.5, max=50.0, help="So much floor ahead of it is free."
-        ),
+        typer.Option(metavar="METRES", min=0.5, max=50.0, help="Free floor ahead of the robot."),
     ] = 4.0,
     load: Annotated[
         bool,
         typer.Option("--load", help="It carries a load now: merge with the run without, in --out."),
     ] = False,
     yes: Annotated[
-        bool, typer.Option("--yes", help="The floor is free: drive, and do not ask.")
+        bool, typer.Option("--yes", help="The floor is free: drive without asking.")
     ] = False,
     out: Annotated[
         Path,

@@ -39,12 +39,12 @@ Chart = Annotated[
 ]
 KeepOut = Annotated[
     Path | None,
-    typer.Option("--keep-out", metavar="FILE", help="Where it must not go: a mask of map_server."),
+    typer.Option("--keep-out", metavar="FILE", help="Keep-out zones: a mask of map_server."),
 ]
 SpeedZones = Annotated[
     Path | None,
     typer.Option(
-        "--speed-zones", metavar="FILE", help="Where it goes slowly: a mask of Nav2's speed filter."
+        "--speed-zones", metavar="FILE", help="Speed zones: a mask of Nav2's speed filter."
     ),
 ]
 Twin = Annotated[
@@ -52,14 +52,14 @@ Twin = Annotated[
 ]
 Seed = Annotated[
     int | None,
-    typer.Option(metavar="N", min=0, max=2**32 - 1, help="Of the simulated sensors' errors."),
+    typer.Option(metavar="N", min=0, max=2**32 - 1, help="Seed of the simulated sensors' errors."),
 ]
 Seconds = Annotated[
     float | None,
-    typer.Option("--for", metavar="SECONDS", min=0.1, help="End after so many seconds."),
+    typer.Option("--for", metavar="SECONDS", min=0.1, help="End after this time."),
 ]
 CarryOn = Annotated[
-    bool, typer.Option("--carry-on", help="Drive on alone when a stick in use vanishes.")
+    bool, typer.Option("--carry-on", help="Continue automatically when a stick in use is lost.")
 ]
 Changes = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="As in `cohelm run`.")

@@ -1,4 +1,4 @@
-"""What `--print-config` prints of a ROS 2 robot: who says and hears what, and the robot's YAML."""
+"""Prints a ROS 2 robot's topics, their publishers or subscribers, and its YAML: --print-config."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ PrintConfig = Annotated[
 def print_found(
     found: Found, model: RobotModel, topics: Mapping[str, Sequence[str]], as_json: bool
 ) -> None:
-    """As the robot's YAML file would say it, or JSON. model: the robot as it would be driven.
-    topics: by what they are for."""
+    """Print as the robot's YAML file, or as JSON. model: the robot as it would be driven. topics:
+    by their use."""
     ends = {
         (key, topic): [
             one for one in found.endpoints if one.topic == topic and one.publishes != (key == "out")
@@ -48,26 +48,26 @@ def print_found(
     from cohelm.scenario.load import dump
 
     for (key, topic), there in ends.items():
-        print(f"# {key}: {topic}, {_said(there, key == 'out')}")
+        print(f"# {key}: {topic}, {_endpoints_text(there, key == 'out')}")
     short = _short(model.model_dump(mode="json", exclude_none=True))
     print(dump(RobotModel.model_validate(short)), end="")
 
 
-def _said(there: Sequence[Endpoint], heard: bool) -> str:
-    """Who is at the other end of a topic, in words. heard: whether they listen there."""
+def _endpoints_text(there: Sequence[Endpoint], subscribed: bool) -> str:
+    """The nodes at the other end of a topic, as text. subscribed: whether they subscribe to it."""
     if not there:
-        return "nobody listens" if heard else "nobody publishes it"
-    said = (
-        f"{one.type} {'wanted ' if heard else ''}by {one.node or 'a node without a name'} "
+        return "nobody listens" if subscribed else "nobody publishes it"
+    texts = (
+        f"{one.type} {'wanted ' if subscribed else ''}by {one.node or 'a node without a name'} "
         f"({'reliable' if one.qos.reliable else 'best effort'}, "
         f"{'transient local' if one.qos.transient_local else 'volatile'})"
         for one in there
     )
-    return "; ".join(dict.fromkeys(said))
+    return "; ".join(dict.fromkeys(texts))
 
 
 def _short(value: Any) -> Any:
-    """With numbers as a person would write them: to a tenth of a millimetre or millisecond."""
+    """Round numbers to four decimals: a tenth of a millimetre or millisecond."""
     if isinstance(value, dict):
         return {key: _short(one) for key, one in cast("dict[str, Any]", value).items()}
     if isinstance(value, list):

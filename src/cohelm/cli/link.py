@@ -23,14 +23,12 @@ app.add_typer(pair, name="pair")
     ),
 )
 def new(
-    station: Annotated[
-        str, typer.Argument(metavar="NAME", help="What the station is to be called.")
-    ],
+    station: Annotated[str, typer.Argument(metavar="NAME", help="Name of the station.")],
     robot: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="What this robot is to be called, when it is paired for the first time.",
+            help="Name of this robot, when it is paired for the first time.",
         ),
     ] = None,
     out: Annotated[
@@ -60,7 +58,9 @@ def new(
     ),
 )
 def install(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="What `cohelm pair new` wrote.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="The file that `cohelm pair new` wrote.")
+    ],
 ) -> None:
     """On the station: install a key for a robot.
 
@@ -101,7 +101,7 @@ def listed(as_json: Json = False) -> None:
     ),
 )
 def remove(
-    station: Annotated[str, typer.Argument(metavar="NAME", help="The station to shut out.")],
+    station: Annotated[str, typer.Argument(metavar="NAME", help="The station to revoke.")],
 ) -> None:
     """On the robot: revoke a station.
 

@@ -1,4 +1,4 @@
-"""The option that shows a drive as it goes: --foxglove."""
+"""The options of the live view: --foxglove and --foxglove-teleop."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Foxglove = Annotated[
     str | None,
     typer.Option(
         metavar="HOST[:PORT]",
-        help="Show it as it goes in Foxglove or Lichtblick: on localhost, or on the network.",
+        help="Show the drive live in Foxglove or Lichtblick: on localhost, or on the network.",
     ),
 ]
 
@@ -24,14 +24,14 @@ FoxgloveTeleop = Annotated[
     bool,
     typer.Option(
         "--foxglove-teleop",
-        help="With --foxglove on this machine: its Teleop panel may steer, when nobody else does.",
+        help="With --foxglove on this machine: its Teleop panel may steer while the lease is free.",
     ),
 ]
 
 
 def live(where: str | None, teleop: bool = False) -> LiveConfig | None:
-    """Where a drive is to be shown, if it is. teleop: whether it is steered from there, too. Raises
-    CohelmError for what is no address, or where anybody could steer."""
+    """Address of the live view, or None. teleop: whether viewers may steer. Raises CohelmError for
+    a malformed address, or one where anybody on the network could steer."""
     from cohelm.core.errors import CohelmError
 
     if where is None:
@@ -58,7 +58,7 @@ def live(where: str | None, teleop: bool = False) -> LiveConfig | None:
 
 
 def shown_at(config: LiveConfig | None) -> None:
-    """Say where it is shown."""
+    """Print the address of the live view."""
     if config is not None:
         can = "look on and steer" if config.teleop else "look on"
         say(

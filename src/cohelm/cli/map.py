@@ -36,14 +36,14 @@ def map_(
     live: Annotated[
         bool,
         typer.Option(
-            "--live", help="The record is still being written: map along, until Ctrl-C or its end."
+            "--live", help="The record is still being written: map it until Ctrl-C or its end."
         ),
     ] = False,
     resume: Annotated[
         bool,
         typer.Option(
             "--resume",
-            help="Go on with the mapping in --out: of this record, or with this one where another "
+            help="Continue the mapping in --out: of this record, or with this record where another "
             "drive ended.",
         ),
     ] = False,
@@ -51,36 +51,34 @@ def map_(
         list[int] | None,
         typer.Option(
             metavar="N",
-            help="Of an earlier mapping: that was not the same place (loops.csv, map.png). Again "
-            "and again for several, as the next two.",
+            help="Of an earlier mapping: remove this loop, it was not the same place (loops.csv, "
+            "map.png). Repeat it for several, as the next two.",
         ),
     ] = None,
     cut: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="FROM:TO", help="Of it: leave out what was seen then [s since its first scan]."
+            metavar="FROM:TO", help="Of it: leave out the scans of this time [s since the first]."
         ),
     ] = None,
     crop: Annotated[
         list[str] | None,
-        typer.Option(metavar="X:Y:X:Y", help="Of it: keep what is between two corners [m]."),
+        typer.Option(metavar="X:Y:X:Y", help="Of it: keep the area between two corners [m]."),
     ] = None,
-    undo: Annotated[
-        bool, typer.Option("--undo", help="Of it: take back what was marked last.")
-    ] = False,
+    undo: Annotated[bool, typer.Option("--undo", help="Of it: undo the last mark.")] = False,
     resolution: Annotated[
         float | None,
         typer.Option(
             metavar="M",
             min=0.005,
             max=1.0,
-            help="Side of a cell [m]; 0.025, or as it was.",
+            help="Side of a cell [m]; by default 0.025, or as before.",
             show_default=False,
         ),
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option(metavar="ROBOT", help="Whose LiDAR it was, if the record does not say."),
+        typer.Option(metavar="ROBOT", help="The robot with this LiDAR, if not in the record."),
     ] = None,
     out: Out = None,
     as_json: Json = False,
@@ -147,7 +145,7 @@ def map_(
 
 
 def _marks(cuts: list[str], crops: list[str]) -> list[Mark]:
-    """What --cut and --crop say. CohelmError where it is not so many numbers."""
+    """Parse --cut and --crop. Raises CohelmError for a wrong number of values."""
     from cohelm.study.mapping_session import Mark
 
     found: list[Mark] = []
@@ -169,6 +167,6 @@ def _marks(cuts: list[str], crops: list[str]) -> list[Mark]:
 
 
 def _end(whole: bool) -> None:
-    """With exit status 1 where the record was not whole."""
+    """Exit with status 1 if the record was not whole."""
     if not whole:
         raise typer.Exit(1)

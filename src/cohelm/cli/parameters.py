@@ -1,4 +1,4 @@
-"""Options of a command from a ROS 2 parameter file; the command line has the last word."""
+"""Reads options of a command from a ROS 2 parameter file; the command line takes precedence."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any, cast
 import typer
 
 _ANY = "/**"
-_INSIDE = "ros__parameters"
-_WITHOUT = ("help", "params")
+_PARAMETERS = "ros__parameters"
+_EXCLUDED = ("help", "params")
 
 
-def heeded(node: str) -> Callable[[typer.Context, Path | None], Path | None]:
-    """What an option `--params FILE` of the command that is this node calls: what the file says
-    is the default of all other options."""
+def from_file(node: str) -> Callable[[typer.Context, Path | None], Path | None]:
+    """The callback of an option `--params FILE`: the file's parameters of this node become the
+    defaults of all other options."""
 
     def load(context: typer.Context, file: Path | None) -> Path | None:
         if file is not None:
@@ -26,7 +26,7 @@ def heeded(node: str) -> Callable[[typer.Context, Path | None], Path | None]:
 
 
 def _values(file: Path, node: str, command: Any) -> dict[str, Any]:
-    """By name of the command's parameters. CohelmError for what does not fit."""
+    """Values by name of the command's parameters. Raises CohelmError for what does not fit."""
     from cohelm.core.errors import CohelmError, did_you_mean
     from cohelm.scenario.load import tree_of
     from cohelm.scenario.text import plain
@@ -38,18 +38,18 @@ def _values(file: Path, node: str, command: Any) -> dict[str, Any]:
     nodes = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
     mine: list[dict[str, Any]] = []
     for name, values in nodes.items():
-        inside: Any = cast("Any", values).get(_INSIDE) if isinstance(values, dict) else None
+        inside: Any = cast("Any", values).get(_PARAMETERS) if isinstance(values, dict) else None
         if isinstance(inside, dict) and (name == _ANY or name.rpartition("/")[2] == node):
             mine.append(cast("dict[str, Any]", inside))
     if not mine:
         raise CohelmError(
-            f"{file}: has no parameters of this node; write {node}: {{{_INSIDE}: {{...}}}}"
+            f"{file}: has no parameters of this node; write {node}: {{{_PARAMETERS}: {{...}}}}"
         )
     names = _names(command)
     found: dict[str, Any] = {}
     for key, value in (pair for section in mine for pair in section.items()):
         if key == "use_sim_time" and isinstance(value, bool):
-            continue  # every node of ROS 2 has it; here it is found which time it is
+            continue  # every ROS 2 node has it; here the kind of time is detected
         option = names.get(key)
         if option is None:
             near = did_you_mean(key, names) or f"; there are {', '.join(sorted(names))}"
@@ -70,9 +70,9 @@ def _values(file: Path, node: str, command: Any) -> dict[str, Any]:
 
 
 def _names(command: Any) -> dict[str, Any]:
-    """Options as parameters are called: `--clock-difference` is `clock_difference`."""
+    """Options by parameter name: `--clock-difference` is `clock_difference`."""
     return {
         option.opts[-1].lstrip("-").replace("-", "_"): option
         for option in command.params
-        if option.param_type_name == "option" and option.name not in _WITHOUT
+        if option.param_type_name == "option" and option.name not in _EXCLUDED
     }

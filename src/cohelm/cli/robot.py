@@ -1,4 +1,4 @@
-"""The command that drives a robot: robot."""
+"""The command `robot`: drives a robot."""
 
 from __future__ import annotations
 
@@ -70,15 +70,15 @@ def robot(
         list[str] | None,
         typer.Option(
             metavar="TOPIC",
-            help="With --ros2: goals (PoseStamped) or paths (Path) on this topic are driven; "
-            "whoever can publish there says where to. More than once for more.",
+            help="With --ros2: follow the goals (PoseStamped) or paths (Path) on this topic; any "
+            "node that publishes there directs the robot. Repeat it for more topics.",
         ),
     ] = None,
     initial_pose_from: Annotated[
         str,
         typer.Option(
             metavar="TOPIC",
-            help="With --ros2: where the robot is told to be, while it stands; RViz: /initialpose.",
+            help="With --ros2: topic of initial poses, taken while it stands; RViz: /initialpose.",
         ),
     ] = "",
     joy: Annotated[
@@ -92,7 +92,7 @@ def robot(
         list[str] | None,
         typer.Option(
             metavar="KEY=VALUE",
-            help="Of teleop_twist_joy: axis_linear.x=5, axis_angular.yaw=2, enable_button=5, "
+            help="As teleop_twist_joy has: axis_linear.x=5, axis_angular.yaw=2, enable_button=5, "
             "require_enable_button=true; also hold_to_run=false.",
         ),
     ] = None,
@@ -100,7 +100,7 @@ def robot(
         str,
         typer.Option(
             metavar="TOPIC",
-            help="With --ros2: std_msgs/msg/Empty on this topic lets go of a latched stop.",
+            help="With --ros2: std_msgs/msg/Empty on this topic resets a latched stop.",
         ),
     ] = "",
     twin: Twin = False,
@@ -114,7 +114,7 @@ def robot(
     ] = "",
     dock: Annotated[
         str,
-        typer.Option(metavar="NAME", help="Dock there, from its approach, and end with that."),
+        typer.Option(metavar="NAME", help="Drive to this dock, from its approach, and end there."),
     ] = "",
     rate: Annotated[
         float, typer.Option(metavar="HZ", min=10.0, max=500.0, help="Control periods a second.")
@@ -132,7 +132,7 @@ def robot(
     masks_from: MasksFrom = None,
     carry_on: CarryOn = False,
     fast: Annotated[
-        bool, typer.Option("--fast", help="Simulated time: as fast as it can.")
+        bool, typer.Option("--fast", help="Simulated time: as fast as possible.")
     ] = False,
     seed: Seed = None,
     listen: Annotated[
@@ -193,23 +193,23 @@ def robot(
         raise CohelmError("with --listen a station resets it: leave out --reset-from")
     if joy_param and not joy:
         raise CohelmError("--joy-param is of a joystick on a topic: name that with --joy /joy")
-    if record is not None and record.exists():  # told now, and not when all is compiled
+    if record is not None and record.exists():  # reported now, and not when all is compiled
         raise CohelmError(f"{record} exists already: choose another name")
     parameters = joy_params(joy_param or ())
     for topic in (*(goals_from or ()), initial_pose_from, joy, reset_from, *(masks_from or ())):
         if topic:
-            resolved(topic)  # what is no name is told before a robot is looked for
+            resolved(topic)  # report a malformed name before looking for a robot
     if dock and (mode or arrive):
         raise CohelmError("--dock is how to drive: leave out --mode and --arrive")
     made = robot_factory(options)
     masks = masks_on_topics(options, made)
     chosen_map, zones = map_and_zones(options, made, masks)
     if print_config:
-        topics_heard = {
+        others = {
             "goals": goals_from or (), "initial_pose": (initial_pose_from,), "joy": (joy,),
             "reset": (reset_from,), "masks": masks_from or (),
         }  # fmt: skip
-        _printed(made, topics_heard, as_json)
+        _print_config(made, others, as_json)
         return
     plan = SessionConfig(
         made, rate, record, live(foxglove, foxglove_teleop), chosen_map, zones=zones,
@@ -222,8 +222,8 @@ def robot(
         map_frame, transforms, tuple(goals_from or ()), initial_pose_from, joy, parameters,
         reset_from, masks,
     )  # fmt: skip
-    usual = "shared" if joy and not dock else ""
-    chosen = None if listen is not None else mode_and_stick(made, mode or usual)
+    default = "shared" if joy and not dock else ""
+    chosen = None if listen is not None else mode_and_stick(made, mode or default)
     reset = ResetHere(Mode.HOLD if chosen is None else chosen[0], lambda text: say(plain(text)))
     topics_too = on_topics(made, config, lambda text: say(plain(text)), reset.ask)
     say(begins)
@@ -231,29 +231,29 @@ def robot(
         say("no station is paired yet, so nobody can drive: cohelm pair new STATION")
     with starting(made.model.name) as line, end_signals() as stop, topics_too as beside:
 
-        def begun(session: Session) -> AbstractContextManager[None]:
+        def on_start(session: Session) -> AbstractContextManager[None]:
             line.over()
             shown_at(plan.live)
             return shown(session, reset, beside.resets)
 
-        def listens(at: str) -> None:
+        def on_listening(at: str) -> None:
             line.over()
             say(f"listening on {at}; robot {plain(keys.robot().name)}, Ctrl-C ends it")
             shown_at(plan.live)
 
         if chosen is None:
-            summary = drive_for_stations(plan, listen or "", stop, seconds, beside, listens)
+            summary = drive_for_stations(plan, listen or "", stop, seconds, beside, on_listening)
         else:
-            how, hand = chosen
+            how, stick = chosen
             summary = drive_here(
-                plan, how, beside.joy or hand, stop, seconds, arrive, beside, dock, reset, begun
+                plan, how, beside.joy or stick, stop, seconds, arrive, beside, dock, reset, on_start
             )  # fmt: skip
-    _told(made.scenario.name, summary, as_json)
+    _print_summary(made.scenario.name, summary, as_json)
 
 
-def _printed(made: RobotFactory, heard: Mapping[str, Sequence[str]], as_json: bool) -> None:
-    """What was found of a ROS 2 robot. heard: topics that somebody named besides, by their use.
-    CohelmError for another robot."""
+def _print_config(made: RobotFactory, others: Mapping[str, Sequence[str]], as_json: bool) -> None:
+    """Print the configuration found of a ROS 2 robot. others: topics of further options, by their
+    use. Raises CohelmError for another robot."""
     from cohelm.core.errors import CohelmError
     from cohelm.drive.factory import OwnRobot
     from cohelm.ros.names import resolved
@@ -265,11 +265,11 @@ def _printed(made: RobotFactory, heard: Mapping[str, Sequence[str]], as_json: bo
     topics: dict[str, tuple[str, ...]] = {
         key: (one,) for key, one in found.topics.by_use(found.model).items()
     }
-    del topics["command"]  # of other controllers: nobody else drives
+    del topics["command"]  # of other controllers: cohelm is the only one
     if found.camera is not None:
         topics["camera"] = (found.camera.name,)
     space = found.topics.namespace
-    for key, several in heard.items():
+    for key, several in others.items():
         if named := tuple(resolved(one, space) for one in several if one):
             topics[key] = named
     for note in found.notes:
@@ -277,8 +277,8 @@ def _printed(made: RobotFactory, heard: Mapping[str, Sequence[str]], as_json: bo
     print_found(found, made.model, topics, as_json)
 
 
-def _told(name: str, summary: dict[str, Any], as_json: bool) -> None:
-    """What became of the drive."""
+def _print_summary(name: str, summary: dict[str, Any], as_json: bool) -> None:
+    """Print the summary of the drive; exit with status 1 if it failed."""
     failed = failures(summary)
     if as_json:
         print_json(summary | {"failed": failed})
@@ -291,7 +291,7 @@ def _told(name: str, summary: dict[str, Any], as_json: bool) -> None:
 
 
 def failures(summary: dict[str, Any]) -> list[str]:
-    """What went wrong in a drive, a sentence each: with any of them the exit status is 1."""
+    """What failed in a drive, a sentence each: with any of them the exit status is 1."""
     found: list[str] = []
     if summary["docked"] is False:
         found.append(f"it has not docked: {summary['docking'] or summary['reason']}")
@@ -313,7 +313,7 @@ def failures(summary: dict[str, Any]) -> list[str]:
 
 
 def rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """The summary for a person; `--json` has every number."""
+    """The summary as a table; `--json` has every number."""
     from cohelm.drive.session import SIMULATED_TIME
 
     periods = summary.get("periods", 0)

@@ -1,4 +1,4 @@
-"""The commands for ROS 2: filter, and base to try it without a robot."""
+"""The ROS 2 commands: filter, and base to try it without a robot."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 from cohelm.cli.app import app, examples
 from cohelm.cli.driven import Seconds, Seed, Twin
 from cohelm.cli.found import PrintConfig, print_found
-from cohelm.cli.parameters import heeded
+from cohelm.cli.parameters import from_file
 from cohelm.cli.tell import Json, plain, print_json, say, starting
 
 if TYPE_CHECKING:
@@ -25,20 +25,20 @@ TopicNames = Annotated[
     typer.Option(
         "--topic",
         metavar="KEY=NAME",
-        help="With --ros2: odom, scan, scan_NAME, contact_NAME, out, lock, footprint, camera "
-        "(pictures) or namespace, where not as usual.",
+        help="With --ros2: another topic for odom, scan, scan_NAME, contact_NAME, out, lock, "
+        "footprint or camera (pictures), or the namespace.",
     ),
 ]
 Transports = Annotated[
     str,
-    typer.Option("--transport", metavar="auto|dds|foxglove|zenoh", help="Which way to the robot."),
+    typer.Option("--transport", metavar="auto|dds|foxglove|zenoh", help="Transport to the robot."),
 ]
 Bridge = Annotated[
     str,
     typer.Option(
         "--url",
         metavar="ws://ROBOT:8765|tcp/ROBOT:7447",
-        help="Where the robot's foxglove_bridge, or its zenoh router, is.",
+        help="Address of the robot's foxglove_bridge or zenoh router.",
     ),
 ]
 
@@ -49,8 +49,8 @@ LockTimeout = Annotated[
         "--lock-timeout",
         min=0.1,
         metavar="SECONDS",
-        help="Of a ROS 2 robot: its emergency stop also stops it when nothing of it is heard for "
-        "so long; by default what it said last counts.",
+        help="Of a ROS 2 robot: also stop it when no message of its emergency stop arrives for "
+        "this long; by default the last message stays valid.",
     ),
 ]
 MasksFrom = Annotated[
@@ -58,8 +58,8 @@ MasksFrom = Annotated[
     typer.Option(
         "--masks-from",
         metavar="TOPIC",
-        help="With --ros2: keep-out or speed zones as Nav2's costmap_filter_info_server tells them "
-        "on this topic. Once for each filter.",
+        help="With --ros2: keep-out or speed zones from Nav2's costmap_filter_info_server on this "
+        "topic. Repeat it for each filter.",
     ),
 ]
 
@@ -68,14 +68,14 @@ def on_ros(
     ros2: bool, topics: Sequence[str] | None, transport: str, url: str,
     lock_timeout: float | None = None, masks: Sequence[str] | None = None, frame: str = "map",
 ) -> Ros2Config | None:  # fmt: skip
-    """Where a ROS 2 robot is, if it is one. frame: of the map. CohelmError for what only one
-    has."""
+    """Configuration of a ROS 2 robot, or None. frame: of the map. Raises CohelmError for options
+    that need one."""
     from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import Ros2Config
     from cohelm.ros.connection import connection
 
     if ros2:
-        connection(transport, url)  # one that there is not is said at once
+        connection(transport, url)  # report an unknown transport at once
         silence = math.inf if lock_timeout is None else lock_timeout
         return Ros2Config(tuple(topics or ()), transport, url, tuple(masks or ()), frame, silence)
     if topics or url or transport != "auto" or masks or lock_timeout is not None:
@@ -106,64 +106,64 @@ def filter_(
     scan: Annotated[str, typer.Option(metavar="TOPIC", help="The LiDAR's scans.")] = "/scan",
     further_scan: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=TOPIC", help="Those of a further LiDAR of --robot, if not on "
-                     "/scan_NAME. Once for each."),
+        typer.Option(metavar="NAME=TOPIC", help="Scans of a further LiDAR of --robot, if not on "
+                     "/scan_NAME. Repeat it for each."),
     ] = None,
     contact: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=TOPIC", help="A bumper or cliff sensor of --robot, if not on "
-                     "/bumper_NAME, /cliff_NAME or /hazard_detection. Once for each."),
+                     "/bumper_NAME, /cliff_NAME or /hazard_detection. Repeat it for each."),
     ] = None,
     footprint: Annotated[
         str, typer.Option(metavar="TOPIC",
-                          help="The base's outline (PolygonStamped), where that changes.")
+                          help="The base's outline (PolygonStamped), if it changes.")
     ] = "",
     odom: Annotated[str, typer.Option(metavar="TOPIC", help="The base's odometry.")] = "/odom",
     namespace: Annotated[
         str, typer.Option(metavar="/NAME",
-                          help="Names without a slash before them, and the defaults, are in there.")
+                          help="Namespace of the default topics and of relative names.")
     ] = "/",
     stamped: Annotated[
         bool | None,
-        typer.Option("--stamped/--unstamped", help="The base wants TwistStamped, or Twist; by "
-                     "default as it subscribes."),
+        typer.Option("--stamped/--unstamped", help="Publish TwistStamped, or Twist; by default as "
+                     "the base subscribes."),
     ] = None,
     timeout: Annotated[
         float, typer.Option(metavar="SECONDS", min=0.05, max=5.0,
-                            help="A command counts for so long; then it brakes.")
+                            help="Brake when the last command is older than this.")
     ] = 0.5,
     rate: Annotated[
         float | None,
-        typer.Option(metavar="HZ", min=25.0, max=125.0, help="Periods a second; by default the "
+        typer.Option(metavar="HZ", min=25.0, max=125.0, help="Control rate; by default the "
                      "controller's."),
     ] = None,
     wait: Annotated[
         float, typer.Option(metavar="SECONDS", min=2.0, max=3600.0,
-                            help="Wait for what is missing at the start.")
+                            help="Wait so long at the start for missing topics.")
     ] = 10.0,
     clock_difference: Annotated[
         float, typer.Option(metavar="SECONDS", min=0.0,
-                            help="Up to this the robot's clock may differ.")
+                            help="Largest accepted difference of the robot's clock.")
     ] = 5.0,
     mount_from_model: Annotated[
         bool, typer.Option("--mount-from-model",
-                           help="The LiDAR is where --robot says, not where /tf_static does.")
+                           help="Take the LiDAR's mount from --robot, not from /tf_static.")
     ] = False,
     allow_bypass: Annotated[
         bool, typer.Option("--allow-bypass",
-                           help="Others may command the base too: no promise then.")
+                           help="Accept other nodes that command the base: without guarantee.")
     ] = False,
     lock: Annotated[
         str, typer.Option(metavar="TOPIC",
-                          help="Emergency stop (Bool): while true nothing moves; '' for none.")
+                          help="Emergency stop (Bool): stand still while true; '' for none.")
     ] = "/emergency_stop",
     lock_timeout: LockTimeout = None,
     transport: Transports = "auto",
     url: Bridge = "",
     params: Annotated[
         Path | None,
-        typer.Option("--params", metavar="FILE", callback=heeded("cohelm_filter"), is_eager=True,
-                     help="These options from a ROS 2 parameter file (YAML)."),
+        typer.Option("--params", metavar="FILE", callback=from_file("cohelm_filter"), is_eager=True,
+                     help="Read these options from a ROS 2 parameter file (YAML)."),
     ] = None,
     print_config: PrintConfig = False,
     seconds: Seconds = None,
@@ -172,8 +172,8 @@ def filter_(
     """Pass only what is safe from a ROS 2 controller to its base.
 
     Needs no ROS here, only the network of the robot: commands, scans and odometry in; safe
-    commands, /diagnostics, a reason and markers out. Ctrl-C stops the base first. What does not
-    fit is said with its cure, and nothing moves: begin with --print-config.
+    commands, /diagnostics, a reason and markers out. Ctrl-C stops the base first. If something
+    does not fit, it says how to fix that, and nothing moves: begin with --print-config.
     """
     from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import end_signals
@@ -220,7 +220,7 @@ def filter_(
                 used = {key: (one,) for key, one in found.topics.by_use(model).items()}
                 print_found(found, found.model, used, as_json)
                 return
-            _served(opened, found, timeout, rate, seconds, stop, line)
+            _run_filter(opened, found, timeout, rate, seconds, stop, line)
         finally:
             opened.close()
 
@@ -233,32 +233,32 @@ def filter_(
 def base(
     name: Annotated[
         str,
-        typer.Argument(metavar="ROBOT|SCENARIO", help="Who drives where; a robot in --scenario."),
+        typer.Argument(metavar="ROBOT|SCENARIO", help="A robot in --scenario, or a scenario."),
     ] = "lab-guard",
     scenario: Annotated[
-        str, typer.Option(metavar="SCENARIO", help="Where a robot is.")
+        str, typer.Option(metavar="SCENARIO", help="Where the robot drives.")
     ] = "lab-guard",
     twin: Twin = False,
-    namespace: Annotated[str, typer.Option(metavar="/NAME", help="Of its topics.")] = "/",
+    namespace: Annotated[str, typer.Option(metavar="/NAME", help="Namespace of its topics.")] = "/",
     stamped: Annotated[
-        bool, typer.Option("--stamped", help="It wants TwistStamped, not Twist.")
+        bool, typer.Option("--stamped", help="Subscribe to TwistStamped, not Twist.")
     ] = False,
     controller: Annotated[
         str | None,
-        typer.Option(metavar="V,OMEGA", help="Also ask for this on /cmd_vel_nav, all the time."),
+        typer.Option(metavar="V,OMEGA", help="Also publish this command on /cmd_vel_nav."),
     ] = None,
     sim_time: Annotated[
-        bool, typer.Option("--sim-time", help="Its stamps are of its own time, told on /clock.")
+        bool, typer.Option("--sim-time", help="Stamp in simulated time, published on /clock.")
     ] = False,
     seed: Seed = None,
     seconds: Seconds = None,
     as_json: Json = False,
 ) -> None:
-    """Be a simulated robot behind ROS 2 topics.
+    """Simulate a robot behind ROS 2 topics.
 
     For trying `cohelm filter` and `cohelm robot --ros2` without a robot. Publishes /odom, /scan,
-    /tf and /tf_static, obeys /cmd_vel, and says at its end how near it came to anything.
-    --controller 0.5,0 wants it to drive ahead, whatever is there.
+    /tf and /tf_static, executes /cmd_vel, and prints its smallest clearance at the end.
+    --controller 0.5,0 commands it to drive ahead, whatever is there.
     """
     from cohelm.drive.operate import DriveOptions, end_signals, robot_factory
     from cohelm.robot.keep.priority import raise_priority, raise_thread_priorities, restore_priority
@@ -267,7 +267,7 @@ def base(
     from cohelm.ros.topics import Topics
 
     kind = "twin" if twin else "kinematic"
-    wish = None if controller is None else parse_twist(controller)
+    twist = None if controller is None else parse_twist(controller)
     topics = Topics.named(namespace)
     with starting("base") as line, end_signals() as stop:
         made = robot_factory(DriveOptions(name, scenario, kind, True, seed, []))
@@ -275,11 +275,11 @@ def base(
         transport = DdsTransport("cohelm_base", topics.namespace)
         try:
             served = ServedRobot(transport, robot, topics, stamped=stamped, simulated=sim_time)
-            over = run_controller(transport, topics, wish)
+            over = run_controller(transport, topics, twist)
             stop.handle_signals(seconds)
             line.over()
             say(f"{plain(made.model.name)} listens on {plain(topics.out)}; Ctrl-C ends it")
-            raise_priority()  # a real one has its own computer
+            raise_priority()  # a real robot has its own computer
             raise_thread_priorities()
             served.run(lambda: stop.over() != "")
             over.set()
@@ -290,22 +290,22 @@ def base(
             robot.close()
     if truth is not None:
         least = truth.least_moving
-        told = {
+        result = {
             "x_m": truth.pose.x, "y_m": truth.pose.y, "heading_rad": truth.pose.psi,
             "least_clearance_moving_m": least if least < 1e6 else None,
         }  # fmt: skip
         if as_json:
-            print_json(told)
+            print_json(result)
             return
-        near = "it did not move" if told["least_clearance_moving_m"] is None else f"{least:.3f} m"
+        near = "it did not move" if result["least_clearance_moving_m"] is None else f"{least:.3f} m"
         print(f"smallest clearance while moving: {near}")
 
 
-def _served(
+def _run_filter(
     transport: Any, found: Found, timeout: float, rate: float | None, seconds: float | None,
     stop: Any, line: Any,
 ) -> None:  # fmt: skip
-    """Filter until Ctrl-C, or the time is over."""
+    """Filter until Ctrl-C or the end of the time."""
     from functools import partial
 
     from cohelm.robot.keep.priority import raise_priority, restore_priority

@@ -34,7 +34,7 @@ Pictures = Annotated[
     float,
     typer.Option(
         "--pictures", metavar="HZ", min=0.0, max=60.0,
-        help="Of the camera, so many a second go into a record, or to who looks on; 0 for none.",
+        help="Camera pictures a second for records and viewers; 0 for none.",
     ),
 ]  # fmt: skip
 
