@@ -260,7 +260,7 @@ class Full:
 def test_who_takes_nothing_is_let_go(monkeypatch):
     monkeypatch.setattr(of_live, "STUCK_TIMEOUT", 0.05)
     connection = Full()
-    own_loop.run(_Viewer(connection, ["hello"]).speak())
+    own_loop.run(_Viewer(connection, ["hello"]).send_queue())
     assert connection.over
 
 

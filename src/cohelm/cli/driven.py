@@ -59,7 +59,7 @@ Seconds = Annotated[
     typer.Option("--for", metavar="SECONDS", min=0.1, help="End after this time."),
 ]
 CarryOn = Annotated[
-    bool, typer.Option("--carry-on", help="Continue automatically when a stick in use is lost.")
+    bool, typer.Option("--carry-on", help="Continue without operator when a stick in use is lost.")
 ]
 Changes = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="As in `cohelm run`.")

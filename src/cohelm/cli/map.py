@@ -87,7 +87,7 @@ def map_(
 
     Leaves map.yaml and map.pgm (as ROS's map_server reads them), map.png with the way driven,
     trajectory.csv, loops.csv, mapping.json and survey.npz in out/map unless --out names another
-    folder; files of an earlier mapping there are replaced. Interrupted, it goes on with --resume.
+    folder; replaces files of an earlier mapping there. After an interruption, go on with --resume.
     """
     earlier = record.is_dir()
     marks = _marks(cut or [], crop or [])

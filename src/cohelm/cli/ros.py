@@ -139,7 +139,7 @@ def filter_(
     ] = None,
     wait: Annotated[
         float, typer.Option(metavar="SECONDS", min=2.0, max=3600.0,
-                            help="Wait so long at the start for missing topics.")
+                            help="Longest wait for missing topics at the start.")
     ] = 10.0,
     clock_difference: Annotated[
         float, typer.Option(metavar="SECONDS", min=0.0,

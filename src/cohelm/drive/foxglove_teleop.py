@@ -173,7 +173,7 @@ class _StickClient:
                 self._end.steer(CENTRED, True, True, Device.TOUCH)
                 time.sleep(_PERIOD)
         self._end.steer(CENTRED, False, False, Device.TOUCH)
-        time.sleep(2.0 * _PERIOD)  # so that the robot receives that the stick is gone
+        time.sleep(2.0 * _PERIOD)  # so that the robot receives the lost stick
 
     def _ask(self, now: float, what: Ask, value: int = 0) -> None:
         before = self._requested.get(what)

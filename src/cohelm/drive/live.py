@@ -1,4 +1,4 @@
-"""Shows a drive as it goes to Foxglove and Lichtblick: the topics of a record, over WebSocket.
+"""Shows a drive live in Foxglove and Lichtblick: the topics of a record, over WebSocket.
 
 The server is a process of its own. The loop and the gate process send it the same messages as the
 recorder; they never wait for it, and it never waits for a viewer. A viewer can only subscribe, and
@@ -177,7 +177,7 @@ async def _heartbeat(server: LiveServer, loop: socket.socket) -> None:
     """Send heartbeats to the loop, and whether a viewer subscribes to the camera."""
     sent = False
     while True:
-        with contextlib.suppress(OSError):  # the loop is gone, or does not listen
+        with contextlib.suppress(OSError):  # the loop has ended, or does not read
             loop.send(ALIVE, socket.MSG_DONTWAIT)
             wanted = server.wanted(IMAGE)
             if wanted != sent:
@@ -245,9 +245,9 @@ class LiveServer:
             await connection.close(1013, "too many look on already")
             return
         viewer = _Viewer(connection, self._greetings, self._teleop)
-        tasks = [asyncio.create_task(viewer.speak())]
+        tasks = [asyncio.create_task(viewer.send_queue())]
         if self._teleop is not None:
-            tasks.append(asyncio.create_task(viewer.published.vouch(connection)))
+            tasks.append(asyncio.create_task(viewer.published.keep_alive(connection)))
         self._viewers.add(viewer)
         try:
             async for message in connection:
@@ -288,11 +288,11 @@ class LiveServer:
                     for number in _listed(request["channelIds"]):
                         viewer.published.unadvertise(number)
                 case "advertise" | "unadvertise":
-                    viewer.tell(_NO_TELEOP)
+                    viewer.report(_NO_TELEOP)
                 case _:
-                    viewer.tell("nothing can be sent to the robot, nor set or called there")
+                    viewer.report("nothing can be sent to the robot, nor set or called there")
         except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError, struct.error):
-            viewer.tell("this was not understood")
+            viewer.report("this was not understood")
 
 
 class _Viewer:
@@ -303,7 +303,7 @@ class _Viewer:
         teleop: FoxgloveTeleop | None = None,
     ) -> None:  # fmt: skip
         self._connection = connection
-        self.published = PublishedTwists(teleop, self.tell)
+        self.published = PublishedTwists(teleop, self.report)
         """The twists that this viewer publishes."""
         self._waiting: deque[tuple[str, str | bytes]] = deque(("", one) for one in greetings)
         self._size = 0
@@ -331,7 +331,7 @@ class _Viewer:
         if topic in self.subscribed:
             self._put(topic, _HEAD.pack(_DATA, self.subscribed[topic], stamp) + data)
 
-    def tell(self, text: str) -> None:
+    def report(self, text: str) -> None:
         """Show a text in the viewer's list of problems."""
         self._put("", json.dumps(_op("status", level=_ERROR, message=text)))
 
@@ -345,7 +345,7 @@ class _Viewer:
             self._size = sum(len(data) for _, data in self._waiting)
         self._waker.set()
 
-    async def speak(self) -> None:
+    async def send_queue(self) -> None:
         """Send the queue until the connection ends; close a connection that is stuck."""
         with contextlib.suppress(ConnectionClosed):
             while await self._waker.wait():

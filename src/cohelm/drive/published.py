@@ -35,11 +35,11 @@ _PING_PERIOD = 0.1
 
 
 class PublishedTwists:
-    """The twists of one connection; all calls but `vouch` return at once, in the server's loop."""
+    """The twists of one connection, in the server's loop; all but `keep_alive` returns at once."""
 
-    def __init__(self, teleop: FoxgloveTeleop | None, tell: Callable[[str], None]) -> None:
-        """tell: shows a sentence to the viewer; called from the server's loop."""
-        self._teleop, self._tell = teleop, tell
+    def __init__(self, teleop: FoxgloveTeleop | None, report: Callable[[str], None]) -> None:
+        """report: shows a sentence to the viewer; called from the server's loop."""
+        self._teleop, self._report = teleop, report
         self._channels: dict[int, tuple[str, str]] = {}
         """Type and encoding of each."""
         self._event_loop: asyncio.AbstractEventLoop | None = None
@@ -52,11 +52,11 @@ class PublishedTwists:
         name, encoding = channel["schemaName"], channel["encoding"]
         kind = _KINDS.get(name)
         if kind is None:
-            self._tell(f"{topic} is {name}: the robot is steered with {_TWIST} or TwistStamped")
+            self._report(f"{topic} is {name}: the robot is steered with {_TWIST} or TwistStamped")
         elif len(self._channels) >= _MAX_CHANNELS:
-            self._tell(f"{topic} is one too many: steer on one topic")
+            self._report(f"{topic} is one too many: steer on one topic")
         elif encoding not in ENCODINGS:
-            self._tell(f"{topic} comes as {encoding}: it has to be {' or '.join(ENCODINGS)}")
+            self._report(f"{topic} comes as {encoding}: it has to be {' or '.join(ENCODINGS)}")
         else:
             self._channels[int(number)] = kind, encoding
 
@@ -78,14 +78,14 @@ class PublishedTwists:
         why, now = self._teleop.publish(self, twist, self._say), time.monotonic()
         if why and now - self._refusal_reported > _REPORT_PERIOD:
             self._refusal_reported = now
-            self._tell(why)
+            self._report(why)
 
     def gone(self) -> None:
         """The viewer publishes no more."""
         if self._teleop is not None:
             self._teleop.gone(self)
 
-    async def vouch(self, connection: ServerConnection) -> None:
+    async def keep_alive(self, connection: ServerConnection) -> None:
         """Ping the viewer all the time, where it may steer."""
         while self._teleop is not None:
             try:
@@ -102,7 +102,7 @@ class PublishedTwists:
     def _say(self, text: str) -> None:
         """Show a sentence; called from another thread."""
         if self._event_loop is not None:
-            self._event_loop.call_soon_threadsafe(self._tell, text)
+            self._event_loop.call_soon_threadsafe(self._report, text)
 
 
 def twist_of(data: bytes, kind: str, encoding: str) -> Twist:
