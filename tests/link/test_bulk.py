@@ -181,13 +181,13 @@ def test_bulk_slows_down_when_the_datagrams_wait_and_speeds_up_when_not():
     pace, now = BulkPace(0.0), 0.0
     for _ in range(100):
         now += 0.11
-        pace.saw(0.1, 0.1, now)
+        pace.observe(0.1, 0.1, now)
     assert pace.rate == FASTEST
     for _ in range(100):
         now += 0.11
-        pace.saw(0.1 + 3.0 * TARGET, 0.1, now)
+        pace.observe(0.1 + 3.0 * TARGET, 0.1, now)
     assert pace.rate == SLOWEST
     assert pace.allowed(now + 100.0) <= 2048  # a pause is not made up for
     before = pace.rate
-    pace.saw(float("nan"), 0.1, now + 1.0)
+    pace.observe(float("nan"), 0.1, now + 1.0)
     assert pace.rate == before

@@ -31,11 +31,11 @@ _MORE = "…".encode()
 
 
 class Malformed(Exception):
-    """These bytes are no message of this protocol; says what is wrong with them."""
+    """These bytes are no message of this protocol; the text gives the reason."""
 
 
 class Reader:
-    """Bytes, and how far they are read."""
+    """Bytes, and the position up to which they are read."""
 
     __slots__ = ("at", "data")
 
@@ -53,7 +53,7 @@ class Reader:
         return taken
 
     def done(self) -> None:
-        """All must have been read."""
+        """Raise Malformed unless all bytes have been read."""
         if self.at != len(self.data):
             raise Malformed(f"{len(self.data) - self.at} bytes too many")
 
@@ -62,11 +62,11 @@ class WireField(NamedTuple, Generic[T]):
     """One part of a message."""
 
     write: Callable[[bytearray, T], None]
-    """Appends the value; ValueError for a value that has no place there."""
+    """Appends the value; ValueError for a value that can not be encoded."""
     read: Callable[[Reader], T]
     """Takes the value, or raises Malformed."""
     most: int
-    """Bytes it takes at most."""
+    """Largest number of bytes it takes."""
 
 
 def whole(form: str) -> WireField[int]:
@@ -110,7 +110,7 @@ def real(form: str, least: float = -math.inf, most: float = math.inf) -> WireFie
 
 
 def reported(form: str) -> WireField[float]:
-    """Any number at all; NaN says that it is not known, infinity that there is none."""
+    """Any number; NaN means unknown, infinity none."""
     layout = struct.Struct("<" + form)
 
     def write(into: bytearray, value: float) -> None:
@@ -162,7 +162,7 @@ def text(most: int) -> WireField[str]:
     def write(into: bytearray, value: str) -> None:
         clean = "".join(c if c.isprintable() else " " for c in value)
         cut = clean.encode("utf-8", "replace")
-        if len(cut) > most:  # who reads it must see that there was more
+        if len(cut) > most:  # the reader must see that there was more
             cut = cut[: most - len(_MORE)].decode("utf-8", "ignore").encode() + _MORE
         count.write(into, len(cut))
         into += cut
@@ -183,7 +183,7 @@ def text(most: int) -> WireField[str]:
 
 
 def many(item: WireField[T], most: int) -> WireField[tuple[T, ...]]:
-    """Up to `most` of them; of more, the first."""
+    """Up to `most` items; of more, the first."""
     count = whole("B" if most < 256 else "H")
 
     def write(into: bytearray, values: tuple[T, ...]) -> None:
@@ -203,7 +203,7 @@ def many(item: WireField[T], most: int) -> WireField[tuple[T, ...]]:
 def array(dtype: str, columns: int, most: int) -> WireField[NDArray[Any]]:
     """Up to `most` rows of numbers, shape (n, columns), or (n,) for 0 columns; of more, the first.
 
-    Reading takes any numbers; what they may be is for the message to say (`checked`).
+    Reading takes any numbers; a message restricts them by `checked`.
     """
     kind = np.dtype(dtype).newbyteorder("<")
     wide = max(columns, 1)
@@ -260,24 +260,24 @@ def record(of: Callable[..., T], *fields: WireField[Any]) -> WireField[T]:
 
 
 def checked(field: WireField[T], wrong: Callable[[T], str]) -> WireField[T]:
-    """The same field, with a further condition: `wrong` says what is wrong, or nothing."""
+    """The same field, with a condition: `wrong` returns what is wrong, or an empty string."""
 
     def write(into: bytearray, value: T) -> None:
-        if said := wrong(value):
-            raise ValueError(said)
+        if problem := wrong(value):
+            raise ValueError(problem)
         field.write(into, value)
 
     def read(reader: Reader) -> T:
         value = field.read(reader)
-        if said := wrong(value):
-            raise Malformed(said)
+        if problem := wrong(value):
+            raise Malformed(problem)
         return value
 
     return WireField(write, read, field.most)
 
 
 class UpTo(NamedTuple):
-    """Of a tuple: how many items it has at most."""
+    """Annotation of a tuple: its largest number of items."""
 
     most: int
 
@@ -290,17 +290,17 @@ _REPORTED = reported("f")
 
 
 def layout(of: Any) -> WireField[Any]:
-    """The bytes of a type, from its annotations.
+    """The binary layout of a type, from its annotations.
 
-    `Annotated[...]` says them with a `Field`, or of a tuple with `UpTo`. Without: a float is an `f`
-    that may be any number, a bool a flag, an enumeration a byte, a NamedTuple its fields in order.
+    `Annotated[...]` gives a `WireField`, or for a tuple `UpTo`. Without: a float is an `f` that may
+    be any number, a bool a flag, an enumeration a byte, a NamedTuple its fields in order.
     """
     if get_origin(of) is Annotated:
         plain, about = get_args(of)
         if isinstance(about, UpTo):
             return many(layout(get_args(plain)[0]), about.most)
-        said: WireField[Any] = about
-        return said
+        field: WireField[Any] = about
+        return field
     if get_origin(of) is tuple:
         return record(_tuple, *map(layout, get_args(of)))
     if of is float:

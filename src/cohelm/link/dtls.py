@@ -1,7 +1,7 @@
-"""DTLS 1.2 (RFC 6347) with both ends certified, apart from any socket.
+"""DTLS 1.2 (RFC 6347) with certificates at both ends, independent of any socket.
 
-A `Channel` turns datagrams into messages and back; whoever owns it moves the bytes. OpenSSL does
-the cryptography: it drops forged and replayed records, in silence.
+A `Channel` turns datagrams into messages and back; its owner moves the bytes. OpenSSL does the
+cryptography: it drops forged and replayed records silently.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ _BUFFER = 65536
 
 
 class HandshakeRefused(Exception):
-    """The other end is not let in, or broke off; says why."""
+    """The other end is not trusted, or broke off; the text gives the reason."""
 
 
 def context(keys: Keys, server: bool) -> SSL.Context:
     """DTLS 1.2: an end that shows its certificate and accepts exactly those it trusts."""
     made = SSL.Context(SSL.DTLS_SERVER_METHOD if server else SSL.DTLS_CLIENT_METHOD)
     made.set_cipher_list(CIPHERS)
-    # The MTU is ours, not the socket's; nobody may start a new handshake inside an old one.
+    # The MTU is ours, not the socket's; no new handshake inside an old one.
     made.set_options(SSL.OP_NO_QUERY_MTU | SSL.OP_NO_RENEGOTIATION | SSL.OP_NO_TICKET)
     made.set_session_cache_mode(SSL.SESS_CACHE_OFF)
     _certify(made, keys)
@@ -50,7 +50,7 @@ def context(keys: Keys, server: bool) -> SSL.Context:
 
 
 def stream_context(keys: Keys) -> SSL.Context:
-    """TLS 1.3, for bulk, with the same certificates; either end."""
+    """TLS 1.3 for bulk, with the same certificates; for either end."""
     made = SSL.Context(SSL.TLS_METHOD)
     made.set_min_proto_version(SSL.TLS1_3_VERSION)
     made.set_options(SSL.OP_NO_TICKET)
@@ -59,8 +59,8 @@ def stream_context(keys: Keys) -> SSL.Context:
     return made
 
 
-def shown_by(peer: SSL.Connection) -> tuple[str, str]:
-    """Fingerprint and name of the certificate the other end has shown."""
+def peer_identity(peer: SSL.Connection) -> tuple[str, str]:
+    """Fingerprint and name of the other end's certificate."""
     shown = peer.get_peer_certificate(as_cryptography=True)
     if shown is None:
         raise HandshakeRefused("no certificate was shown")
@@ -84,7 +84,7 @@ def _certify(made: SSL.Context, keys: Keys) -> None:
         store.add_cert(crypto.X509.from_cryptography(certificate))
 
     def accepted(_: SSL.Connection, shown: crypto.X509, error: int, depth: int, good: int) -> bool:
-        # Exactly the pinned ones: nothing that one of them might have signed.
+        # Only the pinned certificates, none signed by one of them.
         if not good or depth != 0:
             return False
         try:
@@ -96,7 +96,7 @@ def _certify(made: SSL.Context, keys: Keys) -> None:
 
 
 class Channel:
-    """One end of a DTLS connection: `take` what came, `waiting` is what must be sent."""
+    """One end of a DTLS connection: `take` received datagrams, send those of `waiting`."""
 
     def __init__(self, made: SSL.Context, server: bool) -> None:
         self._ssl = SSL.Connection(made, None)
@@ -114,8 +114,8 @@ class Channel:
     def greeted(self, datagram: bytes, address: object) -> bool:
         """Server, before a handshake: whether this is a client's second hello, with our cookie.
 
-        Keeps nothing of a datagram that is not: a flood of hellos costs an answer each, and only
-        who really has the address it claims gets further. Raises Refused for what is no hello.
+        Stateless for all other datagrams: a flood of hellos costs an answer each, and only a client
+        that has the address it claims gets further. Raises HandshakeRefused for what is no hello.
         """
         if not datagram:
             return False
@@ -126,24 +126,24 @@ class Channel:
         except SSL.WantReadError:
             return False
         except SSL.Error as error:
-            raise HandshakeRefused(said(error)) from None
+            raise HandshakeRefused(reason_of(error)) from None
         return True
 
     def start(self) -> None:
-        """Begin, or go on with, the handshake."""
+        """Begin or continue the handshake."""
         try:
             self._ssl.do_handshake()
         except SSL.WantReadError:
             return
         except SSL.Error as error:
-            raise HandshakeRefused(said(error)) from None
-        self.peer, self.name = shown_by(self._ssl)
+            raise HandshakeRefused(reason_of(error)) from None
+        self.peer, self.name = peer_identity(self._ssl)
         self.up = True
 
     def take(self, datagram: bytes) -> list[bytes]:
         """The messages in a datagram; none while the handshake goes on, or if it is forged.
 
-        Raises Refused when the other end is not let in or has closed the connection.
+        Raises HandshakeRefused when the other end is not trusted or has closed the connection.
         """
         messages: list[bytes] = []
         if not datagram:
@@ -151,7 +151,7 @@ class Channel:
         try:
             self._ssl.bio_write(datagram)
         except SSL.Error as error:
-            raise HandshakeRefused(said(error)) from None
+            raise HandshakeRefused(reason_of(error)) from None
         if not self.up:
             self.start()
             if not self.up:
@@ -164,14 +164,14 @@ class Channel:
             except SSL.ZeroReturnError:
                 raise HandshakeRefused("the other end closed the connection") from None
             except SSL.Error as error:
-                raise HandshakeRefused(said(error)) from None
+                raise HandshakeRefused(reason_of(error)) from None
 
     def seal(self, message: bytes) -> list[bytes]:
         """The datagrams that carry a message to the other end."""
         try:
             self._ssl.send(message)
         except SSL.Error as error:
-            raise HandshakeRefused(said(error)) from None
+            raise HandshakeRefused(reason_of(error)) from None
         return self.waiting()
 
     def waiting(self) -> list[bytes]:
@@ -185,7 +185,7 @@ class Channel:
             datagrams.extend(_records(flight))
 
     def tick(self) -> float | None:
-        """Repeat what was lost of the handshake, if it is time; returns seconds until next time."""
+        """Repeat lost parts of the handshake, if due; returns the seconds until the next time."""
         if self.up:
             return None
         try:
@@ -194,11 +194,11 @@ class Channel:
                 self._ssl.DTLSv1_handle_timeout()
                 left = self._ssl.DTLSv1_get_timeout()
         except SSL.Error as error:
-            raise HandshakeRefused(said(error)) from None
+            raise HandshakeRefused(reason_of(error)) from None
         return left
 
     def close(self) -> list[bytes]:
-        """Say good-bye; the datagram that does it."""
+        """Shut the connection down; the datagrams that do it."""
         if self.up:
             try:
                 self._ssl.shutdown()
@@ -211,7 +211,7 @@ def _records(flight: bytes) -> list[bytes]:
     """DTLS records that OpenSSL wrote one after the other, packed into datagrams of <= MTU.
 
     A memory buffer keeps no borders between datagrams; a record's header has its length (RFC
-    6347 4.1), and a record may not be torn.
+    6347 4.1), and a record must not be split.
     """
     datagrams: list[bytes] = []
     at = start = 0
@@ -226,7 +226,7 @@ def _records(flight: bytes) -> list[bytes]:
     return datagrams
 
 
-def said(error: SSL.Error) -> str:
+def reason_of(error: SSL.Error) -> str:
     """OpenSSL's first reason as a phrase."""
     # ([(library, function, reason), ...],), or for a SysCallError (number, reason)
     found: str | list[tuple[str, str, str]] = error.args[-1] if error.args else ""

@@ -1,16 +1,16 @@
-"""Who may drive: keys and certificates, pinned both ways.
+"""Keys and certificates of robots and stations, pinned at both ends.
 
-A robot has one key and a certificate that it signed itself, and a folder with the certificate of
-every station it lets in. A station has, for each robot, a key of its own and that robot's
-certificate. Each end accepts exactly the certificates in its folder. There is no authority above
-that could be stolen, and to shut a station out, its file is deleted.
+A robot has one key and a self-signed certificate, and a folder with the certificate of every
+station it trusts. A station has, for each robot, a key of its own and that robot's certificate.
+Each end accepts exactly the certificates in its folder. There is no certificate authority that
+could be stolen, and to revoke a station, its file is deleted.
 
     KEYS/robot/robot.key, robot.pem         the robot's own
-    KEYS/robot/stations/NAME.pem            stations that are let in
+    KEYS/robot/stations/NAME.pem            stations that it trusts
     KEYS/station/ROBOT/station.key, station.pem, robot.pem
 
-KEYS is $COHELM_KEYS, or cohelm/keys in $XDG_CONFIG_HOME (~/.config). All of it must be this user's
-alone (`owned`). Certificates do not expire: robots without a battery clock wake up in 1970.
+KEYS is $COHELM_KEYS, or cohelm/keys in $XDG_CONFIG_HOME (~/.config). Only this user may have access
+to it (`owned`). Certificates do not expire: robots without a battery clock start in 1970.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _ALWAYS = (datetime.datetime(1970, 1, 1), datetime.datetime(9999, 12, 31, 23, 59
 
 
 class Keys(NamedTuple):
-    """One end's key and certificate, and whom it trusts."""
+    """One end's key and certificate, and the certificates it trusts."""
 
     name: str
     certificate: bytes
@@ -49,7 +49,7 @@ class Keys(NamedTuple):
 
 
 def home() -> Path:
-    """Where the keys are."""
+    """The folder of the keys."""
     chosen = os.environ.get("COHELM_KEYS")
     if chosen:
         return Path(chosen)
@@ -95,15 +95,15 @@ def common_name(certificate: bytes) -> str:
 
 
 def robot(name: str | None = None) -> Keys:
-    """This machine's robot. It is made where there is none, called `name` or as the machine."""
+    """The keys of this machine's robot; made if missing, with `name` or the machine's name."""
     folder = home() / "robot"
     if not (folder / "robot.key").exists():
-        certificate, key = made(_usable(name or _host()), "robot")
+        certificate, key = made(_checked_name(name or _host()), "robot")
         write(folder / "robot.pem", certificate)
-        write(folder / "robot.key", key)  # last: it is what says that all is there
-    certificate = _mine(folder / "robot.pem")
+        write(folder / "robot.key", key)  # last: it marks the folder as complete
+    certificate = _checked(folder / "robot.pem")
     guarded(folder / "stations", within=home())
-    stations = tuple(_mine(path) for path in sorted((folder / "stations").glob("*.pem")))
+    stations = tuple(_checked(path) for path in sorted((folder / "stations").glob("*.pem")))
     called = common_name(certificate)
     if name is not None and name != called:
         raise CohelmError(
@@ -114,15 +114,15 @@ def robot(name: str | None = None) -> Keys:
 
 
 def pair(station: str, to: Path) -> Keys:
-    """Make a key for a station, let it in, and write what it must install to the file `to`."""
+    """Make a key for a station, trust it, and write what it must install to the file `to`."""
     own = robot()
-    path = home() / "robot" / "stations" / f"{_usable(station)}.pem"
+    path = home() / "robot" / "stations" / f"{_checked_name(station)}.pem"
     if path.exists():
         raise CohelmError(
             f"a station {station!r} is let in already: choose another name, or shut it out first "
             f"with `cohelm pair remove {station}`"
         )
-    guarded(path.parent, within=home())  # before a key is written that would not be let in
+    guarded(path.parent, within=home())  # before a key is written that would be refused
     certificate, key = made(station, "station")
     write(to, own.certificate + certificate + key, fresh=True)
     write(path, certificate)
@@ -137,7 +137,7 @@ def install(file: Path) -> str:
             f"{file} does not hold a pairing: make one on the robot with `cohelm pair new NAME`"
         )
     of_robot, own, key = (part[0] for part in found)
-    name = _usable(common_name(of_robot))
+    name = _checked_name(common_name(of_robot))
     folder = home() / "station" / name
     if (folder / "robot.pem").exists() and read(folder / "robot.pem") != of_robot:
         raise CohelmError(
@@ -150,7 +150,7 @@ def install(file: Path) -> str:
 
 
 def station(robot_name: str | None = None) -> Keys:
-    """What this station holds for a robot; None: the only one."""
+    """This station's keys for a robot; None: the only one."""
     folder = home() / "station"
     known = sorted(path.parent.name for path in folder.glob("*/station.key"))
     if not known:
@@ -167,16 +167,16 @@ def station(robot_name: str | None = None) -> Keys:
 
 
 def of_station(folder: Path) -> Keys:
-    """A station's key, certificate and robot, in the folder they were written to."""
-    certificate = _mine(folder / "station.pem")
+    """A station's keys, from the folder they were written to."""
+    certificate = _checked(folder / "station.pem")
     return Keys(
         common_name(certificate), certificate, _secret(folder / "station.key"),
-        (_mine(folder / "robot.pem"),),
+        (_checked(folder / "robot.pem"),),
     )  # fmt: skip
 
 
 def stations() -> list[tuple[str, str]]:
-    """Name and fingerprint of each station the robot of this machine lets in."""
+    """Name and fingerprint of each station that the robot of this machine trusts."""
     folder = home() / "robot" / "stations"
     return [(path.stem, fingerprint(read(path))) for path in sorted(folder.glob("*.pem"))]
 
@@ -189,7 +189,7 @@ def robots() -> list[tuple[str, str]]:
 
 
 def unpair(name: str) -> None:
-    """The robot of this machine lets the station in no more (from its next start on)."""
+    """Revoke a station of this machine's robot (from its next start on)."""
     path = home() / "robot" / "stations" / f"{name}.pem"
     known = [called for called, _ in stations()]
     if name not in known:
@@ -208,7 +208,7 @@ def pair_here(*names: str) -> tuple[Keys, ...]:
 
 
 def with_local_station(of_robot: Keys, name: str) -> tuple[Keys, Keys]:
-    """A robot's keys that let one more station in, as long as they are used, and that one's."""
+    """A robot's keys with one more trusted station, while they are in use, and that station's."""
     certificate, key = made(name, "station")
     return (
         of_robot._replace(trusted=(*of_robot.trusted, certificate)),
@@ -216,7 +216,7 @@ def with_local_station(of_robot: Keys, name: str) -> tuple[Keys, Keys]:
     )
 
 
-def _usable(name: str) -> str:
+def _checked_name(name: str) -> str:
     if not _NAME.fullmatch(name):
         raise CohelmError(
             f"{name!r} can not be a name: use 1 to 32 letters, digits, '.', '_' and '-', the "
@@ -237,7 +237,7 @@ def _loaded(certificate: bytes) -> x509.Certificate:
 
 
 def write(path: Path, content: bytes, fresh: bool = False) -> None:
-    """Write a file only its owner may read; never half of it."""
+    """Write a file that only its owner may read, atomically."""
     try:
         make_folder(path.parent)
         if path.is_relative_to(home()):
@@ -266,14 +266,14 @@ def read(path: Path) -> bytes:
         raise CohelmError(f"{path} can not be read: {error.strerror}") from None
 
 
-def _mine(path: Path) -> bytes:
-    """What nobody else can have written."""
+def _checked(path: Path) -> bytes:
+    """Content of a file that no other user can have written."""
     guarded(path, within=home())
     return read(path)
 
 
 def _secret(path: Path) -> bytes:
-    """... and nobody else read."""
+    """A private key that no other user can have written or read."""
     guarded(path, within=home(), secret=True)
     content = read(path)
     try:

@@ -1,9 +1,9 @@
-"""The way to a drive on this machine, lent to other programs of the same person.
+"""Credentials of a drive on this machine, shared with other programs of the same user.
 
 `cohelm drive` makes keys that live as long as it does. What a stick needs to join it lies meanwhile
-in a folder that only this person can read, KEYS/drive/PORT (KEYS as in `keys`), locked by the
-drive: a folder that nobody locks is what is left of one that was killed. What others could have
-put there is refused, at reading too.
+in a folder that only this user can read, KEYS/drive/PORT (KEYS as in `keys`), locked by the drive:
+an unlocked folder is left over from one that was killed. Files that other users could have
+written are refused, at reading too.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ _ADDRESS = "address"
 
 @contextmanager
 def shared_credentials(own: Keys, host: str, port: int) -> Generator[None]:
-    """Let other programs here drive the robot at this address with `own`, meanwhile.
+    """While open, let other programs here drive the robot at this address with `own`.
 
     Raises CohelmError where the folder can not be written.
     """
     folder = home() / "drive" / str(port)
-    with _alone(folder.parent):
+    with _locked_folder(folder.parent):
         for left in folder.parent.glob("*"):
             if not _locked(left / _ADDRESS):
                 shutil.rmtree(left, ignore_errors=True)
@@ -50,9 +50,9 @@ def shared_credentials(own: Keys, host: str, port: int) -> Generator[None]:
 
 
 def credentials_of_drive(address: str | None = None) -> tuple[Keys, tuple[str, int]]:
-    """Keys for, and address of, the drive on this machine; which one, where there are several.
+    """Keys for, and address of, the drive on this machine.
 
-    address: HOST:PORT. Raises CohelmError where there is no such drive, or more than one.
+    address: HOST:PORT, to choose one. Raises CohelmError where there is no such drive, or several.
     """
     there = sorted((home() / "drive").glob(f"*/{_ADDRESS}"))
     for path in (home() / "drive", *there):
@@ -70,19 +70,19 @@ def credentials_of_drive(address: str | None = None) -> tuple[Keys, tuple[str, i
 
 
 @contextmanager
-def _alone(folder: Path) -> Generator[None]:
-    """The only one who sets up there."""
+def _locked_folder(folder: Path) -> Generator[None]:
+    """Exclusive access to a folder."""
     try:
         make_folder(folder)
         guarded(folder, within=home())
-        door = os.open(folder, os.O_RDONLY)
+        handle = os.open(folder, os.O_RDONLY)
     except OSError as error:
         raise CohelmError(f"{folder} can not be made: {error.strerror}") from None
     try:
-        fcntl.flock(door, fcntl.LOCK_EX)
+        fcntl.flock(handle, fcntl.LOCK_EX)
         yield
     finally:
-        os.close(door)
+        os.close(handle)
 
 
 def _locked(file: Path) -> bool:

@@ -1,8 +1,8 @@
-"""Refuses keys and certificates that are not this user's alone.
+"""Refuses keys and certificates that other users have access to.
 
-What others may write, or may have made, says nothing about whom this person trusts: somebody could
-have put a station of his own there. The same rules as those of OpenSSH for authorized_keys, and no
-symbolic link below the folder of the keys.
+Files that others may write, or may have made, are no evidence of trust: another user could have
+added a station. The same rules as those of OpenSSH for authorized_keys, and no symbolic link below
+the folder of the keys.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ _OTHERS_ANY = 0o077
 def guarded(path: Path, within: Path | None = None, secret: bool = False) -> None:
     """Refuse a file or folder that others may have changed, and every folder of it up to `within`.
 
-    within: a folder above it, or itself; None: only `path` is looked at. secret: others may not
-    even read it. What is not there is nobody's, and passes. Raises CohelmError, with the cure.
+    within: a folder above it, or itself; None: only `path` is checked. secret: others may not read
+    it either. What does not exist passes. Raises CohelmError, with the cure.
     """
-    _alone(path, secret, linked=within is None)
+    _check_owner(path, secret, linked=within is None)
     if within is None or path == within:
         if within is not None:
             _not_replaced(within)
         return
     above = path.parent
     while above != within:
-        _alone(above, secret=False, linked=False)
+        _check_owner(above, secret=False, linked=False)
         above = above.parent
-    _alone(within, secret=False, linked=True)
+    _check_owner(within, secret=False, linked=True)
     _not_replaced(within)
 
 
@@ -45,8 +45,8 @@ def make_folder(path: Path) -> None:
     path.mkdir(mode=0o700, exist_ok=True)
 
 
-def _alone(path: Path, secret: bool, linked: bool) -> None:
-    """linked: it may be a symbolic link; then what it leads to counts."""
+def _check_owner(path: Path, secret: bool, linked: bool) -> None:
+    """linked: it may be a symbolic link; then its target is checked."""
     try:
         about = path.lstat()
         if stat.S_ISLNK(about.st_mode):
@@ -77,7 +77,7 @@ def _alone(path: Path, secret: bool, linked: bool) -> None:
 
 
 def _not_replaced(folder: Path) -> None:
-    """Refuse a folder that somebody may put another in the place of."""
+    """Refuse a folder that another user may replace."""
     for above in folder.resolve().parents:
         try:
             mode = above.stat().st_mode

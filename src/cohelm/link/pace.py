@@ -1,8 +1,8 @@
-"""How fast bulk may flow without the datagrams waiting behind it.
+"""Congestion control of bulk, by the queueing delay of the datagrams (as LEDBAT, RFC 6817).
 
-TCP fills whatever buffer the network has, and what is behind it in the buffer waits. The round
-trip of the datagrams shows how full it is: bulk slows down as soon as the round trip grows beyond
-its shortest by more than `TARGET`, and speeds up while it does not (as LEDBAT, RFC 6817).
+TCP fills whatever buffer the network has, and the datagrams behind it wait. Their round trip shows
+how full the buffer is: bulk slows down when the round trip exceeds its shortest by more than
+`TARGET`, and speeds up while it does not.
 """
 
 from __future__ import annotations
@@ -10,15 +10,15 @@ from __future__ import annotations
 import math
 
 TARGET = 0.025
-"""Waiting that bulk may cause [s]."""
+"""Queueing delay that bulk may cause [s]."""
 SLOWEST, FASTEST = 10e3, 50e6
 """[byte/s]"""
 _FASTER, _SLOWER = 0.1, 0.3
-_EVERY = 0.1  # [s], between two changes; of the round trips in between the least is taken
+_EVERY = 0.1  # [s], between two changes, by the least round trip in between
 
 
 class BulkPace:
-    """Bytes that may leave now."""
+    """Token bucket of the bytes that may be sent."""
 
     def __init__(self, now: float) -> None:
         self.rate = 256e3
@@ -27,8 +27,8 @@ class BulkPace:
         self._filled = self._changed = now
         self._least = math.inf
 
-    def saw(self, round_trip: float, shortest: float, now: float) -> None:
-        """Newest and shortest round trip of the datagrams [s]; NaN where there is none."""
+    def observe(self, round_trip: float, shortest: float, now: float) -> None:
+        """Newest and shortest round trip of the datagrams [s]; NaN: none."""
         if math.isfinite(round_trip - shortest):
             self._least = min(self._least, round_trip)  # jitter is no queue
         if now - self._changed < _EVERY:
@@ -41,12 +41,12 @@ class BulkPace:
         self.rate = max(SLOWEST, min(FASTEST, self.rate))
 
     def allowed(self, now: float) -> int:
-        """Bytes that may be sent now; a pause is not made up for."""
+        """Bytes that may be sent now; unused ones are not saved up over a pause."""
         most = max(2048.0, 0.02 * self.rate)
         self._tokens = min(most, self._tokens + (now - self._filled) * self.rate)
         self._filled = now
         return max(0, int(self._tokens))
 
     def sent(self, count: int) -> None:
-        """So many have been."""
+        """Bytes have been sent."""
         self._tokens -= count

@@ -1,9 +1,9 @@
 """The robot's end of bulk: pictures, maps, paths and records down, way-points up.
 
-One thread for all stations, on the TCP port with the number of the datagrams' UDP port. What is
-published again before it has left is replaced: a slow path gets fewer pictures, not older ones. Of
-a record goes out what a station has asked for, and no more; on its stream pictures and maps wait
-meanwhile, so a station fetches on a stream of its own.
+One thread for all stations, on the TCP port with the number of the datagrams' UDP port. A message
+published again before it was sent is replaced: a slow path gets fewer pictures, not older ones. Of
+a record only the requested part is sent; pictures and maps on that stream wait meanwhile, so a
+station fetches on a stream of its own.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from cohelm.link.stream import Stream
 from cohelm.link.wire import Header, encode, from_operator
 
 MOST_STREAMS = 24
-_STRANGERS = 8
+_MAX_HANDSHAKES = 8
 _PATIENCE = 5.0  # [s], for a handshake
 _LARGEST_UP = 65_536
 _PORTS = 5  # that are tried
@@ -55,7 +55,7 @@ _log = logging.getLogger("cohelm.link")
 
 
 class Proposed(NamedTuple):
-    """What a station proposes; the loop checks it and says what it thinks with `reply`."""
+    """Way-points proposed by a station; the loop checks them and answers with `reply`."""
 
     client: int
     name: str
@@ -80,9 +80,9 @@ class _Station:
 def both_ends(
     keys: Keys, host: str, port: int = 0, records: Path | None = None, stale: float = STALE
 ) -> tuple[RobotEnd, RobotBulk]:
-    """Both ways of the link on ports of one number; port 0 takes one that is free for both.
+    """Datagrams and bulk on ports of one number; port 0 takes one that is free for both.
 
-    A port that is free for datagrams may be taken for streams. Raises CohelmError.
+    A port that is free for UDP may be in use for TCP. Raises CohelmError.
     """
     for left in range(0 if port else _PORTS, -1, -1):
         end = RobotEnd(keys, host, port, stale=stale)
@@ -115,13 +115,13 @@ class RobotBulk(IoThread):
         self._stations: list[_Station] = []
         self._published: dict[object, FromRobot] = {}
         self._proposed: dict[object, Proposed] = {}
-        """Of each station the newest of each kind: nobody can crowd out another's."""
+        """The newest of each kind from each station: no station can crowd out another's."""
         self._start()
 
     # ---- for the loop ------------------------------------------------------------------
 
     def publish(self, message: FromRobot) -> None:
-        """To all stations, and to those that come later; replaces the earlier of its kind."""
+        """Send to all stations, and later ones; replaces the previous message of its kind."""
         key = _slot(message)
         with self._lock:
             self._published[key] = message
@@ -130,14 +130,14 @@ class RobotBulk(IoThread):
         self._waker.wake()
 
     def proposed(self) -> tuple[Proposed, ...]:
-        """New since the last call; of each station the newest way to check, and to go."""
+        """New since the last call; from each station the newest way to check, and to drive."""
         with self._lock:
             new = tuple(self._proposed.values())
             self._proposed.clear()
         return new
 
     def reply(self, client: int, answer: Checked) -> None:
-        """To one station."""
+        """Send to one station."""
         with self._lock:
             for station in self._stations:
                 if self._number(station) == client:
@@ -158,7 +158,7 @@ class RobotBulk(IoThread):
             waiting.register(source, select.POLLIN)
         busy = False
         for station in self._stations:
-            # What is held back by its pace is tried again soon, not when the socket could.
+            # What its pace holds back is retried soon, not when the socket is writable.
             held = not station.stream.idle or bool(station.slots or station.replies)
             busy = busy or held or (station.wanted is not None and station.wanted.outstanding)
             waiting.register(station.stream.socket, select.POLLIN)
@@ -174,15 +174,15 @@ class RobotBulk(IoThread):
         self._digest()
 
     def _digest(self) -> None:
-        """A little of the hash that somebody waits for."""
-        asked = next((s.digest_of for s in self._stations if s.digest_of), "")
-        said = self._digests.turn() if self._digests.busy else None
-        if said is None and asked and not self._digests.busy:
-            said = self._digests.begin(asked)
+        """Compute a slice of a hash that a station waits for."""
+        fetch = next((s.digest_of for s in self._stations if s.digest_of), "")
+        digest = self._digests.turn() if self._digests.busy else None
+        if digest is None and fetch and not self._digests.busy:
+            digest = self._digests.begin(fetch)
         for station in self._stations:
-            if said is not None and station.digest_of == said.name:
+            if digest is not None and station.digest_of == digest.name:
                 station.digest_of = ""
-                station.replies.append(said)
+                station.replies.append(digest)
 
     def _accept(self) -> None:
         while True:
@@ -193,9 +193,9 @@ class RobotBulk(IoThread):
             self._take_in(sock, address)
 
     def _take_in(self, sock: socket.socket, address: udp.Address) -> None:
-        strangers = [s for s in self._stations if not s.stream.up]
-        if len(strangers) >= _STRANGERS:
-            self._remove(strangers[0], "pushed out by newer handshakes")
+        pending = [s for s in self._stations if not s.stream.up]
+        if len(pending) >= _MAX_HANDSHAKES:
+            self._remove(pending[0], "pushed out by newer handshakes")
         if len(self._stations) >= MOST_STREAMS:
             sock.close()
             return
@@ -214,7 +214,7 @@ class RobotBulk(IoThread):
             raise HandshakeRefused("the handshake took too long")
         times = self._end.round_trips().get(self._number(station) or 0)
         if times is not None:
-            station.pace.saw(*times, now)
+            station.pace.observe(*times, now)
         allowed = station.pace.allowed(now) if station.stream.up else 1 << 16
         while allowed > 0:
             if station.stream.idle and station.stream.up:
@@ -231,7 +231,7 @@ class RobotBulk(IoThread):
                 break
 
     def _next(self, station: _Station) -> FromRobot | None:
-        """What is to be sent next: replies, small things, pieces of a record, big things."""
+        """The next message: replies, then small ones, pieces of a record, and large ones."""
         wanted = station.wanted if station.wanted and station.wanted.outstanding else None
         with self._lock:
             if station.replies:
@@ -261,26 +261,26 @@ class RobotBulk(IoThread):
                     self._proposed.pop(key, None)
                     self._proposed[key] = Proposed(client, station.stream.name, message)
 
-    def _fetch(self, station: _Station, asked: Fetch) -> None:
-        if not asked.name:
+    def _fetch(self, station: _Station, fetch: Fetch) -> None:
+        if not fetch.name:
             station.replies.append(Records(listed(self._records)))
-        elif asked.size == 0:
-            station.digest_of = asked.name
-        elif not self._continues(station.wanted, asked):
+        elif fetch.size == 0:
+            station.digest_of = fetch.name
+        elif not self._continues(station.wanted, fetch):
             self._end_fetch(station)
-            file = opened(self._records, asked.name)
+            file = opened(self._records, fetch.name)
             if file is None:
-                station.replies.append(Piece(asked.name, asked.offset, b""))
+                station.replies.append(Piece(fetch.name, fetch.offset, b""))
             else:
-                end = asked.offset + asked.size
-                station.wanted = RecordTransfer(asked.name, file, asked.offset, end)
+                end = fetch.offset + fetch.size
+                station.wanted = RecordTransfer(fetch.name, file, fetch.offset, end)
 
     @staticmethod
-    def _continues(wanted: RecordTransfer | None, asked: Fetch) -> bool:
+    def _continues(wanted: RecordTransfer | None, fetch: Fetch) -> bool:
         return (
             wanted is not None
-            and wanted.name == asked.name
-            and wanted.more(asked.offset, asked.size)
+            and wanted.name == fetch.name
+            and wanted.more(fetch.offset, fetch.size)
         )
 
     @staticmethod
@@ -295,8 +295,8 @@ class RobotBulk(IoThread):
         return self._end.client_of(station.stream.peer, station.session)
 
     def _remove(self, station: _Station, why: str) -> None:
-        who = station.stream.name or f"a stranger at {station.address[0]}"
-        _log.info("bulk to %s ended: %s", who, why)
+        peer = station.stream.name or f"a stranger at {station.address[0]}"
+        _log.info("bulk to %s ended: %s", peer, why)
         with self._lock:
             self._stations.remove(station)
         self._end_fetch(station)

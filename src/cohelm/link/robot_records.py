@@ -1,8 +1,8 @@
-"""Records on the robot's disk, as stations fetch them: which there are, parts of them, their hash.
+"""Records on the robot's disk, for stations to fetch: their list, parts of them, their hash.
 
-Nothing here is held in memory but one piece. A hash is worked out a slice at a time, between other
-things, and kept as long as the file is what it was. Only plain files in the one folder are read:
-no link that leads elsewhere, and nothing that keeps a reader waiting.
+Only one piece is held in memory. A hash is computed a slice at a time, between other work, and kept
+as long as the file is unchanged. Only regular files in the one folder are read: no symbolic links,
+and nothing that blocks a reader.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def listed(folder: Path | None) -> tuple[RecordInfo, ...]:
 
 
 def opened(folder: Path | None, name: str) -> IO[bytes] | None:
-    """A record by its name; None where there is none to be read."""
+    """A record by its name; None where it can not be read."""
     if folder is None or name not in {info.name for info in listed(folder)}:
         return None
     try:
@@ -51,14 +51,14 @@ def opened(folder: Path | None, name: str) -> IO[bytes] | None:
 
 
 class RecordTransfer:
-    """What one station has asked for of a record and not been sent yet."""
+    """The part of a record that one station has requested and not received yet."""
 
     def __init__(self, name: str, file: IO[bytes], at: int, end: int) -> None:
         self.name, self._file, self._at, self._end = name, file, at, end
         file.seek(at)
 
     def more(self, offset: int, size: int) -> bool:
-        """Ask for what follows; False: it does not follow."""
+        """Extend the request by what follows; False: it does not follow."""
         if offset != self._end:
             return False
         self._end += size
@@ -70,7 +70,7 @@ class RecordTransfer:
         return self._at < self._end
 
     def piece(self) -> Piece:
-        """The next one. Where the file ends too soon it is empty, and the last."""
+        """The next piece. Where the file ends too soon it is empty, and the last."""
         try:
             data = self._file.read(min(PIECE, self._end - self._at))
         except OSError:
@@ -80,7 +80,7 @@ class RecordTransfer:
         return piece
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._file.close()
 
 
@@ -95,11 +95,11 @@ class Digests:
 
     @property
     def busy(self) -> bool:
-        """Whether one is being worked out."""
+        """Whether one is being computed."""
         return self._file is not None
 
     def begin(self, name: str) -> Digest | None:
-        """Begin with a record; what it is, where that is known already or there is none."""
+        """Begin with a record; its hash, where it is known already or there is no such record."""
         file = opened(self._folder, name)
         if file is None:
             return Digest(name, 0, b"", NOT_THERE)
@@ -114,7 +114,7 @@ class Digests:
         return None
 
     def turn(self) -> Digest | None:
-        """Go on for a slice; the hash once it is known."""
+        """Continue for a slice; the hash once it is known."""
         if self._file is None:
             return None
         try:
@@ -134,7 +134,7 @@ class Digests:
         return Digest(self._name, self._size, self._hash.digest(), "")
 
     def close(self) -> None:
-        """Give up what is being worked out."""
+        """Abort what is being computed."""
         if self._file is not None:
             self._file.close()
             self._file = None

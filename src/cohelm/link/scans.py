@@ -1,4 +1,4 @@
-"""Scans put together from the parts in which the robot sends them."""
+"""Assembles scans from the parts in which the robot sends them."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _MOST_BEAMS = 100_000
 
 
 class WholeScan(NamedTuple):
-    """A scan put together from its parts; where parts were lost, as if nothing had returned."""
+    """A scan assembled from its parts; lost parts count as beams without a return."""
 
     number: int
     lidar: int
-    """Which of the robot's LiDARs; the first is 0."""
+    """Number of the LiDAR; the first is 0."""
     taken: float
     """The robot's clock [s]."""
     sensor: Pose
@@ -30,19 +30,19 @@ class WholeScan(NamedTuple):
 
 
 class Scans:
-    """The newest scan of each LiDAR, as far as it has come."""
+    """The newest scan of each LiDAR, as far as it is received."""
 
     def __init__(self) -> None:
         self._parts: dict[int, dict[int, ScanPart]] = {}
-        """Of the newest scan of each LiDAR, by where they begin."""
+        """Parts of the newest scan of each LiDAR, by their first beam."""
         self._whole: dict[int, WholeScan] = {}
 
     def newest(self) -> list[WholeScan]:
-        """Of each LiDAR."""
+        """The newest scan of each LiDAR."""
         return list(self._whole.values())
 
     def take(self, part: ScanPart) -> None:
-        """A part, in whatever order they come; what is none of a scan is left out."""
+        """Take a part, in any order; implausible parts are dropped."""
         if part.lidar >= _MOST_LIDARS:
             return
         parts = self._parts.setdefault(part.lidar, {})

@@ -1,8 +1,8 @@
-"""The station's end of bulk: what the robot publishes in, way-points and wishes out.
+"""The station's end of bulk: receives what the robot publishes, sends way-points and requests.
 
-What is published is kept once, the newest of each kind, until somebody takes it; of answers and of
-pieces of records only as much as was asked for. A robot that sends more is left: nothing that was
-asked for is dropped, and nobody's memory fills up.
+Of published messages the newest of each kind is kept until it is read; of answers and pieces of
+records only as much as was requested. The connection to a robot that sends more is closed: no
+requested message is dropped, and memory stays bounded.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ from cohelm.link.stream import Stream
 from cohelm.link.wire import Header, encode, from_robot
 
 _PATIENCE = 10.0  # [s], for a connection
-_AGAIN = 1.0  # [s], until the next one is tried
+_RETRY = 1.0  # [s], until the next one is tried
 _MOST_ANSWERS = 256
 _MOST_UNREAD = 16_000_000
-"""Of pieces, sixteen times what a download asks for at once [byte]."""
+"""Of pieces, sixteen times what a download requests at once [byte]."""
 _log = logging.getLogger("cohelm.link")
 
 
@@ -51,7 +51,7 @@ class StationBulk(IoThread):
         self, keys: Keys, host: str, port: int, session: int,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
-        """session: that of the StationEnd, by which the robot knows whose stream this is."""
+        """session: that of the StationEnd, by which the robot assigns this stream to it."""
         self._context = stream_context(keys)
         self._family, self._to = udp.resolved(host, port, socket.SOCK_STREAM)
         self._session = session
@@ -73,7 +73,7 @@ class StationBulk(IoThread):
         self._waker.wake()
 
     def news(self) -> list[FromRobot]:
-        """What has come since the last call, in order, but for pictures; the newest of a kind."""
+        """Messages since the last call, in order, except pictures; the newest of a kind."""
         with self._lock:
             new = list(self._news.values())
             self._news.clear()
@@ -81,7 +81,7 @@ class StationBulk(IoThread):
         return new
 
     def picture(self) -> Picture | None:
-        """The newest picture; each is handed out once."""
+        """The newest picture; each is returned once."""
         with self._lock:
             newest, self._picture = self._picture, None
         return newest
@@ -94,10 +94,10 @@ class StationBulk(IoThread):
             _log.info("no bulk from the robot: %s", refused)
         finally:
             self.connected = False
-        self._wait(_AGAIN)
+        self._wait(_RETRY)
 
     def _on_error(self) -> None:
-        self._wait(_AGAIN)
+        self._wait(_RETRY)
 
     def _wait(self, seconds: float) -> None:
         until = self._clock() + seconds
@@ -114,7 +114,7 @@ class StationBulk(IoThread):
             raise HandshakeRefused(error.strerror or "the robot does not answer") from None
         stream = Stream(self._context, sock, server=False, most=LARGEST_BULK)
         began = self._clock()
-        hello: FromOperator | None = Fetch("")  # says which session this is, and asks for the list
+        hello: FromOperator | None = Fetch("")  # names this session, and requests the list
         try:
             while self._open:
                 waiting = select.poll()

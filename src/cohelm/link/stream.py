@@ -7,7 +7,7 @@ import socket
 
 from OpenSSL import SSL
 
-from cohelm.link.dtls import HandshakeRefused, said, shown_by
+from cohelm.link.dtls import HandshakeRefused, peer_identity, reason_of
 
 _PIECE = 16_000  # about a TLS record
 _READ = 65536
@@ -22,9 +22,9 @@ class Stream:
         sock.setblocking(False)
         with contextlib.suppress(OSError):
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            # What is in the kernel can not be held back any more, and datagrams wait behind it.
+            # Bytes in the kernel can not be held back any more, and datagrams wait behind them.
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 32_768)
-            # A path that died without a word is noticed within seconds, and tried anew.
+            # A path that died silently is noticed within seconds, and connected anew.
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 5)
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 2)
@@ -46,12 +46,12 @@ class Stream:
 
     @property
     def idle(self) -> bool:
-        """All that was put in has left."""
+        """Whether all that was put in has been sent."""
         return not self._plain and not self._out
 
     @property
     def blocked(self) -> bool:
-        """Something waits for the socket to take it."""
+        """Whether bytes wait for the socket to become writable."""
         return bool(self._out)
 
     def put(self, message: bytes) -> None:
@@ -59,7 +59,7 @@ class Stream:
         self._plain = memoryview(len(message).to_bytes(4, "little") + message)
 
     def push(self, most: int = 1 << 30) -> int:
-        """Send up to about `most` bytes; returns how many have left. Raises Refused."""
+        """Send up to about `most` bytes; returns how many were sent. Raises HandshakeRefused."""
         left = 0
         try:
             if not self.up:
@@ -80,11 +80,11 @@ class Stream:
         except OSError as error:
             raise HandshakeRefused(error.strerror or "the connection broke") from None
         except SSL.Error as error:
-            raise HandshakeRefused(said(error)) from None
+            raise HandshakeRefused(reason_of(error)) from None
         return left
 
     def pull(self) -> list[bytes]:
-        """The messages that have come whole. Raises Refused when the stream has ended."""
+        """The complete messages received. Raises HandshakeRefused when the stream has ended."""
         try:
             data = self.socket.recv(_READ)
         except (BlockingIOError, InterruptedError):
@@ -104,16 +104,16 @@ class Stream:
         except SSL.ZeroReturnError:
             raise HandshakeRefused("the other end closed the connection") from None
         except SSL.Error as error:
-            self._last_words()
-            raise HandshakeRefused(said(error)) from None
+            self._send_rest()
+            raise HandshakeRefused(reason_of(error)) from None
         return self._messages()
 
     def close(self) -> None:
-        """Let go."""
+        """Shut the stream down, and close the socket."""
         with contextlib.suppress(SSL.Error):
             if self.up:
                 self._ssl.shutdown()
-        self._last_words()
+        self._send_rest()
         self.socket.close()
 
     def _handshake(self) -> None:
@@ -121,7 +121,7 @@ class Stream:
             self._ssl.do_handshake()
         except SSL.WantReadError:
             return
-        self.peer, self.name = shown_by(self._ssl)
+        self.peer, self.name = peer_identity(self._ssl)
         self.up = True
 
     def _drain(self) -> None:
@@ -129,7 +129,7 @@ class Stream:
             while True:
                 self._out += self._ssl.bio_read(_READ)
 
-    def _last_words(self) -> None:
+    def _send_rest(self) -> None:
         self._drain()
         with contextlib.suppress(OSError):
             self.socket.send(self._out)

@@ -11,7 +11,7 @@ from cohelm.core.errors import CohelmError
 
 Address = tuple[Any, ...]
 PORT = 7660
-"""UDP for what must be fresh, TCP for what must be complete."""
+"""UDP for messages that must be fresh, TCP for those that must be complete."""
 _EXPEDITED = 0xB8  # DSCP EF: before bulk, where a router cares (RFC 3246)
 _LARGEST = 2048
 
@@ -39,7 +39,7 @@ def resolved(host: str, port: int, kind: socket.SocketKind) -> tuple[int, Addres
 
 
 def opened(family: int, bind: Address | None = None, shared: bool = False) -> socket.socket:
-    """A socket that never blocks, and keeps few datagrams: what waits is old.
+    """A socket that never blocks, and buffers few datagrams: those that wait are old.
 
     shared: others may be bound to the same address; a connected one gets its peer's datagrams.
     """
@@ -48,7 +48,7 @@ def opened(family: int, bind: Address | None = None, shared: bool = False) -> so
     if shared:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)
-    with contextlib.suppress(OSError):  # a wish, which some systems do not know
+    with contextlib.suppress(OSError):  # optional: some systems do not support it
         if family == socket.AF_INET6:
             made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_TCLASS, _EXPEDITED)
         else:
@@ -66,7 +66,7 @@ def opened(family: int, bind: Address | None = None, shared: bool = False) -> so
 
 
 def receive(sock: socket.socket, most: int) -> list[tuple[bytes, Address]]:
-    """Up to `most` datagrams that wait."""
+    """Up to `most` waiting datagrams."""
     came: list[tuple[bytes, Address]] = []
     for _ in range(most):
         try:
@@ -74,12 +74,12 @@ def receive(sock: socket.socket, most: int) -> list[tuple[bytes, Address]]:
         except (BlockingIOError, InterruptedError):
             break
         except OSError:
-            continue  # an ICMP message: "nobody there", which anybody can forge
+            continue  # an ICMP message: "port unreachable", which anyone can forge
     return came
 
 
 def send(sock: socket.socket, datagrams: list[bytes], to: Address | None = None) -> None:
-    """Send, or lose: a datagram that can not leave now is not worth waiting for."""
+    """Send, or drop: a datagram that can not be sent now is not worth waiting for."""
     for datagram in datagrams:
         with contextlib.suppress(OSError):
             if to is None:
@@ -106,11 +106,11 @@ class Waker:
             self._write.send(b"!")
 
     def drain(self) -> None:
-        """Awake: what woke it is taken."""
+        """Clear the wake-up."""
         with contextlib.suppress(OSError):
             self._read.recv(4096)
 
     def close(self) -> None:
-        """Let go."""
+        """Close both sockets."""
         self._read.close()
         self._write.close()

@@ -1,4 +1,4 @@
-"""The bytes of every message (docs/link.md)."""
+"""Binary encoding of every message (docs/link.md)."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ class Header(NamedTuple):
     """In front of every message."""
 
     session: Huge
-    """Drawn when the sender started; a new one means that it knows nothing of the old."""
+    """Random number drawn when the sender started; a new one means that its state is lost."""
     sequence: Long
     """Counts up by one with each message of a session."""
     stamp: Time
     """The sender's clock when it was sent [s]."""
     echo: Annotated[float, reported("d")]
-    """Stamp of the newest message the sender has had from the other end; NaN: none yet."""
+    """Stamp of the newest message that the sender has received; NaN: none yet."""
     hold: float
-    """How long ago it came [s]; NaN with it."""
+    """Time since it was received [s]; NaN with it."""
 
 
 _UP: Mapping[int, type[Any]] = {1: Command, 2: Waypoints, 4: Fetch}
@@ -63,12 +63,12 @@ _LAYOUTS: Mapping[int, tuple[type[Any], WireField[Any]]] = {
 _HEADER: WireField[Header] = layout(Header)
 _KINDS = {of: kind for kind, (of, _) in _LAYOUTS.items()}
 DATAGRAMS = (Command, Status, ScanPart, Discs)
-"""What travels as datagrams."""
+"""Messages sent as datagrams."""
 _DATAGRAM_KINDS = frozenset(_KINDS[of] for of in DATAGRAMS)
 
 
 def encode(header: Header, message: Message) -> bytes:
-    """The bytes of a message. ValueError for a number that has no place in it."""
+    """The bytes of a message. ValueError for a number that can not be encoded."""
     kind = _KINDS[type(message)]
     into = bytearray((VERSION, kind))
     _HEADER.write(into, header)
@@ -77,14 +77,14 @@ def encode(header: Header, message: Message) -> bytes:
 
 
 def from_operator(data: bytes, bulk: bool = False) -> tuple[Header, FromOperator]:
-    """What an operator sent. Malformed for anything else, and nothing else is raised."""
+    """Decode a message of an operator. Raises Malformed for anything else, and nothing else."""
     return _decoded(data, up=True, bulk=bulk)
 
 
 def may_stop(data: bytes) -> bool:
-    """Whether a datagram looks like a command with a stop in it: cheap, for those who say too much.
+    """Whether a datagram looks like a command with a stop in it: a cheap test for rate limiting.
 
-    It may be wrong about what is no command; `from_operator` has the last word.
+    It may be wrong about what is no command; `from_operator` decides.
     """
     if len(data) < _REQUESTS_AT or data[0] != VERSION or data[1] != 1:
         return False
@@ -93,12 +93,12 @@ def may_stop(data: bytes) -> bool:
 
 
 def from_robot(data: bytes, bulk: bool = False) -> tuple[Header, FromRobot]:
-    """What a robot sent. Malformed for anything else, and nothing else is raised."""
+    """Decode a message of a robot. Raises Malformed for anything else, and nothing else."""
     return _decoded(data, up=False, bulk=bulk)
 
 
 def largest(of: type[Any]) -> int:
-    """Bytes that a message of this type takes at most."""
+    """Largest number of bytes of a message of this type."""
     return 2 + _HEADER.most + _LAYOUTS[_KINDS[of]][1].most
 
 

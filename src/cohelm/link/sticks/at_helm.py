@@ -24,27 +24,27 @@ def drive(
     until: Callable[[], bool] = lambda: False,
 ) -> None:  # fmt: skip
     """Until the stick is over, `until` says so, or Ctrl-C."""
-    told = _Sayer(say)
+    reporter = _Reporter(say)
     try:
         with StationEnd(keys, *to) as end, StationBulk(keys, *to, end.session) as bulk:
             say(f"{device.name}{' with force feedback' if device.force else ''}, to {to[0]}")
             limits = _limits(bulk)
-            driven, asked = False, 0
+            driven, taking = False, 0
             helm = Helm(end, device, limits, k_s)
-            following = time.monotonic()
+            next_turn = time.monotonic()
             while not until():
                 reading = helm.turn(time.monotonic())
                 status = end.status()
                 if status is not None and not driven:
                     lease = status.status.lease
                     driven = lease.driver == lease.you
-                    if not asked or (lease.driver == 0 and end.answer(asked)):  # it was lost
-                        asked = end.ask(Ask.TAKE)
-                told.changes(end, status, reading)
+                    if not taking or (lease.driver == 0 and end.answer(taking)):  # it was lost
+                        taking = end.ask(Ask.TAKE)
+                reporter.changes(end, status, reading)
                 if not reading.valid:
                     break  # a stick that is gone does not come back to this process
-                following = max(following + PERIOD, time.monotonic())
-                time.sleep(max(0.0, following - time.monotonic()))
+                next_turn = max(next_turn + PERIOD, time.monotonic())
+                time.sleep(max(0.0, next_turn - time.monotonic()))
             end.steer(CENTRED, False, False, device.kind)
             time.sleep(2.0 * PERIOD)  # so that the robot hears that the stick is gone
     finally:
@@ -62,30 +62,30 @@ def _limits(bulk: StationBulk) -> SpeedLimits:
     return _UNKNOWN
 
 
-class _Sayer:
+class _Reporter:
     """Says what has changed, once."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._last: dict[str, str] = {}
 
-    def changes(self, end: StationEnd, told: ReceivedStatus | None, reading: Reading) -> None:
+    def changes(self, end: StationEnd, received: ReceivedStatus | None, reading: Reading) -> None:
         """Compare with what was said last."""
         state = end.state()
-        self._tell("link", "linked" if state.connected else f"no link: {state.why}")
-        self._tell("stick", "" if reading.valid else reading.why)
-        if told is None:
+        self._report("link", "linked" if state.connected else f"no link: {state.why}")
+        self._report("stick", "" if reading.valid else reading.why)
+        if received is None:
             return
-        status = told.status
+        status = received.status
         mine = status.lease.driver == status.lease.you
-        self._tell(
+        self._report(
             "lease", "you drive" if mine else f"{status.lease.driver_name or 'nobody'} drives"
         )
-        self._tell("mode", f"mode: {status.mode.name.lower()}")
-        self._tell("stop", f"stopped: {status.stopped}" if status.stopped else "")
-        self._tell("arming", f"stick: {status.arming.name.lower()}" if mine else "")
+        self._report("mode", f"mode: {status.mode.name.lower()}")
+        self._report("stop", f"stopped: {status.stopped}" if status.stopped else "")
+        self._report("arming", f"stick: {status.arming.name.lower()}" if mine else "")
 
-    def _tell(self, what: str, text: str) -> None:
+    def _report(self, what: str, text: str) -> None:
         if self._last.get(what, "") != text and text:
             self._say(text)
         self._last[what] = text

@@ -27,7 +27,7 @@ from cohelm.link.udp import resolved
 SCHEME = "brunner://"
 _STRONGEST = 10_000
 _PATIENCE = 2.0  # for the first answer [s]
-_AGAIN = 0.02  # [s]; asked this often while nothing is to be felt
+_POLL = 0.02  # [s]; asked this often while nothing is to be felt
 _SHORTEST = 0.002  # between two positions that a rate is made from [s]
 _SMOOTHING = 0.02  # of the rate [s]
 _LAST = 3  # requests without force at the end, for one may be lost
@@ -149,7 +149,7 @@ class BrunnerStick:
         self._stick, self._rate = CENTRED, CENTRED
         self._swings = Swings()
         self._feel, self._now = NOTHING, NO_FORCE
-        self._seen = self._asked = self._questioned = clock()
+        self._seen = self._requested = self._unanswered = clock()
         self._answered = True
         if not self._await(_PATIENCE):
             self._line.close()
@@ -161,7 +161,7 @@ class BrunnerStick:
         if not self._why:
             now = self._clock()
             self._look(now)
-            if not self._why and now - self._asked >= _AGAIN:
+            if not self._why and now - self._requested >= _POLL:
                 self._ask(now)
         if self._why:
             return Reading(CENTRED, False, f"{self.name}: {self._why}", ())
@@ -193,19 +193,19 @@ class BrunnerStick:
         end = self._clock() + patience
         while self._clock() < end:
             self._line.ask(Forces(0, 0), self._clock())
-            self._wait(_AGAIN)
+            self._wait(_POLL)
             now = self._clock()
             if answers := self._line.answers(now):
                 self._take(answers[-1], now)
                 self._rate, self._answered = CENTRED, True
-                self._asked = now
+                self._requested = now
                 return True
         return False
 
     def _look(self, now: float) -> None:
         """Take what came; know when it is gone."""
         silence = self._params.silence
-        if now - self._asked > silence:  # this process did not ask
+        if now - self._requested > silence:  # this process did not ask
             if not self._await(silence):
                 self._let_go(self._silent())
             return
@@ -216,7 +216,7 @@ class BrunnerStick:
             self._let_go(
                 "it swings by itself: give it less force, more damping or a faster network"
             )
-        elif not self._answered and now - self._questioned > silence:
+        elif not self._answered and now - self._unanswered > silence:
             self._let_go(self._silent())
 
     def _take(self, answer: StickPositions, now: float) -> None:
@@ -235,11 +235,11 @@ class BrunnerStick:
 
     def _ask(self, now: float) -> None:
         """Tell the force that is due now, and ask where the stick is."""
-        wish = wanted(self._stick, self._rate, self._feel, self._rules.damping)
-        self._now = changed(self._now, wish, now - self._seen, now - self._asked, self._rules)
+        target = wanted(self._stick, self._rate, self._feel, self._rules.damping)
+        self._now = changed(self._now, target, now - self._seen, now - self._requested, self._rules)
         if self._answered:  # this is the first one since then
-            self._answered, self._questioned = False, now
-        self._asked = now
+            self._answered, self._unanswered = False, now
+        self._requested = now
         elevator, aileron = self._params.force
         self._line.ask(
             Forces(

@@ -75,13 +75,13 @@ class Cls2SimLine:
         with contextlib.suppress(OSError):  # no route now; there may be one later
             self._socket.connect(address)
         self._patience = patience
-        self._asked: deque[float] = deque()
+        self._pending: deque[float] = deque()
         self.refused = 0
         """Datagrams that were no answers of low-level control."""
 
     def ask(self, forces: Forces, now: float) -> None:
         """Send a request. now: a steady clock [s]."""
-        self._asked.append(now)
+        self._pending.append(now)
         with contextlib.suppress(OSError):  # full, no route, nobody there: no answer tells it
             self._socket.send(request(forces))
 
@@ -91,12 +91,12 @@ class Cls2SimLine:
         with contextlib.suppress(ValueError):  # closed
             for data, _ in receive(self._socket, _MOST):
                 found = positions(data)
-                while self._asked and now - self._asked[0] > self._patience:
-                    self._asked.popleft()
+                while self._pending and now - self._pending[0] > self._patience:
+                    self._pending.popleft()
                 if found is None:
                     self.refused += 1
-                elif self._asked:
-                    came.append(StickPositions(*found, now - self._asked.popleft()))
+                elif self._pending:
+                    came.append(StickPositions(*found, now - self._pending.popleft()))
         return came
 
     def close(self) -> None:

@@ -55,7 +55,7 @@ def wanted(stick: Stick, rate: Stick, feel: Feel, damping: float) -> Stick:
     )
 
 
-def changed(before: Force, wish: Stick, age: float, dt: float, rules: ForceRules) -> Force:
+def changed(before: Force, target: Stick, age: float, dt: float, rules: ForceRules) -> Force:
     """The force `dt` later. age: of the deflection that `wish` was made from [s]."""
     if not 0.0 <= dt <= rules.gap:
         return NO_FORCE
@@ -66,8 +66,8 @@ def changed(before: Force, wish: Stick, age: float, dt: float, rules: ForceRules
     most = rules.steepest * dt
     return Force(
         Stick(
-            before.share.x + _bounded(risen * known * wish.x - before.share.x, most),
-            before.share.psi + _bounded(risen * known * wish.psi - before.share.psi, most),
+            before.share.x + _bounded(risen * known * target.x - before.share.x, most),
+            before.share.psi + _bounded(risen * known * target.psi - before.share.psi, most),
         ),
         risen,
     )

@@ -38,36 +38,36 @@ class Helm:
     def turn(self, now: float) -> Reading:
         """Once. now: a steady clock [s]."""
         reading = self._device.read()
-        told = self._end.status()
+        last = self._end.status()
         for button in reading.pressed:
-            self._pressed(button, told)
+            self._pressed(button, last)
         # Armed by being seen centred, as the robot does it too: two ends, one rule.
         self._armed = reading.valid and (self._armed or is_centred(reading.stick))
         self._end.steer(reading.stick, reading.valid, self._armed, self._device.kind)
-        self._device.feel(self._felt(told, reading, now))
+        self._device.feel(self._cue(last, reading, now))
         return reading
 
-    def _felt(self, told: ReceivedStatus | None, reading: Reading, now: float) -> Feel:
+    def _cue(self, last: ReceivedStatus | None, reading: Reading, now: float) -> Feel:
         dt = now - self._last if now > self._last else 0.0
         self._last = now
         push = STILL
-        if told is not None and told.status.lease.you == told.status.lease.driver:
+        if last is not None and last.status.lease.you == last.status.lease.driver:
             speed, yaw_rate = self._limits
-            push = wanted(told.status.nominal, told.status.applied, speed, yaw_rate, self._rules)
-            push = faded(push, told.age, self._rules)
+            push = wanted(last.status.nominal, last.status.applied, speed, yaw_rate, self._rules)
+            push = faded(push, last.age, self._rules)
         self._push = damped(self._push, push, dt, self._rules)
         if not self._device.force:  # it shakes, and is not moved by that
             return Feel(self._spring, self._push)
         return Feel(self._spring, returning(self._push, reading.stick, self._spring))
 
-    def _pressed(self, button: Button, told: ReceivedStatus | None) -> None:
+    def _pressed(self, button: Button, last: ReceivedStatus | None) -> None:
         if button is Button.STOP:
             self._end.ask(Ask.STOP)
         elif button is Button.RESET:
             self._end.ask(Ask.RESET)
-        elif told is not None and button is Button.MODE:
-            shared = told.status.mode is Mode.SHARED
+        elif last is not None and button is Button.MODE:
+            shared = last.status.mode is Mode.SHARED
             self._end.ask(Ask.MODE, Mode.AUTOMATIC if shared else Mode.SHARED)
-        elif told is not None and button is Button.LEASE:
-            drives = told.status.lease.driver == told.status.lease.you
+        elif last is not None and button is Button.LEASE:
+            drives = last.status.lease.driver == last.status.lease.you
             self._end.ask(Ask.GIVE if drives else Ask.TAKE)
