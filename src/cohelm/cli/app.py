@@ -72,8 +72,8 @@ def main() -> None:
             where = str(error.filename or "what is printed, or compiled code (COHELM_CACHE_DIR),")
             full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
             mend = "free some space" if full else "choose a place you may write to"
-            said = f"{where} can not be written ({error.strerror}): {mend}"
-            say(f"[bold red]error:[/bold red] {plain(said)}")
+            problem = f"{where} can not be written ({error.strerror}): {mend}"
+            say(f"[bold red]error:[/bold red] {plain(problem)}")
         sys.exit(1)
     finally:
         settled()

@@ -140,7 +140,7 @@ def calibrate(
         written.write_text(text, encoding="utf-8")
         result["pictures"] = [str(one) for one in pictures(out, driven, answered, placed)]
         before.write_text(json.dumps(result, indent=2, allow_nan=False), encoding="utf-8")
-    except OSError as error:  # what was driven for is told all the same
+    except OSError as error:  # the result is printed all the same
         unwritten = f"{out} can not be written ({error.strerror}): what was measured stands above"
     if as_json:
         print_json(result)

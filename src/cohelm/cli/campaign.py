@@ -32,7 +32,7 @@ def campaign(
         typer.Argument(
             metavar="SUITE",
             help="lab, random, movers, barn, crowd, adversary, hands or heights; or the folder of "
-            "a campaign, to go on with it as it was asked for.",
+            "a campaign, to continue it with its own options.",
         ),
     ],
     law: Annotated[
@@ -108,9 +108,9 @@ def campaign(
         from cohelm.study import single
         from cohelm.study.campaign import report, runner
 
-        folder, plan = _asked(suite, law, compare, n, seed, data, plant, out)
+        folder, plan = _planned(suite, law, compare, n, seed, data, plant, out)
         jobs = _processors() if jobs is None else jobs
-        runner.check(plan, jobs)  # what is wrong is told before a folder is made
+        runner.check(plan, jobs)  # problems are reported before a folder is made
         folder = folder or single.fresh(f"campaign-{plan.suite}")
         try:
             made, rows = runner.run(plan, folder, jobs, cluster, bar)
@@ -129,7 +129,7 @@ def campaign(
         say(f"rows and report: {plain(str(page))}")
 
 
-def _asked(
+def _planned(
     suite: str, law: str | None, compare: str | None, n: int | None, seed: int,
     data: Path | None, plant: str | None, out: Path | None,
 ) -> tuple[Path | None, CampaignConfig]:  # fmt: skip
@@ -150,8 +150,8 @@ def _asked(
         return folder, runner.planned(kept)
     if law and compare:
         raise CohelmError("give either --law or --compare, not both")
-    asked = compare if compare is not None else "guard" if law is None else law
-    laws = tuple(part.strip() for part in asked.split(","))
+    chosen = compare if compare is not None else "guard" if law is None else law
+    laws = tuple(part.strip() for part in chosen.split(","))
     return out, runner.CampaignConfig(suite, laws, seed, n, data, plant)  # pyright: ignore[reportArgumentType]
 
 

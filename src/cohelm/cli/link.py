@@ -11,7 +11,7 @@ from cohelm.cli.app import app, examples
 from cohelm.cli.tell import Json, plain, print_json, print_table, say
 
 pair = typer.Typer(
-    help="Who may drive: keys of robots and stations.",
+    help="Pair stations with robots: keys that allow to drive.",
     no_args_is_help=True,
 )
 app.add_typer(pair, name="pair")

@@ -36,10 +36,10 @@ Host = Annotated[
     str,
     typer.Option(
         metavar="ADDRESS",
-        help="Where to listen. Anything but loopback wants --tls as well.",
+        help="Address to listen on. Any but loopback needs --tls as well.",
     ),
 ]
-_LAST_WORDS = 1.0  # pages are told four times a second how the link is [s]
+_LAST_WORDS = 1.0  # pages get the quality of the link four times a second [s]
 Tls = Annotated[bool, typer.Option("--tls", help="HTTPS, with a certificate made here.")]
 Certificate = Annotated[
     Path | None,
@@ -173,8 +173,8 @@ def drive(
         on_ros(ros2, topics, transport, url, lock_timeout, masks_from),
         chart, keep_out, speed_zones,
     )  # fmt: skip
-    if not ros2:  # that is looked for once
-        map_and_zones(options, robot_factory(options))  # what can not be used is told at once,
+    if not ros2:  # a ROS 2 robot is looked for once
+        map_and_zones(options, robot_factory(options))  # problems are reported at once,
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
     door, view = TeleopConfig(of_robot, "127.0.0.1", 0, records), live(foxglove, foxglove_teleop)
@@ -263,7 +263,7 @@ def serve(
     connect: Connect, host: str, port: int, files: tuple[Path, Path] | None,
     afterwards: Callable[[Callable[[], None]], None] = lambda _: None,
 ) -> None:  # fmt: skip
-    """Serve the page, and say where it is. afterwards: told what to call when all is over."""
+    """Serve the page, and print its address. afterwards: registers what to call at the end."""
     import time
 
     from cohelm.station.serve import Server

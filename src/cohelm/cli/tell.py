@@ -114,7 +114,7 @@ class Starting:
         self._thread.join(1.0)
 
     def _show(self) -> None:
-        """The line, until it is over: on a terminal it moves, elsewhere it is said now and then."""
+        """Show the line until it is over: on a terminal it moves, elsewhere it is repeated."""
         screen = console(stderr=True)
         if screen.is_terminal:
             with screen.status("") as line:

@@ -71,14 +71,13 @@ def typed(fd: int, reset: Callable[[], None], say: Callable[[str], None]) -> Gen
 
 @contextmanager
 def shown(session: Session, reset: ResetHere, topic: str) -> Generator[None]:
-    """What the gate does, as it happens, and on a terminal a line that lives as long as the drive;
-    from a thread of its own. On a terminal a person may type. topic: on which a reset is asked for
-    besides; empty: on none."""
+    """Print state changes of the gate, and on a terminal a status line, during the drive; from a
+    thread of its own. On a terminal a person may type. topic: of reset requests; empty: none."""
     screen = console(stderr=True)
     over, fd = threading.Event(), _terminal()
 
     def show() -> None:
-        last, told, warned = "", False, set[int]()
+        last, was_stopped, warned = "", False, set[int]()
         with screen.status("") if screen.is_terminal else nullcontext() as status:
             shows = session.live is not None
             while not over.wait(0.5):
@@ -93,9 +92,9 @@ def shown(session: Session, reset: ResetHere, topic: str) -> Generator[None]:
                 if (words := _NUMBERS.sub("", now)) != last:
                     last = words
                     say(plain(now))
-                if session.stopped and not told:
+                if session.stopped and not was_stopped:
                     say(_cure(fd >= 0, topic))
-                told = session.stopped
+                was_stopped = session.stopped
                 if status is not None:
                     status.update(plain(session.line()))
 

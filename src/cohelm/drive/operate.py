@@ -103,17 +103,17 @@ def robot_factory(options: DriveOptions) -> RobotFactory:
 def map_and_zones(
     options: DriveOptions, made: RobotFactory, masks: Sequence[FilterMask] = ()
 ) -> tuple[LocalizationMap | None, Zones | None]:
-    """The map and zones that were named. CohelmError where a file or mask can not be used, or where
-    both tell of zones of one kind."""
+    """The selected map and zones. Raises CohelmError if a file or mask can not be used, or if both
+    define zones of one kind."""
     chart = None if options.chart is None else mapped(options.chart, made.start)
     files = read_zones(options.keep_out, options.speed_zones, made.start) or Zones()
-    told = masked(masks) or Zones()
-    for option, one, other in zip(("--keep-out", "--speed-zones"), files, told, strict=True):
+    mask_zones = masked(masks) or Zones()
+    for option, one, other in zip(("--keep-out", "--speed-zones"), files, mask_zones, strict=True):
         if one is not None and other is not None:
             raise CohelmError(
                 f"{option} and --masks-from define the same zones: leave one of them out"
             )
-    zones = Zones(files.keep_out or told.keep_out, files.slow or told.slow)
+    zones = Zones(files.keep_out or mask_zones.keep_out, files.slow or mask_zones.slow)
     return chart, None if zones == Zones() else zones
 
 
@@ -153,8 +153,8 @@ def _on_ros2(where: Ros2Config, site: str, model: str | None, changes: list[str]
         allowed = Allowed(lock_silence=where.lock_silence)
         found = look(transport, described, named, allowed, way=way)
         camera, note = choose(named.camera, transport.endpoints())
-        told = (one for one in found.notes if not one.startswith("commands: "))  # of controllers
-        notes = tuple(by_topics(one) for one in (*told, note) if one)
+        kept = (one for one in found.notes if not one.startswith("commands: "))  # of controllers
+        notes = tuple(by_topics(one) for one in (*kept, note) if one)
         found = found._replace(camera=camera, notes=notes, by_key=True)
     except CohelmError as error:
         raise CohelmError(by_topics(str(error))) from error
@@ -164,7 +164,7 @@ def _on_ros2(where: Ros2Config, site: str, model: str | None, changes: list[str]
 
 
 def _is_robot(path: Path) -> bool:
-    """Whether a file describes a robot, not a scenario; what is neither is said when it is read."""
+    """Whether a file describes a robot, not a scenario; a file of neither fails when it is read."""
     if not path.is_file():
         return False
     try:
@@ -193,7 +193,7 @@ class ScenarioStick(Scripted):
 
 
 def mode_and_stick(made: RobotFactory, mode: str) -> tuple[Mode, ScenarioStick]:
-    """The mode to drive in, and who holds the stick. CohelmError for a mode there is not."""
+    """The mode to drive in, and the stick. Raises CohelmError for an unknown mode."""
     stick = made.scenario.stick
     present = not isinstance(stick, (StickNone, StickOperator))
     table = build.setup(made.scenario).recorded_stick if present else None
@@ -242,10 +242,10 @@ class End:
 
 @contextmanager
 def end_signals() -> Generator[End]:
-    """Ctrl-C, and being told to terminate: while a robot starts they end this process at once, even
-    in the middle of compiling; once it may move, see `End.handle_signals`, they are a request.
+    """Handle Ctrl-C and SIGTERM: while a robot starts they end this process at once, even in the
+    middle of compiling; once it may move, they request the end, see `End.handle_signals`.
 
-    Under `nohup`, which ignores the end of the terminal, the drive goes on without one.
+    Under `nohup`, which ignores the end of the terminal, the drive continues without one.
     """
     signals = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:

@@ -111,9 +111,9 @@ class OperatorRequests:
                 self._detour = line
                 self._operator.publish(line)
                 loop.log.show(line)
-        said = None if loop.readings is None else loop.readings.health
-        if said is not None:
-            health = HealthReport(round(said.battery, 2), said.faults)
+        reported = None if loop.readings is None else loop.readings.health
+        if reported is not None:
+            health = HealthReport(round(reported.battery, 2), reported.faults)
             if str(health) != str(self._health):  # a NaN is not itself
                 self._health = health
                 self._operator.publish(health)

@@ -52,8 +52,8 @@ class OutlineCheck:
             if why := no_room(dock, outline, surfaces, self._resolution):
                 unfit[number] = f"with the outline that it has now, {why}"
         docking.unfit = unfit
-        said = "; ".join(f"{docking.docks[i - 1].name}: {why}" for i, why in unfit.items())
-        _notice(loop, DOCKS, said and f"no docking at {said}")
+        text = "; ".join(f"{docking.docks[i - 1].name}: {why}" for i, why in unfit.items())
+        _notice(loop, DOCKS, text and f"no docking at {text}")
         pilot = loop.driver.pilot
         if pilot is None:
             return

@@ -63,8 +63,8 @@ def receive(end: socket.socket) -> Any:
     end."""
     try:
         data = end.recv(LARGEST)
-    except ConnectionResetError:  # who spoke is gone without having heard all that was said:
-        return None  # what they told before is still to come
+    except ConnectionResetError:  # the sender has closed without reading all its input;
+        return None  # its earlier messages are still to come
     if not data:
         raise EOFError
     return pickle.loads(data)
@@ -90,8 +90,8 @@ class Recording(EventSink):
 
 
 def _make(path: Path) -> None:
-    """The file, empty, so that what is wrong with its place is said at once, and its folder."""
-    with contextlib.suppress(OSError):  # what is wrong with it, opening the file says
+    """Create the empty file and its folder, so that a wrong path is reported at once."""
+    with contextlib.suppress(OSError):  # opening the file reports what is wrong
         path.parent.mkdir(parents=True, exist_ok=True)
     try:
         path.open("xb").close()
@@ -116,15 +116,15 @@ class Log:
             os.close(held)
 
     def __call__(self, event: Event) -> None:
-        """Write it down, at once."""
+        """Write the event at once."""
         mark = "!" if event.serious else " "
-        said = f"{event.stamp:10.3f} {mark} {event.who}: {event.text}\n".encode()
+        text = f"{event.stamp:10.3f} {mark} {event.who}: {event.text}\n".encode()
         try:
-            os.write(self._file, said)
+            os.write(self._file, text)
         except OSError:
             self._reserve.unlink(missing_ok=True)
             with contextlib.suppress(OSError):
-                os.write(self._file, said)
+                os.write(self._file, text)
 
     def close(self) -> None:
         """Nothing more happens."""

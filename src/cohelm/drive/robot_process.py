@@ -49,8 +49,8 @@ class RobotProcess:
         self.ready = threading.Event()
         """Set when the robot can be driven, at `host` and `port`."""
         self.over = ""
-        """Why the robot's process has ended without having been told to; empty: it has not."""
-        self._told = False
+        """Why the robot's process has ended without a request; empty: it has not."""
+        self._end_requested = False
         self._on_ready: Callable[[], None] | None = None
         self._turn = threading.Lock()
         self._then: Callable[[], None] = lambda: None
@@ -89,7 +89,7 @@ class RobotProcess:
         return self._process.pid or 0
 
     def afterwards(self, then: Callable[[], None]) -> None:
-        """What to do, in a thread, when the robot's process ends without having been told to."""
+        """Call `then`, in a thread, when the robot's process ends without a request."""
         self._then = then
         if self.over:
             then()
@@ -105,7 +105,7 @@ class RobotProcess:
 
     def close(self) -> None:
         """Tell the robot to stop and to end, and wait until it has."""
-        self._told = True
+        self._end_requested = True
         if not self.ready.is_set():
             self._process.kill()  # it does not drive yet, and need not be waited for
             self._watch.join()
@@ -129,14 +129,14 @@ class RobotProcess:
                 self.ready.set()
                 on_ready = self._on_ready
             if on_ready is not None:
-                on_ready()  # once: whoever asks from now on calls it itself
+                on_ready()  # once: a later caller calls it itself
         except CohelmError as error:
-            if not self._told:
+            if not self._end_requested:
                 self.over = str(error)
                 self._then()
             return
         wait([self._process.sentinel])
-        if not self._told:
+        if not self._end_requested:
             self.over = f"the robot's process has ended: {self._last_words()}"
             self._then()
 

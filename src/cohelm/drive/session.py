@@ -98,8 +98,8 @@ class Session:
     def __init__(
         self, plan: SessionConfig, operator: Operator | None = None, camera: Camera | None = None
     ) -> None:
-        """camera: gives the newest picture, told the robot's time; by default the robot's readings
-        do. Raises CohelmError where something can not be started; nothing is left running then."""
+        """camera: gives the newest picture at the robot's time; by default the robot's readings do.
+        Raises CohelmError if something can not be started; nothing is left running then."""
         self.plan, self._camera = plan, camera
         self.scheduling = SIMULATED_TIME
         self._priority_raised, self._niceness = False, os.getpriority(os.PRIO_PROCESS, 0)
@@ -149,7 +149,7 @@ class Session:
             if real_time:
                 ends = [None if one is None else one.gated for one in listeners]
                 self.gated = RemoteGatedRobot(robot, gate, *ends)
-            else:  # one process, one line: who listens hears loop and gate in the order they spoke
+            else:  # one process, one line: messages of loop and gate arrive in order
                 self.gated = LocalGatedRobot(robot(), gate, record, viewer=live)
             epoch = time.time_ns() - round(self.gated.now() * 1e9)
             for one in listeners:
@@ -278,9 +278,9 @@ class Session:
         loop, timing = self.loop, self.loop.timing.punctuality()
         gate, seen = loop.gated.gate, loop.seen
         where = f"at {seen.pose.x:.2f} {seen.pose.y:.2f}" if seen else "nowhere yet"
-        said = f"{loop.supervisor.mode.name} {gate.mode.name} {gate.reason} {where}"
+        state = f"{loop.supervisor.mode.name} {gate.mode.name} {gate.reason} {where}"
         return (
-            f"{said} | {timing.periods} periods, {100.0 * timing.within_2ms:.2f} % within 2 ms, "
+            f"{state} | {timing.periods} periods, {100.0 * timing.within_2ms:.2f} % within 2 ms, "
             f"worst {1e3 * timing.late_worst:.1f} ms, work {1e3 * timing.took_median:.1f} ms, "
             f"{timing.overruns} overruns"
         )

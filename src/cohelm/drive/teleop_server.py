@@ -45,8 +45,8 @@ def serve(
 ) -> dict[str, Any]:
     """Drive for operators over the link, until `over` returns a reason; returns the summary.
 
-    ready: told the address when the robot can be driven. topics: what a ROS 2 robot says besides.
-    Raises CohelmError where something can not be started.
+    ready: called with the address when the robot can be driven. topics: those of a ROS 2 robot.
+    Raises CohelmError if something can not be started.
     """
     on_loss = "goes on alone" if plan.loop.carry_on else "stops"
     admitted, live, own = config.keys, plan.live, None
@@ -76,18 +76,18 @@ def serve(
             )
             try:
                 ready(operator.address)
-                said = ""
+                reason = ""
 
                 def until(loop: Loop) -> bool:
-                    nonlocal said
+                    nonlocal reason
                     requests.turn(loop)
                     if topics is not None:
                         topics.turn(loop)
-                    said = over()
-                    return said != ""
+                    reason = over()
+                    return reason != ""
 
                 session.run(until)
-                session.end(said)
+                session.end(reason)
                 summary = session.summary()
             finally:
                 requests.close()

@@ -30,11 +30,11 @@ def drive_here(
 ) -> dict[str, Any]:  # fmt: skip
     """Drive; returns the summary.
 
-    seconds: end after so many. arrive: end when the route is done. topics: what a ROS 2 robot says
-    besides. dock: dock there instead, and end when that is over. reset: who asks for one. begun:
-    told the session; it drives within the context that is returned.
+    seconds: end after so many. arrive: end when the route is done. topics: those of a ROS 2 robot.
+    dock: dock there instead, and end when that is over. reset: its requests are served. begun:
+    called with the session, which drives within the returned context.
 
-    Raises CohelmError where something can not be started.
+    Raises CohelmError if something can not be started.
     """
     number = dock_of(plan, dock)
     with Session(plan, operator, None if topics is None else topics.camera) as session:
@@ -80,7 +80,7 @@ def drive_for_stations(
 ) -> dict[str, Any]:  # fmt: skip
     """Drive for paired stations; returns the summary. listen: HOST[:PORT].
 
-    seconds, topics: as above. begun: told the address. Raises CohelmError as above.
+    seconds, topics: as above. begun: called with the address. Raises CohelmError as above.
     """
     host, port = address(listen, PORT)
 

@@ -77,8 +77,8 @@ class RecordWriter:
     def period(
         self, row: NDArray[np.void], h: Floats = NO_H, discs: Floats = NO_DISCS, beside: bool = True
     ) -> None:
-        """One period: a row of ROW, shape (), of a run with h_i and the discs. beside: whether what
-        it says is said in ROS 2's own messages too."""
+        """One period: a row of ROW, shape (), of a run with h_i and the discs. beside: whether
+        to write standard ROS 2 messages too."""
         self._topics.period(row, h, discs, beside)
 
     def stopped(self, by: str) -> None:

@@ -78,13 +78,13 @@ def attachment(path: Path, name: str) -> bytes | None:
 
 
 def decoder(schema: Schema, path: Path) -> Callable[[bytes], Any]:
-    """From bytes to messages, by a definition in the file. CohelmError where it can not be read."""
+    """Decoder of messages, by a definition in the file. CohelmError if that can not be read."""
     store = get_typestore(Stores.EMPTY)
     try:
         store.register(get_types_from_msg(schema.data.decode(), schema.name))
     except (TypesysError, UnicodeDecodeError) as error:
-        said = f"{path}: the definition of {schema.name} in it can not be read ({error})"
-        raise CohelmError(f"{said}: record it again") from error
+        problem = f"{path}: the definition of {schema.name} in it can not be read ({error})"
+        raise CohelmError(f"{problem}: record it again") from error
 
     def decode(data: bytes) -> object:
         try:

@@ -23,10 +23,10 @@ from cohelm.record.file import METADATA, SCENARIO, STOPPED
 from cohelm.record.messages import decoder, records
 from cohelm.record.topics import scan_topic
 
-Heed = Callable[[str, float, Any], None]
+Handle = Callable[[str, float, Any], None]
 
 
-def _unheeded(_topic: str, _t: float, _message: Any) -> None:
+def _ignore(_topic: str, _t: float, _message: Any) -> None:
     pass
 
 
@@ -105,7 +105,7 @@ def read_record(path: str | Path) -> Record:
     events: list[tuple[float, str]] = []
     prefix = scan_topic("")
 
-    def heed(topic: str, t: float, m: Any) -> None:
+    def handle(topic: str, t: float, m: Any) -> None:
         if topic == "/rosout":
             events.append((t, f"{m.name}: {m.msg}"))
             return
@@ -113,7 +113,7 @@ def read_record(path: str | Path) -> Record:
         of = scans if topic == "/scan" else further.setdefault(name, [])
         of.append((t, np.asarray(m.ranges, dtype=np.float64)))
 
-    found = periods(Path(path), ("/scan", prefix + "*", "/rosout"), heed)
+    found = periods(Path(path), ("/scan", prefix + "*", "/rosout"), handle)
     names = found.rows.dtype.names or ()
     table = {name: np.ascontiguousarray(found.rows[name]) for name in names}
     return Record(found.kind, table, scans, events, found.scenario, further)
@@ -151,12 +151,12 @@ def read(path: Path) -> Trace:
     return trace
 
 
-def periods(path: Path, topics: Sequence[str] = (), heed: Heed = _unheeded) -> RecordedPeriods:
-    """All control periods up to the end of the data, or to where it is damaged. heed: is told
-    topic, time on the clock of the periods' `t` [s] and message of all on `topics`, as they come;
+def periods(path: Path, topics: Sequence[str] = (), handle: Handle = _ignore) -> RecordedPeriods:
+    """All control periods up to the end of the data, or to where it is damaged. handle: called
+    with topic, time on the clock of the periods' `t` [s] and message for all on `topics`, in order;
     a `*` in a topic stands for anything.
 
-    Raises CohelmError where there is no such file, it is no record of cohelm or one by another
+    Raises CohelmError if there is no such file, it is no record of cohelm or one by another
     version, or has no period.
     """
     found, library, damage = RecordedPeriods({}), "", list[str]()
@@ -182,7 +182,7 @@ def periods(path: Path, topics: Sequence[str] = (), heed: Heed = _unheeded) -> R
             case Message() if record.channel_id in names:
                 topic, decode = names[record.channel_id], decoders[record.channel_id]
                 if topic != period.TOPIC:
-                    heed(topic, 1e-9 * (record.log_time - found.epoch), decode(record.data))
+                    handle(topic, 1e-9 * (record.log_time - found.epoch), decode(record.data))
                 elif record.sequence == len(found.periods):
                     found.periods.append(decode(record.data))
                 else:

@@ -50,8 +50,8 @@ TOPICS = {
     "/scene": "visualization_msgs/msg/MarkerArray",
     **shown.TOPICS,
 }
-"""Every topic, with its type. `/cmd_vel` is what the wheels try, `/cmd_vel_safe` what the law asked
-for; `/joy` has axes fore-aft and left-right; `/scene` holds the robot's outline and a run's walls.
+"""Every topic, with its type. `/cmd_vel` is the command at the wheels, `/cmd_vel_safe` the law's;
+`/joy` has axes fore-aft and left-right; `/scene` holds the robot's outline and a run's walls.
 """
 
 LASTING = frozenset({"/tf_static", "/scene", *shown.TOPICS}) - {"/obstacles"}
@@ -125,9 +125,9 @@ class RecordTopics:
         self, epoch: int, put: Callable[[str, bytes, int, int | None], None],
         robot: RobotModel | None = None, wanted: Callable[[str], bool] = lambda _: True,
     ) -> None:  # fmt: skip
-        """epoch: time stamp of t = 0 [ns]. put: told topic, message (CDR), stamp [ns], and the
-        number of a scan or picture. robot: whose drive it is. wanted: whether a topic's messages
-        are to be made; it is asked for each."""
+        """epoch: time stamp of t = 0 [ns]. put: called with topic, message (CDR), stamp [ns],
+        and the number of a scan or picture. robot: of a drive. wanted: whether to make messages of
+        a topic; called for each."""
         self._epoch, self._put, self._wanted = epoch, put, wanted
         self._lidars, self._robot = _lidars(robot), robot
         self._periods = 0
@@ -135,7 +135,7 @@ class RecordTopics:
         self._types = _types(robot)
 
     def begin(self, outline: Floats | None = None, walls: Floats = NO_WALLS) -> None:
-        """What is said once. outline: (k, 2) of a run's robot, body frame; walls: (s, 4)."""
+        """Write constant messages. outline: (k, 2) of a run's robot, body frame; walls: (s, 4)."""
         mounts = [
             self._frame(0.0, BASE, one.frame, one.model.lidar().mount)
             for one in self._lidars.values()
@@ -175,8 +175,8 @@ class RecordTopics:
     def period(
         self, row: NDArray[np.void], h: Floats = NO_H, discs: Floats = NO_DISCS, beside: bool = True
     ) -> None:
-        """One period: a row of ROW, shape (), of a run with h_i and the discs. beside: whether what
-        it says is said in ROS 2's own messages too."""
+        """One period: a row of ROW, shape (), of a run with h_i and the discs. beside: whether
+        to write standard ROS 2 messages too."""
         t = float(row["t"])
         self._say(t, period.TOPIC, period.message(row.tolist(), h, discs), self._periods)
         self._periods += 1

@@ -113,4 +113,4 @@ class ReplayLink(Protocol):
 
 
 Connect = Callable[[str], RobotLink]
-"""Makes the link of one operator, who goes by this name."""
+"""Makes the link of an operator with this name."""
