@@ -43,8 +43,14 @@ def allowed(schema: Json, whole: Json) -> str:
     return WORDS.get(form.get("type", ""), "")
 
 
-def keys(model: Json, above: str, whole: Json, unit: bool = False) -> Iterator[str]:
-    """One table row for every key of a model and of the models below it."""
+def keys(
+    model: Json, above: str, whole: Json, unit: bool = False, listed: dict[str, str] | None = None
+) -> Iterator[str]:
+    """One table row for every key of a model and of the models below it.
+
+    listed: models whose keys stand in the table already, and under which key; they are named once.
+    """
+    listed = {} if listed is None else listed
     for name, schema in model["properties"].items():
         key, default = f"{above}{name}", schema.get("default")
         plain = default is not None and not isinstance(default, dict | list) and default != ""
@@ -61,7 +67,12 @@ def keys(model: Json, above: str, whole: Json, unit: bool = False) -> Iterator[s
         below = form if "properties" in form else items
         if "properties" in below:
             prefix = f"{key}.N." if below is items else f"{key}."
-            yield from keys(below, prefix, whole, unit)
+            if below["title"] in listed:
+                empty = " |" * (len(cells) - 2)
+                yield f"| `{prefix}…` |{empty} As of `{listed[below['title']]}`. |"
+                continue
+            listed[below["title"]] = key
+            yield from keys(below, prefix, whole, unit, listed)
 
 
 def robot() -> list[str]:
