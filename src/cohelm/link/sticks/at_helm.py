@@ -1,4 +1,4 @@
-"""The life of `cohelm stick`: connect, take the lease, pass the stick on, and say what happens."""
+"""Main loop of `cohelm stick`: connect, take the lease, forward the stick, and report changes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cohelm.link.sticks.helm import Helm, SpeedLimits
 from cohelm.link.sticks.port import Reading, StickDevice
 
 PERIOD = 0.01
-"""[s]; the hand feels more than 50 Hz, and the link sends the newest."""
+"""[s]; a hand feels more than 50 Hz, and the link sends the newest reading."""
 _UNKNOWN = SpeedLimits(1.0, 1.0)
 
 
@@ -23,7 +23,7 @@ def drive(
     device: StickDevice, keys: Keys, to: tuple[str, int], k_s: float, say: Callable[[str], None],
     until: Callable[[], bool] = lambda: False,
 ) -> None:  # fmt: skip
-    """Until the stick is over, `until` says so, or Ctrl-C."""
+    """Run until the stick ends, `until` returns true, or Ctrl-C."""
     reporter = _Reporter(say)
     try:
         with StationEnd(keys, *to) as end, StationBulk(keys, *to, end.session) as bulk:
@@ -46,13 +46,13 @@ def drive(
                 next_turn = max(next_turn + PERIOD, time.monotonic())
                 time.sleep(max(0.0, next_turn - time.monotonic()))
             end.steer(CENTRED, False, False, device.kind)
-            time.sleep(2.0 * PERIOD)  # so that the robot hears that the stick is gone
+            time.sleep(2.0 * PERIOD)  # so that the robot receives that the stick is gone
     finally:
         device.close()
 
 
 def _limits(bulk: StationBulk) -> SpeedLimits:
-    """What the robot says of itself; it is the first thing it says."""
+    """The robot's largest speeds, from its first message."""
     end = time.monotonic() + 2.0
     while time.monotonic() < end:
         for message in bulk.news():
@@ -63,14 +63,14 @@ def _limits(bulk: StationBulk) -> SpeedLimits:
 
 
 class _Reporter:
-    """Says what has changed, once."""
+    """Reports each change once."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._last: dict[str, str] = {}
 
     def changes(self, end: StationEnd, received: ReceivedStatus | None, reading: Reading) -> None:
-        """Compare with what was said last."""
+        """Report what differs from the last report."""
         state = end.state()
         self._report("link", "linked" if state.connected else f"no link: {state.why}")
         self._report("stick", "" if reading.valid else reading.why)

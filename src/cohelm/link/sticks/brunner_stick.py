@@ -1,10 +1,10 @@
 """Brunner's force sticks (CLS-E, CLS-P), through CLS2Sim on the network.
 
-The device has no spring of its own there: it pushes with the force it was told last, so the
-spring is made here, 100 times a second, from where the stick was seen last. Which way a positive
-force pushes, in which unit, and what becomes of the last force when nobody tells a new one, its
-documentation does not say. So how hard it may push has no default, `trial.py` finds the signs,
-and `force_watchdog.py` takes the force away when this process dies or hangs.
+The device has no spring of its own there: it holds the last force it received, so the spring is
+computed here, 100 times a second, from the last known position. Its documentation does not specify
+the sign and unit of a force, nor what becomes of the last force when no new one follows. So the
+largest force has no default, `trial.py` finds the signs, and `force_watchdog.py` removes the force
+when this process dies or hangs.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from cohelm.link.udp import resolved
 SCHEME = "brunner://"
 _STRONGEST = 10_000
 _PATIENCE = 2.0  # for the first answer [s]
-_POLL = 0.02  # [s]; asked this often while nothing is to be felt
-_SHORTEST = 0.002  # between two positions that a rate is made from [s]
+_POLL = 0.02  # period of requests while no force is due [s]
+_SHORTEST = 0.002  # shortest time between two positions for a rate [s]
 _SMOOTHING = 0.02  # of the rate [s]
-_LAST = 3  # requests without force at the end, for one may be lost
+_LAST = 3  # requests without force at the end, as one may be lost
 _APART = 0.005  # [s]
 
 
 class BrunnerParams(NamedTuple):
-    """Where CLS2Sim is, and what its documentation leaves open."""
+    """Address of CLS2Sim, and what its documentation leaves open."""
 
     host: str
     port: int
@@ -53,7 +53,7 @@ class BrunnerParams(NamedTuple):
 
 
 class CLS2Sim(Protocol):
-    """What a stick needs of its `Cls2SimLine`."""
+    """The part of `Cls2SimLine` that a stick uses."""
 
     refused: int
 
@@ -62,30 +62,30 @@ class CLS2Sim(Protocol):
         ...
 
     def answers(self, now: float) -> list[StickPositions]:
-        """Those that came."""
+        """The answers received."""
         ...
 
     def close(self) -> None:
-        """Let go."""
+        """Close the socket."""
         ...
 
 
 class Watchdog(Protocol):
-    """What a stick needs of its `ForceWatchdog`."""
+    """The part of `ForceWatchdog` that a stick uses."""
 
     def beat(self) -> bool:
-        """The force is being made; whether the watchdog is there."""
+        """Send a heartbeat; whether the watchdog receives it."""
         ...
 
     def close(self) -> None:
-        """The end."""
+        """End the watchdog."""
         ...
 
 
 def parameters(text: str, pushes: bool = True) -> BrunnerParams:
-    """What `brunner://HOST[:PORT]?force=N,N&...` says. CohelmError for anything else.
+    """Parse `brunner://HOST[:PORT]?force=N,N&...`. CohelmError for anything else.
 
-    pushes: it has to say how hard; else it need not.
+    pushes: whether the force is required.
     """
     try:
         parts = urlsplit(text)
@@ -126,8 +126,8 @@ def parameters(text: str, pushes: bool = True) -> BrunnerParams:
 class BrunnerStick:
     """One stick, from the first answer to closing.
 
-    It waits for CLS2Sim where it is opened, closed, or was not read for longer than the silence
-    allowed: at most for two seconds, 50 ms, and that silence.
+    It blocks on CLS2Sim when it is opened, closed, or was not read for longer than `silence`: for
+    at most two seconds, 50 ms, and `silence`.
     """
 
     kind = Device.FORCE_STICK
@@ -157,7 +157,7 @@ class BrunnerStick:
         self._watchdog = watchdog or ForceWatchdog(numeric(params.host, params.port), params.port)
 
     def read(self) -> Reading:
-        """How it stands now."""
+        """The present state."""
         if not self._why:
             now = self._clock()
             self._look(now)
@@ -168,7 +168,7 @@ class BrunnerStick:
         return Reading(self._stick, True, "", ())
 
     def feel(self, feel: Feel) -> None:
-        """Make the force anew, from where the stick was seen last."""
+        """Compute and send the force, from the last known position."""
         self._feel = feel
         if not self._why:
             now = self._clock()
@@ -177,7 +177,7 @@ class BrunnerStick:
                 self._ask(now)
 
     def close(self) -> None:
-        """Take the force away, and let go. Takes 10 ms: one request may be lost."""
+        """Remove the force, and close. Takes 10 ms: one request may be lost."""
         if self._why != "it is closed":
             self._let_go("it is closed")
             for _ in range(_LAST - 1):
@@ -187,7 +187,7 @@ class BrunnerStick:
             self._watchdog.close()
 
     def _await(self, patience: float) -> bool:
-        """Ask, without force, until something answers [s]: where it stood before is forgotten."""
+        """Send requests without force until an answer arrives; forgets the previous position."""
         self._now = NO_FORCE
         self._line.answers(self._clock())
         end = self._clock() + patience
@@ -203,9 +203,9 @@ class BrunnerStick:
         return False
 
     def _look(self, now: float) -> None:
-        """Take what came; know when it is gone."""
+        """Take the answers received; detect that the stick is gone."""
         silence = self._params.silence
-        if now - self._requested > silence:  # this process did not ask
+        if now - self._requested > silence:  # this process sent no request
             if not self._await(silence):
                 self._let_go(self._silent())
             return
@@ -234,10 +234,10 @@ class BrunnerStick:
         self._stick, self._seen = stick, max(self._seen, seen)
 
     def _ask(self, now: float) -> None:
-        """Tell the force that is due now, and ask where the stick is."""
+        """Send the force that is due now, and request the position."""
         target = wanted(self._stick, self._rate, self._feel, self._rules.damping)
         self._now = changed(self._now, target, now - self._seen, now - self._requested, self._rules)
-        if self._answered:  # this is the first one since then
+        if self._answered:  # the first request since the last answer
             self._answered, self._unanswered = False, now
         self._requested = now
         elevator, aileron = self._params.force
@@ -266,7 +266,7 @@ class BrunnerStick:
 
 
 def _share(position: float, end: int) -> float:
-    """Deflection from a position in [0, 1]. end: which of both is +1."""
+    """Deflection from a position in [0, 1]. end: the position of +1."""
     return _sign(end) * (2.0 * position - 1.0)
 
 

@@ -1,4 +1,4 @@
-"""Which stick: by path, by number, by its place on the network, or the first there is."""
+"""Chooses the stick: by path, by number, by network address, or the first one found."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cohelm.link.sticks.port import StickDevice
 
 
 def listed() -> list[str]:
-    """What there is, a line each."""
+    """The sticks found here, a line each."""
     lines: list[str] = []
     for path in _evdev_paths():
         device = _evdev(path)
@@ -24,7 +24,7 @@ def listed() -> list[str]:
 
 
 def opened(device: str | None) -> StickDevice:
-    """The device asked for, or the first that is found. Raises CohelmError where there is none."""
+    """The device requested, or the first one found. Raises CohelmError where there is none."""
     if device is None:
         paths = _evdev_paths()
         if paths:

@@ -1,9 +1,9 @@
-"""What CLS2Sim is asked and answers in low-level control (once "external control"), over UDP.
+"""Client of CLS2Sim's low-level control (formerly "external control"), over UDP.
 
 CLS2Sim is the program of Brunner's force sticks. One request sets the force of every axis, and
-its answer holds where the axes stand (https://cls2sim.brunner-innovation.swiss/, "Remote
-interface", "Low level control"). Little-endian, 20 bytes each way, no number that says which
-answer belongs to which request.
+its answer holds the positions of the axes (https://cls2sim.brunner-innovation.swiss/, "Remote
+interface", "Low level control"). Little-endian, 20 bytes each way, without a number that assigns
+an answer to its request.
 """
 
 from __future__ import annotations
@@ -18,33 +18,33 @@ from typing import NamedTuple
 from cohelm.link.udp import opened, receive, resolved
 
 PORT = 15090
-"""CLS2Sim's own default."""
+"""CLS2Sim's default port."""
 COMMAND = 0xAF
 """Low-level control of one seat."""
 _REQUEST = struct.Struct("<i4i")
 _ANSWER = struct.Struct("<i4f")
-_ROUNDING = 1e-4  # a position this little beyond 0 ... 1 is cut: it is a float of 4 bytes
-_MOST = 64  # datagrams looked at in one go
+_ROUNDING = 1e-4  # positions beyond 0 ... 1 by at most this are clipped: floats of 4 bytes
+_MOST = 64  # datagrams received at once
 
 
 class Forces(NamedTuple):
-    """What the axes are to push with, in CLS2Sim's own unit."""
+    """Forces of the axes, in CLS2Sim's own unit."""
 
     elevator: int
     aileron: int
 
 
 class StickPositions(NamedTuple):
-    """Where the axes stand, in [0, 1]."""
+    """Positions of the axes, in [0, 1]."""
 
     elevator: float
     aileron: float
     age: float
-    """How long ago it was asked for, or longer [s]."""
+    """Time since the request, or longer [s]."""
 
 
 def request(forces: Forces) -> bytes:
-    """As it goes over the network; rudder and collective are not pushed."""
+    """The datagram of a request; no force on rudder and collective."""
     return _REQUEST.pack(COMMAND, forces.elevator, forces.aileron, 0, 0)
 
 
@@ -61,18 +61,18 @@ def positions(data: bytes) -> tuple[float, float] | None:
 
 
 class Cls2SimLine:
-    """Requests to one CLS2Sim, and their answers; nothing here waits or raises once it is open.
+    """Requests to one CLS2Sim, and their answers; once open, no method waits or raises.
 
-    Answers have no numbers, so they are counted: each takes the oldest request that has none yet,
-    and what comes without a request of the last `patience` is a duplicate, or too old. The socket
-    is connected: the kernel drops what comes from any other address.
+    Answers have no numbers, so they are counted: each belongs to the oldest unanswered request, and
+    one without a request within the last `patience` is a duplicate, or too old. The socket is
+    connected: the kernel drops datagrams of other addresses.
     """
 
     def __init__(self, host: str, port: int, patience: float) -> None:
-        """patience: for how long an answer may come [s]. CohelmError where the host has no name."""
+        """patience: longest time to an answer [s]. CohelmError where the host is unknown."""
         family, address = resolved(host, port, socket.SOCK_DGRAM)
         self._socket = opened(family)
-        with contextlib.suppress(OSError):  # no route now; there may be one later
+        with contextlib.suppress(OSError):  # no route yet; there may be one later
             self._socket.connect(address)
         self._patience = patience
         self._pending: deque[float] = deque()
@@ -82,11 +82,11 @@ class Cls2SimLine:
     def ask(self, forces: Forces, now: float) -> None:
         """Send a request. now: a steady clock [s]."""
         self._pending.append(now)
-        with contextlib.suppress(OSError):  # full, no route, nobody there: no answer tells it
+        with contextlib.suppress(OSError):  # full, no route, no listener: shows as no answer
             self._socket.send(request(forces))
 
     def answers(self, now: float) -> list[StickPositions]:
-        """Those that came, in their order."""
+        """The answers received, in order."""
         came: list[StickPositions] = []
         with contextlib.suppress(ValueError):  # closed
             for data, _ in receive(self._socket, _MOST):
@@ -100,12 +100,12 @@ class Cls2SimLine:
         return came
 
     def close(self) -> None:
-        """Let go of the socket."""
+        """Close the socket."""
         self._socket.close()
 
 
 def unit(share: float, full: float) -> int:
-    """A share of the full force, in CLS2Sim's unit; never beyond it, and 0 for what is no number.
+    """A share of the full force, in CLS2Sim's unit; clipped to it, and 0 for NaN and inf.
 
     full: signed; negative where a positive number pushes towards position 0.
     """

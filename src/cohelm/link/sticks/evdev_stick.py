@@ -1,9 +1,9 @@
 """Joysticks of Linux, with force feedback (evdev).
 
 Right and back are positive there; forward and left are positive here. The spring is the device's
-own (FF_SPRING), so it does not wait for this program; the cue is a constant force (FF_CONSTANT)
-whose direction and level are changed as it goes. The kernel ends all effects when the device is
-closed, also when this process dies.
+own (FF_SPRING), without this program's delay; the cue is a constant force (FF_CONSTANT) whose
+direction and level are updated. The kernel ends all effects when the device is closed, also when
+this process dies.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from cohelm.link.sticks.port import NOTHING, Button, Feel, Reading
 
 _FULL = 0x7FFF
 _FOR_EVER = 0  # [ms]
-_STEP = 0.01  # changes of a push smaller than this are not worth an upload
+_STEP = 0.01  # smaller changes of a push are not uploaded
 _FIRST_BUTTONS = (ecodes.BTN_JOYSTICK, ecodes.BTN_GAMEPAD)
 
 
 def found() -> list[str]:
-    """Paths of the devices here that have two axes and a button of a joystick."""
+    """Paths of the devices with two axes and a joystick button."""
     paths: list[str] = []
     for path in _paths():
         with contextlib.suppress(OSError):
@@ -74,14 +74,14 @@ class EvdevStick:
         self._look()
 
     def read(self) -> Reading:
-        """How it stands now."""
+        """The present state."""
         pressed: list[Button] = []
         if self._why:
             return Reading(CENTRED, False, f"{self.name}: {self._why}", ())
         try:
             for event in self._device.read():
                 if event.type == ecodes.EV_SYN and event.code == ecodes.SYN_DROPPED:
-                    self._look()  # the kernel threw events away: ask how it stands
+                    self._look()  # the kernel dropped events: read the state
                 elif event.type == ecodes.EV_ABS and event.code in self._axes:
                     self._axes[event.code] = self._share(event.code, event.value)
                 elif event.type == ecodes.EV_KEY and event.value == 1:
@@ -98,7 +98,7 @@ class EvdevStick:
     def feel(self, feel: Feel) -> None:
         """Change the effects, as far as the device has them."""
         before = self._felt
-        if self._why or _near(before, feel):
+        if self._why or _similar(before, feel):
             return
         self._felt = feel
         with contextlib.suppress(OSError):
@@ -110,7 +110,7 @@ class EvdevStick:
                 self._play(ecodes.FF_RUMBLE, _shaking(shake(feel)))
 
     def close(self) -> None:
-        """The kernel ends its effects."""
+        """Close the device; the kernel ends its effects."""
         self._why = "it is closed"
         with contextlib.suppress(OSError):
             self._device.close()
@@ -154,7 +154,7 @@ def _shaking(share: float) -> tuple[int, ff.EffectType]:
     return 0, ff.EffectType(ff_rumble_effect=ff.Rumble(round(share * 0xFFFF), 0))
 
 
-def _near(a: Feel, b: Feel) -> bool:
+def _similar(a: Feel, b: Feel) -> bool:
     return a.spring == b.spring and all(
         abs(p - q) < _STEP for p, q in zip(a.push, b.push, strict=True)
     )

@@ -1,9 +1,9 @@
-"""What the person feels: the spring of (35), and a cue from the guard. Pure.
+"""Force feedback to the operator: the spring of (35), and a cue from the guard. Pure functions.
 
-The cue pushes the stick towards what the robot really does, where the guard holds it back. It is
-bounded, so that a hand always wins and that a stick which nobody holds comes back; damped and
-limited in how fast it changes, so that hand, network and guard do not swing each other up; and it
-fades with the age of what it is made from, for an old push is about where the robot was.
+The cue pushes the stick towards the applied command, where the guard restricts it. It is bounded,
+so that a hand always wins and a released stick returns; damped and limited in its rate of change,
+so that hand, network and guard do not oscillate; and it fades with the age of the status it is made
+from.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ STIFFEST = 10.0
 
 
 class CueRules(NamedTuple):
-    """How the cue behaves."""
+    """Parameters of the cue."""
 
     strongest: float = 0.4
     """Share of the device's force that the cue may use, on each axis."""
     gain: float = 0.8
-    """Push for a speed held back by the robot's whole speed."""
+    """Push for a command reduced by the robot's largest speed."""
     slowness: float = 0.08
     """Time constant of the damping [s]."""
     steepest: float = 3.0
     """Largest change of the push [1/s]."""
     fresh: float = 0.1
-    """Age of the status up to which the cue is whole [s]."""
+    """Age of the status up to which the cue is undiminished [s]."""
     gone: float = 0.4
-    """Age from which there is none [s]."""
+    """Age from which there is no cue [s]."""
 
 
 def spring(k_s: float) -> float:
@@ -41,7 +41,7 @@ def spring(k_s: float) -> float:
 
 
 def wanted(nominal: Twist, applied: Twist, speed: float, yaw_rate: float, rules: CueRules) -> Stick:
-    """The push for what is held back now: from the nominal command to what is applied.
+    """The push for the present restriction: from the nominal to the applied command.
 
     speed, yaw_rate: the robot's largest, > 0 [m/s, rad/s].
     """
@@ -52,7 +52,7 @@ def wanted(nominal: Twist, applied: Twist, speed: float, yaw_rate: float, rules:
 
 
 def faded(push: Stick, age: float, rules: CueRules) -> Stick:
-    """The same, by the age of what it was made from [s]; NaN is older than everything."""
+    """The push faded by the age of its status [s]; NaN counts as older than all."""
     left = (rules.gone - age) / (rules.gone - rules.fresh)
     share = min(max(left, 0.0), 1.0) if math.isfinite(left) else 0.0
     return Stick(push.x * share, push.psi * share)
@@ -69,10 +69,10 @@ def damped(before: Stick, push: Stick, dt: float, rules: CueRules) -> Stick:
 
 
 def returning(push: Stick, stick: Stick, stiffness: float) -> Stick:
-    """The push, as far as a stick that nobody holds still comes back to its centre.
+    """The push, limited so that a released stick still returns to its centre.
 
-    A deflection counts as a person's wish, and the cue must not make one: outwards and across it is
-    at most half of what the spring gives there, towards the centre at most twice that.
+    A deflection is the operator's command, and the cue must not make one: outwards and across it is
+    at most half of the spring's force there, towards the centre at most twice that.
     stiffness: share of the stiffest spring.
     """
     out = math.hypot(*stick)
@@ -88,7 +88,7 @@ def returning(push: Stick, stick: Stick, stiffness: float) -> Stick:
 
 
 def shake(feel: Feel) -> float:
-    """How strongly a device without force shakes instead, in [0, 1]."""
+    """Strength of the vibration of a device without force, in [0, 1]."""
     return min(1.0, math.hypot(*feel.push))
 
 
@@ -97,4 +97,4 @@ def _bounded(value: float, most: float) -> float:
 
 
 STILL = CENTRED
-"""The push to begin with."""
+"""The initial push."""

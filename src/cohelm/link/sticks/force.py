@@ -1,8 +1,7 @@
-"""Forces of a stick whose spring is made here, not in the device. Pure.
+"""Forces of a stick whose spring is computed here, not in the device. Pure functions.
 
-The spring of (35), some damping, and the guard's cue. The sum is bounded, begins at nothing, can
-not jump, and fades when it is not known any more where the stick stands: a force that goes on
-without that is a shove.
+The spring of (35), some damping, and the guard's cue. The sum is bounded, begins at zero, can not
+jump, and fades when the position of the stick is no longer known: without it a spring is a shove.
 """
 
 from __future__ import annotations
@@ -15,24 +14,24 @@ from cohelm.link.sticks.port import Feel
 
 
 class ForceRules(NamedTuple):
-    """How the force behaves."""
+    """Parameters of the force."""
 
     damping: float = 0.05
     """Share of the full force against a full deflection a second [s]."""
     rise: float = 2.0
-    """From no force to the whole, after a beginning or a gap [s]."""
+    """Time from no force to the whole, after the start or a gap [s]."""
     steepest: float = 20.0
     """Largest change of the force [1/s]."""
     fresh: float = 0.1
-    """Age of the deflection up to which the force is whole [s]."""
+    """Age of the deflection up to which the force is undiminished [s]."""
     gone: float = 0.25
-    """Age from which there is none [s]."""
+    """Age from which there is no force [s]."""
     gap: float = 0.1
-    """Longest time between two forces after which it does not begin anew [s]."""
+    """Longest time between two forces without a restart from zero [s]."""
 
 
 class Force(NamedTuple):
-    """A force on both axes, and how far it has risen."""
+    """A force on both axes, and its share of the rise."""
 
     share: Stick
     """In [-1, 1] of the full force; forward and left positive."""
@@ -47,7 +46,7 @@ def wanted(stick: Stick, rate: Stick, feel: Feel, damping: float) -> Stick:
     """The force of spring, damping and cue, in [-1, 1].
 
     (35) f = k_s x, towards the centre; `feel.spring` is k_s in parts of the stiffest.
-    rate: of the deflection [1/s]. Whatever is no number is no force.
+    rate: of the deflection [1/s]. NaN and inf give no force.
     """
     return Stick(
         _axis(stick.x, rate.x, feel.spring, feel.push.x, damping),
@@ -56,7 +55,7 @@ def wanted(stick: Stick, rate: Stick, feel: Feel, damping: float) -> Stick:
 
 
 def changed(before: Force, target: Stick, age: float, dt: float, rules: ForceRules) -> Force:
-    """The force `dt` later. age: of the deflection that `wish` was made from [s]."""
+    """The force `dt` later. age: of the deflection that `target` was made from [s]."""
     if not 0.0 <= dt <= rules.gap:
         return NO_FORCE
     known = 1.0 if age <= rules.fresh else (rules.gone - age) / (rules.gone - rules.fresh)
@@ -74,9 +73,9 @@ def changed(before: Force, target: Stick, age: float, dt: float, rules: ForceRul
 
 
 class Swings:
-    """Counts how often a stick swings through its centre: on and on, it is no hand that does it.
+    """Detects oscillation: counts how often a stick swings through its centre.
 
-    A spring that acts late gives energy back that nobody put in.
+    A spring with a delay returns more energy than was put in.
     """
 
     def __init__(self, width: float = 0.3, most: int = 10, pause: float = 0.5) -> None:
@@ -85,7 +84,7 @@ class Swings:
         self._sides, self._counts, self._last = [0, 0], [0, 0], [-1e9, -1e9]
 
     def too_many(self, stick: Stick, now: float) -> bool:
-        """Whether it is so now."""
+        """Whether the stick oscillates now."""
         for axis, deflection in enumerate(stick):
             side = (deflection > self._width) - (deflection < -self._width)
             if side and side != self._sides[axis]:

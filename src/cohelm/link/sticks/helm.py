@@ -1,4 +1,4 @@
-"""A stick of this machine at the helm of a robot: a station without a screen."""
+"""Drives a robot with a stick of this machine: a station without a screen."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice
 
 
 class SpeedLimits(NamedTuple):
-    """What the cue takes as the robot's whole speed."""
+    """The robot's largest speeds, for the cue."""
 
     speed: float
     """[m/s]"""
@@ -21,7 +21,7 @@ class SpeedLimits(NamedTuple):
 
 
 class Helm:
-    """Passes a stick on, 50 times a second or faster, and lets it be felt."""
+    """Forwards a stick, 50 times a second or faster, and gives force feedback."""
 
     def __init__(
         self, end: StationEnd, device: StickDevice, limits: SpeedLimits, k_s: float,
@@ -36,12 +36,12 @@ class Helm:
         self._last = math.nan
 
     def turn(self, now: float) -> Reading:
-        """Once. now: a steady clock [s]."""
+        """One period. now: a steady clock [s]."""
         reading = self._device.read()
         last = self._end.status()
         for button in reading.pressed:
             self._pressed(button, last)
-        # Armed by being seen centred, as the robot does it too: two ends, one rule.
+        # Armed once it was centred, as on the robot: one rule at both ends.
         self._armed = reading.valid and (self._armed or is_centred(reading.stick))
         self._end.steer(reading.stick, reading.valid, self._armed, self._device.kind)
         self._device.feel(self._cue(last, reading, now))
@@ -56,7 +56,7 @@ class Helm:
             push = wanted(last.status.nominal, last.status.applied, speed, yaw_rate, self._rules)
             push = faded(push, last.age, self._rules)
         self._push = damped(self._push, push, dt, self._rules)
-        if not self._device.force:  # it shakes, and is not moved by that
+        if not self._device.force:  # vibration does not move the stick
             return Feel(self._spring, self._push)
         return Feel(self._spring, returning(self._push, reading.stick, self._spring))
 

@@ -1,4 +1,4 @@
-"""A recorded stick, played as a device: for tests, demonstrations and repeated drives."""
+"""Plays a recorded stick as a device: for tests, demonstrations and repeated drives."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cohelm.link.sticks.port import Feel, Reading
 
 
 class PlayedStick:
-    """Begins with its first reading, and is not valid any more when the record is over."""
+    """Starts at its first reading, and becomes invalid when the record is over."""
 
     kind = Device.SCRIPT
     force = False
@@ -27,7 +27,7 @@ class PlayedStick:
         self._closed = False
 
     def read(self) -> Reading:
-        """How it stands now."""
+        """The present state."""
         if self._closed:
             return Reading(CENTRED, False, f"{self.name}: it is closed", ())
         if self._began is None:
@@ -40,8 +40,8 @@ class PlayedStick:
         return Reading(stick, True, "", ())
 
     def feel(self, feel: Feel) -> None:
-        """A record feels nothing."""
+        """No effect."""
 
     def close(self) -> None:
-        """The end."""
+        """End the playback."""
         self._closed = True

@@ -1,4 +1,4 @@
-"""What a stick offers and takes, whatever it is made of."""
+"""The port of stick devices: readings and force feedback."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from cohelm.link.messages import Device
 
 
 class Button(IntEnum):
-    """What its first four buttons mean."""
+    """Functions of the first four buttons."""
 
     STOP = 0
     RESET = 1
     MODE = 2
-    """Shared, automatic, and back."""
+    """Toggle between shared and automatic."""
     LEASE = 3
-    """Take it, or give it back."""
+    """Take the lease, or give it back."""
 
 
 class Reading(NamedTuple):
-    """How the stick stands now."""
+    """The present state of the stick."""
 
     stick: Stick
     """In [-1, 1], forward and left positive; centred, and meaningless, where not valid."""
     valid: bool
-    """It is there and works. A stick that has gone is not a stick that is centred."""
+    """Whether it is present and works. A stick that is gone is not a centred stick."""
     why: str
     """Why it is not valid; empty where it is."""
     pressed: tuple[Button, ...]
@@ -34,7 +34,7 @@ class Reading(NamedTuple):
 
 
 class Feel(NamedTuple):
-    """What the person's hand is to feel, as shares of what the device can."""
+    """Force feedback, as shares of the device's range."""
 
     spring: float
     """Stiffness of the spring to the centre, in [0, 1] (35)."""
@@ -50,27 +50,27 @@ class StickDevice(Protocol):
 
     @property
     def name(self) -> str:
-        """As the device calls itself."""
+        """The device's own name."""
         ...
 
     @property
     def kind(self) -> Device:
-        """What the robot is told it is."""
+        """Kind of device that is reported to the robot."""
         ...
 
     @property
     def force(self) -> bool:
-        """It can push; else it shakes where it would, or does nothing."""
+        """Whether it can push; else it vibrates instead, or does nothing."""
         ...
 
     def read(self) -> Reading:
-        """How it stands now. A deflection is in [-1, 1] and finite, always."""
+        """The present state. A deflection is always finite and in [-1, 1]."""
         ...
 
     def feel(self, feel: Feel) -> None:
-        """Make the person feel this until the next call; a device that is gone feels nothing."""
+        """Apply this feedback until the next call; no effect on a device that is gone."""
         ...
 
     def close(self) -> None:
-        """End all effects, and let go. `read` says not valid after this."""
+        """End all effects, and close the device. `read` returns invalid readings after this."""
         ...

@@ -1,4 +1,4 @@
-"""Gamepads and joysticks through SDL (pygame), which shake where they can not push."""
+"""Gamepads and joysticks through SDL (pygame), with vibration instead of force."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from cohelm.link.messages import Device
 from cohelm.link.sticks.feel import shake
 from cohelm.link.sticks.port import NOTHING, Button, Feel, Reading
 
-_SHAKE = 200  # [ms]; renewed before it ends, and ends by itself when this program does
+_SHAKE = 200  # [ms]; renewed before it ends; ends by itself when this program does
 _STEP = 0.02
 
 
 def _sdl() -> Any:
-    """Pygame without a window; it greets on stdout unless told not to."""
+    """Pygame without a window, and without its greeting on stdout."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
     os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")
@@ -30,7 +30,7 @@ def _sdl() -> Any:
 
 
 def found() -> list[str]:
-    """Names of the devices that SDL knows; their place in the list opens them."""
+    """Names of the devices that SDL knows; `SdlStick` takes their index."""
     pygame = _sdl()
     pygame.event.pump()
     count = pygame.joystick.get_count()
@@ -44,7 +44,7 @@ class SdlStick:
     force = False
 
     def __init__(self, index: int = 0) -> None:
-        """index: its place in `found()`. Raises CohelmError where there is no stick."""
+        """index: in `found()`. Raises CohelmError where there is no stick."""
         self._pygame = _sdl()
         self._pygame.event.pump()
         count: int = self._pygame.joystick.get_count()
@@ -60,7 +60,7 @@ class SdlStick:
         self._since = 0
 
     def read(self) -> Reading:
-        """How it stands now."""
+        """The present state."""
         if not self._why:
             self._pygame.event.pump()
             if not self._stick.get_init():
@@ -77,7 +77,7 @@ class SdlStick:
         return Reading(stick, True, "", pressed)
 
     def feel(self, feel: Feel) -> None:
-        """Shake by the push, where the device can."""
+        """Vibrate with the strength of the push, where the device can."""
         now = self._pygame.time.get_ticks()
         strong, before = shake(feel), shake(self._felt)
         due = now - self._since >= _SHAKE // 2 and strong > _STEP
@@ -88,7 +88,7 @@ class SdlStick:
             self._stick.rumble(strong, strong, _SHAKE)
 
     def close(self) -> None:
-        """Let go."""
+        """Stop the vibration, and close the device."""
         if not self._why:
             with contextlib.suppress(Exception):
                 self._stick.stop_rumble()

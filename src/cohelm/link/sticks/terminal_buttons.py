@@ -1,4 +1,4 @@
-"""The four buttons on the keyboard of the terminal, for sticks that have none."""
+"""The four buttons as keys of the terminal, for sticks that have none."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ KEYS = {
 
 
 class TerminalButtons:
-    """A stick, and the keys of the terminal this runs in; where it runs in none, only the stick."""
+    """A stick with the keys of this process's terminal as buttons; without one, only the stick."""
 
     def __init__(self, device: StickDevice, fd: int | None = None) -> None:
         """fd: of the terminal; else that of stdin."""
@@ -32,22 +32,22 @@ class TerminalButtons:
             found = sys.stdin.fileno() if fd is None else fd
             if os.isatty(found) and foreground(found):
                 self._before = termios.tcgetattr(found)
-                tty.setcbreak(found)  # a key counts at once; Ctrl-C stays what it is
+                tty.setcbreak(found)  # keys count at once; Ctrl-C is unchanged
                 self._fd = found
 
     @property
     def listens(self) -> bool:
-        """There is a terminal."""
+        """Whether there is a terminal."""
         return self._fd >= 0
 
     @property
     def name(self) -> str:
-        """That of the stick."""
+        """The stick's name."""
         return self._device.name
 
     @property
     def kind(self) -> Device:
-        """That of the stick."""
+        """The stick's kind."""
         return self._device.kind
 
     @property
@@ -56,17 +56,17 @@ class TerminalButtons:
         return self._device.force
 
     def read(self) -> Reading:
-        """How the stick stands, and what was pressed on either."""
+        """The state of the stick, with the buttons of both."""
         reading = self._device.read()
         keys = self._keys()
         return reading._replace(pressed=reading.pressed + keys) if keys else reading
 
     def feel(self, feel: Feel) -> None:
-        """The stick's."""
+        """Pass the feedback to the stick."""
         self._device.feel(feel)
 
     def close(self) -> None:
-        """The stick's, and the terminal is as it was."""
+        """Close the stick, and restore the terminal."""
         self._device.close()
         if self._fd >= 0:
             with contextlib.suppress(OSError, termios.error):
@@ -83,5 +83,5 @@ class TerminalButtons:
 
 
 def foreground(fd: int) -> bool:
-    """Another process of the terminal that reads from it is stopped by it."""
+    """Whether this process may read from its terminal, which stops any other that does."""
     return os.tcgetpgrp(fd) == os.getpgrp()

@@ -1,7 +1,7 @@
-"""Finds out which way a Brunner stick moves and pushes: its documentation does not say.
+"""Finds the signs of a Brunner stick's positions and forces, which are not documented.
 
-A spring with the wrong sign pushes the stick out to its end, and the robot with it. So each axis
-is pushed by itself, both ways, softly and ever less softly, until it moves a little.
+A spring with the wrong sign pushes the stick to its end, and the robot with it. So each axis is
+pushed alone, both ways, with a rising force, until it moves a little.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from cohelm.link.sticks.force_watchdog import ForceWatchdog
 
 _PERIOD = 0.01  # [s]
 _SILENCE = 1.0  # [s]
-_PATIENCE = 60.0  # with the person [s]
-_FAR, _HELD = 0.3, 0.5  # from the middle, for so long [s]
-_MIDDLE, _STILL, _REST = 0.1, 0.01, 1.0  # from the middle; moves less than this, for so long [s]
+_PATIENCE = 60.0  # longest wait for the operator [s]
+_AWAY, _HELD = 0.3, 0.5  # distance from the middle, and how long it is held [s]
+_MIDDLE, _STILL, _REST = 0.1, 0.01, 1.0  # distance from the middle, motion at rest, and time [s]
 _RISE = 100.0  # [unit/s]
 _MOVED = 0.03
-_AMPLE = 4.0  # times what moves it
+_AMPLE = 4.0  # full force over the force that moves it
 
 
 def run(
@@ -30,9 +30,9 @@ def run(
     line: CLS2Sim | None = None, watchdog: Watchdog | None = None,
     clock: Callable[[], float] = time.monotonic, wait: Callable[[float], None] = time.sleep,
 ) -> str:  # fmt: skip
-    """Ask the person at the stick for this and that; what to write after --device.
+    """Guide the operator through the trial; returns the argument of --device.
 
-    strongest: it pushes no harder than with this number. Raises CohelmError where it fails.
+    strongest: largest force, in CLS2Sim's unit. Raises CohelmError where it fails.
     """
     params = parameters(text, pushes=False)
     address = (numeric(params.host, params.port), params.port) if line is None else ("", 0)
@@ -65,17 +65,17 @@ class _Trial:
     ) -> None:  # fmt: skip
         self._line, self._watchdog, self._say = line, watchdog, say
         self._clock, self._wait = clock, wait
-        self._heard = clock()
+        self._answered = clock()
 
     def end(self, axis: int, where: str) -> int:
-        """Which end of its travel the axis is held at, 0 or 1; the other one need not be there."""
-        self._say("hold the stick in the middle")  # from where it falls to no end by itself
+        """The end at which the axis is held, 0 or 1; the other axis may be missing."""
+        self._say("hold the stick in the middle")  # from there it falls to no end by itself
         self._middle()
         self._say(f"hold it fully {where}")
         since, last = math.inf, -1
         for now, at in self._positions(lambda: Forces(0, 0), _PATIENCE):
-            far = abs(at[axis] - 0.5) > _FAR and abs(at[axis] - 0.5) > abs(at[1 - axis] - 0.5)
-            end = int(at[axis] > 0.5) if far else -1
+            away = abs(at[axis] - 0.5) > _AWAY and abs(at[axis] - 0.5) > abs(at[1 - axis] - 0.5)
+            end = int(at[axis] > 0.5) if away else -1
             if end != last:
                 since, last = now, end
             if end >= 0 and now - since >= _HELD:
@@ -124,7 +124,7 @@ class _Trial:
         )
 
     def _rest(self) -> tuple[float, float]:
-        """Where it stands, once it stands still near the middle."""
+        """The position, once it is at rest near the middle."""
         since, first = self._clock(), (9.0, 9.0)
         for now, at in self._positions(lambda: Forces(0, 0), _PATIENCE):
             still = max(abs(a - b) for a, b in zip(at, first, strict=True)) < _STILL
@@ -138,7 +138,7 @@ class _Trial:
         self, force: Callable[[], Forces], patience: float
     ) -> Iterator[tuple[float, tuple[float, float]]]:
         end = self._clock() + patience
-        self._heard = self._clock()
+        self._answered = self._clock()
         while self._clock() < end:
             self._line.ask(force(), self._clock())
             if not self._watchdog.beat():
@@ -146,9 +146,9 @@ class _Trial:
             self._wait(_PERIOD)
             now = self._clock()
             if answers := self._line.answers(now):
-                self._heard = now
+                self._answered = now
                 yield now, (answers[-1].elevator, answers[-1].aileron)
-            elif now - self._heard > _SILENCE:
+            elif now - self._answered > _SILENCE:
                 raise CohelmError("CLS2Sim does not answer: see docs/sticks.md for what to set")
 
 
