@@ -80,7 +80,7 @@ class Person:
         inside = (np.abs(off) < ON_THE_LINE) & (k > first) & (k < first + len(window) - 1)
         points, k, off = points[inside], k[inside], off[inside]
         before = self._obstacles
-        # beside the robot it remembers; further ahead what is not seen any more has gone
+        # beside the robot it remembers; farther ahead, an obstacle not seen any more has left
         self._obstacles = [
             obstacle for obstacle in before if first <= obstacle.row < self.row + BEHIND
         ]

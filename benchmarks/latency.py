@@ -64,7 +64,7 @@ def drive(line: Connection, made: Timed, rate: float, keys: Keys) -> None:
     )  # fmt: skip
 
 
-class Hand:
+class BenchStick:
     """Steers 50 times a second, as a page does, and collects the commands meanwhile."""
 
     def __init__(self, station: StationEnd, log: Path) -> None:
@@ -123,18 +123,18 @@ def measure(count: int, rate: float, twin: bool) -> list[float]:
         theirs.close()
         host, port = line.recv()[:2]
         with StationEnd(keys, host, port) as station:
-            hand = Hand(station, log)
+            stick = BenchStick(station, log)
             while station.status() is None:
-                hand.hold(0.1)
+                stick.hold(0.1)
             status = lambda: station.status().status  # noqa: E731
-            hand.ask(Ask.TAKE, 0, lambda: status().lease.driver == status().lease.you)
-            hand.ask(Ask.MODE, Mode.MANUAL, lambda: status().mode == Mode.MANUAL)
+            stick.ask(Ask.TAKE, 0, lambda: status().lease.driver == status().lease.you)
+            stick.ask(Ask.MODE, Mode.MANUAL, lambda: status().mode == Mode.MANUAL)
             while status().arming != Arming.ARMED:
-                hand.hold(0.1)
+                stick.hold(0.1)
             took = []
             for number in range(count):
-                hand.hold(0.45 + 0.1 * rng.random())
-                took.append(hand.step(0.4 if number % 2 == 0 else -0.4))
+                stick.hold(0.45 + 0.1 * rng.random())
+                took.append(stick.step(0.4 if number % 2 == 0 else -0.4))
         line.send("enough")
         robot.join(30.0)
     return took

@@ -40,7 +40,7 @@ TIGHT = 0.04
 LIMIT = 120.0
 """[s]"""
 _LEADS = 60.0  # an operator that has found no tight spot by then starts again [s]
-_AT_LEAST = 6.0  # and one that finds it at once goes on looking [s]
+_AT_LEAST = 6.0  # also if it finds one at once [s]
 
 
 class Released(NamedTuple):

@@ -160,7 +160,7 @@ def calibrate(
 
 
 def _agreed(question: str) -> bool:
-    """What a person says to it; where nobody is there to answer, no."""
+    """A person's answer; no, if there is no terminal."""
     try:
         return typer.confirm(question, err=True)
     except typer.Abort:

@@ -24,7 +24,7 @@ def patient() -> None:
 
 
 def settled() -> None:
-    """The command is over: one that was put off comes no more, when nobody could take it."""
+    """The command is over: drop an interrupt that was put off, as nothing could handle it."""
     signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 

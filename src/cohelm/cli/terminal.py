@@ -43,7 +43,7 @@ def typed(fd: int, reset: Callable[[], None], say: Callable[[str], None]) -> Gen
 
     def read() -> None:
         line = b"."
-        while line and not over.is_set():  # none is Ctrl-D: nobody types any more
+        while line and not over.is_set():  # none is Ctrl-D: the end of typing
             if not select.select([fd], [], [], _LOOK)[0] or not foreground(fd):
                 over.wait(_LOOK)
                 continue
@@ -55,7 +55,7 @@ def typed(fd: int, reset: Callable[[], None], say: Callable[[str], None]) -> Gen
                 say("type r and Enter to reset; Ctrl-C ends it")
 
     def listen() -> None:
-        with suppress(OSError):  # the terminal is gone
+        with suppress(OSError):  # the terminal is closed
             read()
 
     thread = threading.Thread(target=listen, name="typed", daemon=True)

@@ -1,10 +1,10 @@
-"""Where both ends are put together: robot, gate, loop, record, and who sits at the stick.
+"""Puts a drive together: robot, gate, loop, record and operator.
 
-`simulated` makes the robot of a scenario, `factory` one by somebody else. `session` is all of a
-drive, started and ended in the right order; `operate` makes one of the command line, `library` of a
-Python script. `teleop_server` is a session driven over the link, `operator_requests` what is
-requested of it beside driving, `robot_process` all that in a process beside the station's.
-`recorder` writes the record, in a process of its own; `playback` shows one again.
+`simulated` makes the robot of a scenario, `factory` a user's robot. `session` starts and ends all
+parts of a drive in the right order; `operate` makes one from the command line, `library` from a
+Python script. `teleop_server` is a session driven over the link, `operator_requests` handles its
+requests beside driving, `robot_process` runs it in a process beside the station's. `recorder`
+writes the record, in a process of its own; `playback` plays one back.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Any
 
 
 class _Callable(ModuleType):
-    """This room and the function `cohelm.drive` have one name: importing any of its modules puts
-    the room in the function's place, so the room answers the call."""
+    """This package and the function `cohelm.drive` share a name: importing any of its modules puts
+    the package in the function's place, so the package is callable."""
 
     def __call__(self, *args: Any, **options: Any) -> Any:
         from cohelm.drive.library import drive

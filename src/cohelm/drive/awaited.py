@@ -42,18 +42,18 @@ class PendingLink:
     def steer(
         self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float
     ) -> None:
-        """What the person wants now; nothing to a robot that is not there."""
+        """Send the operator's command; without effect before there is a robot."""
         link = self._robot()
         if link is not None:
             link.steer(stick, valid, armed, device, speed_scale)
 
     def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
-        """Ask for something once."""
+        """Make a request."""
         link = self._robot()
         return self._refusal() if link is None else link.ask(what, value, made)
 
     def answer(self, number: int) -> Answer | None:
-        """What became of it."""
+        """The answer to a request; None: none yet."""
         if number < 0 or self._link is None:
             return Answer(number, False, _NOT_YET)
         return self._link.answer(number)

@@ -33,7 +33,7 @@ class Checking(Protocol):
         ...
 
     def begin(self, now: float, points: Floats | Goal, pose: Pose) -> None:
-        """Check this, when it is ready. now: a clock that goes on [s]."""
+        """Begin a check, when it is ready. now: by a monotonic clock [s]."""
         ...
 
     def result(self, now: float) -> CheckedPath | None:
@@ -100,7 +100,7 @@ class RemoteChecking:
             self._replace(child)
             return False
         if not self._up:
-            self._up = child.received() is not None  # its first word says that it is up
+            self._up = child.received() is not None  # its first message reports that it is up
             if child.gone:
                 self._replace(child)
         return self._up
@@ -172,11 +172,11 @@ class _Check:
     def __init__(self, judge: PathChecker) -> None:
         self._judge = judge
 
-    def __call__(self, asked: tuple[Floats | Goal, Pose]) -> CheckedPath:
-        return safely(self._judge, *asked)
+    def __call__(self, request: tuple[Floats | Goal, Pose]) -> CheckedPath:
+        return safely(self._judge, *request)
 
     def warm(self) -> str:
-        """Compile it."""
+        """Compile the check."""
         self((_WARM, Pose(0.0, 0.0, 0.0)))
         self((Goal(1.0, 0.0), Pose(0.0, 0.0, 0.0)))
         return "up"

@@ -20,7 +20,7 @@ class Jobs(Protocol):
         ...
 
     def close(self, within: float) -> bool:
-        """Nothing more is begun; whether what was under way has ended within that time [s]."""
+        """Begin no more jobs; returns whether the running one has ended within that time [s]."""
         ...
 
 
@@ -32,7 +32,7 @@ class InlineJobs:
         job()
 
     def close(self, within: float) -> bool:
-        """Nothing is under way."""
+        """Nothing is running."""
         return True
 
 
@@ -51,7 +51,7 @@ class ThreadJobs:
         self._jobs.put(job)
 
     def close(self, within: float) -> bool:
-        """What has not begun by now is left out."""
+        """Drop the jobs that have not begun."""
         self._open = False
         self._jobs.put(None)
         self._thread.join(within)
@@ -66,8 +66,8 @@ class ThreadJobs:
 
 
 def in_thread(what: Callable[[], None]) -> Callable[[], None]:
-    """Do something in a thread: what compiles here, and what compiles in the gate process, take
-    as long as the longer of the two. Returns what waits for its end, and raises what it raised."""
+    """Run `what` in a thread, so that compiling here and in the gate process takes only the longer
+    of both times. Returns a function that waits for its end, and raises what it raised."""
     raised: list[BaseException] = []
 
     def done() -> None:

@@ -31,29 +31,29 @@ if TYPE_CHECKING:
 
 
 SITE = "lab-guard"
-"""The scenario that a robot is driven in where none is named."""
+"""The default scenario."""
 _MASKS = 10.0
-"""So long a mask on a topic is waited for [s]."""
+"""Longest wait for a mask on a topic [s]."""
 
 
 class Ros2Config(NamedTuple):
-    """Where a ROS 2 robot is to be found."""
+    """How to find a ROS 2 robot."""
 
     topics: tuple[str, ...] = ()
-    """`odom=/odom` and the like, as far as they are not usual."""
+    """`odom=/odom` and the like, where not the default."""
     transport: str = "auto"
     url: str = ""
-    """Of its bridge."""
+    """Address of its bridge or router."""
     masks: tuple[str, ...] = ()
     """Topics of CostmapFilterInfo, whose masks are its zones."""
     frame: str = "map"
-    """Of the map, in which those masks are."""
+    """Frame of the map and of those masks."""
     lock_silence: float = math.inf
-    """Without a word on the lock's topic for so long the base is locked [s]."""
+    """Without a message on the lock's topic for so long the base is locked [s]."""
 
 
 class DriveOptions(NamedTuple):
-    """Which robot is driven and where, as the command line says it."""
+    """The robot and its site, by the options of the command line."""
 
     name: str
     scenario: str
@@ -62,9 +62,9 @@ class DriveOptions(NamedTuple):
     seed: int | None
     changes: list[str]
     driver: str | None = None
-    """Of a robot that is not simulated: package:Class, or an entry point."""
+    """A robot that is not simulated: package:Class, or an entry point."""
     ros2: Ros2Config | None = None
-    """Where a ROS 2 robot is."""
+    """How to find a ROS 2 robot."""
     chart: Path | None = None
     """The map to localise on; without, it is the scenario's walls."""
     keep_out: Path | None = None
@@ -118,8 +118,8 @@ def map_and_zones(
 
 
 def masks_on_topics(options: DriveOptions, made: RobotFactory) -> tuple[FilterMask, ...]:
-    """The masks that were named, of a ROS 2 robot. CohelmError for one that is not there or can not
-    be used."""
+    """The selected masks of a ROS 2 robot. Raises CohelmError for one that is missing or can not be
+    used."""
     from cohelm.ros.masks import Masks
     from cohelm.ros.robot import Ros2Make
 
@@ -135,7 +135,7 @@ def masks_on_topics(options: DriveOptions, made: RobotFactory) -> tuple[FilterMa
 
 
 def _on_ros2(where: Ros2Config, site: str, model: str | None, changes: list[str]) -> RobotFactory:
-    """A ROS 2 robot, as it is found; CohelmError with all that does not fit."""
+    """A ROS 2 robot, as it is found; raises CohelmError with all that does not fit."""
     from cohelm.ros.camera import choose
     from cohelm.ros.connection import connection
     from cohelm.ros.found import Allowed
@@ -175,20 +175,20 @@ def _is_robot(path: Path) -> bool:
 
 
 class ScenarioStick(Scripted):
-    """The scenario's stick, played in the robot's time; or nobody's."""
+    """The scenario's stick, played in the robot's time; or none."""
 
-    def __init__(self, hand: Callable[[float], Stick | None], present: bool) -> None:
+    def __init__(self, script: Callable[[float], Stick | None], present: bool) -> None:
         self._watch: Callable[[], float] = lambda: 0.0
-        super().__init__(hand, lambda: self._watch())
+        super().__init__(script, lambda: self._watch())
         self._present = present
 
     def watches(self, clock: Callable[[], float]) -> None:
-        """The script's time 0 is now."""
+        """Start the script now."""
         begun = clock()
         self._watch = lambda: clock() - begun
 
     def receive(self) -> Any:
-        """As the script says; nothing where there is no stick."""
+        """The stick by the script; absent without a script."""
         return super().receive() if self._present else NullOperator().receive()
 
 
@@ -198,13 +198,13 @@ def mode_and_stick(made: RobotFactory, mode: str) -> tuple[Mode, ScenarioStick]:
     present = not isinstance(stick, (StickNone, StickOperator))
     table = build.setup(made.scenario).recorded_stick if present else None
 
-    def hand(t: float) -> Stick | None:
+    def script(t: float) -> Stick | None:
         return None if table is None else replayed(table, t)
 
     if not mode:
-        return (Mode.SHARED if present else Mode.AUTOMATIC), ScenarioStick(hand, present)
+        return (Mode.SHARED if present else Mode.AUTOMATIC), ScenarioStick(script, present)
     try:
-        return Mode[mode.upper()], ScenarioStick(hand, present)
+        return Mode[mode.upper()], ScenarioStick(script, present)
     except KeyError as error:
         names = ", ".join(m.name.lower() for m in Mode)
         raise CohelmError(f"--mode: there is no mode {mode!r}; there are {names}") from error
@@ -225,15 +225,15 @@ class End:
         self._until = math.inf
 
     def handle_signals(self, seconds: float | None = None) -> None:
-        """The robot may move from now on, and must be stopped first. seconds: it ends after so
-        many."""
+        """Signals become requests: the robot may move, and must be stopped first. seconds: end
+        after so many."""
         for number in self._signals:
             signal.signal(number, self._request)
         if seconds is not None:
             self._until = time.monotonic() + seconds
 
     def over(self) -> str:
-        """Why it is to end now; empty: it goes on."""
+        """Why the drive is to end now; empty: it continues."""
         return self.reason or ("its time is over" if time.monotonic() >= self._until else "")
 
     def _request(self, number: int, _: object) -> None:

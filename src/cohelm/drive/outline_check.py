@@ -1,6 +1,6 @@
-"""Says where a robot that has got another outline does not fit any more: docks, and its route.
+"""Warns where a robot with a changed outline no longer fits: at docks, and on its route.
 
-The filter holds it there in any case; a person should know before it drives there.
+The filter stops it there in any case; the operator should know before it drives there.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ from cohelm.plan.distance_field import swept_clearances
 from cohelm.scenario.docks import OFF, no_room, occupied
 
 _SPACING = 0.05
-"""Between poses of the route that are held against the map [m]."""
+"""Spacing of the poses of the route that are checked against the map [m]."""
 _PIECE = 40
-"""So many of them in one period: what is looked at must not make that late."""
+"""Poses checked in one period: the check must not delay it."""
 DOCKS, ROUTE = "docks", "route"
-"""What the alarms are called."""
+"""Names of the alarms."""
 
 
 class OutlineCheck:
-    """Of one drive on a map; `turn` is called between two periods and takes little time."""
+    """The check of one drive on a map; `turn` is called between two periods and is short."""
 
     def __init__(self, loop: Loop, known: LocalizationMap) -> None:
-        """With its first outline docks were checked already, and routes are a person's choice."""
+        """The first outline is not checked: docks were, and the operator chose the route."""
         self._surfaces, self._resolution = occupied(known), known.resolution
         self._outline = loop.outline
-        self._looking: Iterator[None] | None = None
+        self._check: Iterator[None] | None = None
 
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
         if loop.outline is not self._outline:
             self._outline = loop.outline
-            self._looking = self._look(loop, np.array(loop.outline))
-        if self._looking is not None and next(self._looking, self) is self:
-            self._looking = None
+            self._check = self._check_all(loop, np.array(loop.outline))
+        if self._check is not None and next(self._check, self) is self:
+            self._check = None
 
-    def _look(self, loop: Loop, outline: Floats) -> Iterator[None]:
-        """At all of it, a piece at a time."""
+    def _check_all(self, loop: Loop, outline: Floats) -> Iterator[None]:
+        """Check docks and route, a piece at a time."""
         docking, surfaces = loop.supervisor.docking, self._surfaces
         unfit: dict[int, str] = {}
         for number, dock in enumerate(docking.docks, 1):
@@ -58,7 +58,7 @@ class OutlineCheck:
         if pilot is None:
             return
         least = loop.driver.settings.rules.hard_margin - OFF * self._resolution
-        route = pilot.planner.route  # not the way round that is driven just now
+        route = pilot.planner.route  # not the present detour
         poses = poses_along(route.reference, _SPACING)
         done = float(route.times[pilot.state.row]) / route.reference.duration
         poses = poses[min(int(done * len(poses)), len(poses) - 1) :]
@@ -82,7 +82,7 @@ class OutlineCheck:
 
 
 def _notice(loop: Loop, name: str, text: str) -> None:
-    """Told as long as it is so; empty: it is not any more."""
+    """Raise or clear an alarm; empty text: clear."""
     loop.alarms.off(name)
     if text:
         loop.alarms.on(name, text, Severity.WARNING)

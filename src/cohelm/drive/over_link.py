@@ -77,7 +77,7 @@ class OverLink:
 
     @property
     def driver(self) -> int:
-        """The driver's number; 0: nobody."""
+        """The driver's number; 0: none."""
         return self._end.driver
 
     def picture(self, packed: Packed, age: float) -> None:

@@ -74,7 +74,7 @@ class Recording(EventSink):
     """A running recorder."""
 
     def __init__(self, path: Path, model: RobotModel, scenario: str = "") -> None:
-        """Raises CohelmError where the file can not be made; none is ever overwritten."""
+        """Raises CohelmError if the file can not be created; none is ever overwritten."""
         self.path = path
         _make(path)
         super().__init__("cohelm recorder", _record, path, model, scenario, outlives=True)
@@ -127,7 +127,7 @@ class Log:
                 os.write(self._file, text)
 
     def close(self) -> None:
-        """Nothing more happens."""
+        """Close the log."""
         self._reserve.unlink(missing_ok=True)
         os.close(self._file)
 
@@ -135,7 +135,7 @@ class Log:
 def _record(
     path: Path, model: RobotModel, scenario: str, loop: socket.socket, gated: socket.socket
 ) -> None:
-    """The other process."""
+    """Main function of the recorder process."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     if hasattr(signal, "SIGXFSZ"):
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a file-size limit is an OSError, then
@@ -179,7 +179,7 @@ class _Writer:
                 flushed = time.monotonic()
                 if self._drive is not None:
                     self._try(self._drive.flush, loop)
-                with contextlib.suppress(OSError):  # the loop is gone, or does not listen
+                with contextlib.suppress(OSError):  # the loop has ended, or does not read
                     loop.send(ALIVE, socket.MSG_DONTWAIT)
         if self._drive is not None:
             self._try(self._drive.finish, None)

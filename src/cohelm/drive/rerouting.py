@@ -47,11 +47,11 @@ class PathRequests(Protocol):
     """A source of requests. Calls return at once."""
 
     def path_requests(self) -> Sequence[PathRequest]:
-        """New since the last call."""
+        """Requests since the last call."""
         ...
 
     def reply(self, client: int, answer: Checked) -> None:
-        """The result of one; ignored for other sources' clients."""
+        """Take the result of a request; ignored for other sources' clients."""
         ...
 
 
@@ -197,7 +197,7 @@ class Rerouting:
             way.checking = True
 
     def _make(self, way: _ProposedPath) -> None:
-        """Beside the loop."""
+        """Build the driver, beside the loop."""
         try:
             if way.reference is not None:
                 way.made = self._build(way.reference)

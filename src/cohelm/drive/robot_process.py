@@ -24,7 +24,7 @@ _END = 15.0
 
 
 class RobotProcess:
-    """A robot in a process of its own; it ends when this one does, however it does.
+    """A robot in a process of its own; it ends when this process does, in whatever way.
 
     A context manager. The robot is stopped before its process ends. When that ends by itself, or is
     killed, `over` says so; it is never restarted automatically.
@@ -95,8 +95,8 @@ class RobotProcess:
             then()
 
     def when_ready(self, then: Callable[[], None]) -> None:
-        """What to do, in a thread, as soon as the robot can be driven; at once, if it can. A
-        CohelmError of it ends the robot."""
+        """Call a function, in a thread, as soon as the robot can be driven. A CohelmError from it
+        ends the robot."""
         with self._turn:
             came = self.ready.is_set()
             self._on_ready = None if came else then
@@ -104,7 +104,7 @@ class RobotProcess:
             then()
 
     def close(self) -> None:
-        """Tell the robot to stop and to end, and wait until it has."""
+        """Request the robot to stop and end, and wait for that."""
         self._end_requested = True
         if not self.ready.is_set():
             self._process.kill()  # it does not drive yet, and need not be waited for
@@ -158,7 +158,7 @@ def _drive(
     line: Connection, options: DriveOptions, config: TeleopConfig, carry_on: bool, patience: float,
     pictures: float, live: LiveConfig | None,
 ) -> None:  # fmt: skip
-    """The robot's process."""
+    """Main function of the robot's process."""
     release = end_with_parent()
     from cohelm.drive.on_topics import TopicsConfig, on_topics
     from cohelm.drive.operate import end_signals, map_and_zones, masks_on_topics, robot_factory

@@ -119,7 +119,7 @@ class Session:
         self.shown: Callable[[Packed, float], None] | None = None
         """Called with each picture and its age [s]."""
         self._frame: Frame | Encoded | None = None
-        """The newest of that camera."""
+        """The newest picture of that camera."""
         self._outline_check: OutlineCheck | None = None
         self._to_dock = False
         """Whether `run` was to dock."""
@@ -154,7 +154,7 @@ class Session:
             epoch = time.time_ns() - round(self.gated.now() * 1e9)
             for one in listeners:
                 if one is not None:
-                    one.gated.close()  # the gate process has it, or nobody speaks into it
+                    one.gated.close()  # the gate process has it, or nothing writes to it
                     one.begin(epoch)
             if warmed_up is not None:
                 warmed_up()
@@ -270,7 +270,7 @@ class Session:
 
     @property
     def stopped(self) -> bool:
-        """Whether it is latched, and not at its end."""
+        """Whether the gate is latched before the end of the drive."""
         return latched(self.loop.gated.gate.mode) and not self._ends
 
     def line(self) -> str:
@@ -366,7 +366,7 @@ def _loop_params(plan: SessionConfig) -> LoopParams:
 
 
 def docks_of(plan: SessionConfig, known: LocalizationMap | None) -> tuple[Dock, ...]:
-    """Where a plan's robot can dock. CohelmError for a dock where it could not."""
+    """The docks of a plan's site. Raises CohelmError for a dock without room for the robot."""
     scenario, model = plan.robot.scenario, plan.robot.model
     rules = inflated_rules(scenario.law.guard.rules(plan.period), SLOP + noise(model))
     return checked(scenario.docks, model.outline, rules.hard_margin, known, plan.zones)

@@ -1,7 +1,7 @@
-"""What travels to the page as bytes: maps, zones, scans and pictures. `web/src/binary.ts` reads it.
+"""Binary messages to the page: maps, zones, scans and pictures. `web/src/binary.ts` reads them.
 
-Little-endian; the first four bytes say what it is. Arrays begin at a multiple of eight bytes, so
-that the page can look at them in place.
+Little-endian; the first four bytes are the type. Arrays begin at a multiple of eight bytes, so that
+the page can read them in place.
 """
 
 from __future__ import annotations

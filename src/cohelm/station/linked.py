@@ -71,6 +71,6 @@ class Linked:
         return Quality(connected, self._name, over or s.why, s.round_trip, s.lost, s.offset)
 
     def close(self) -> None:
-        """Say good-bye."""
+        """Close the link."""
         self._end.close()
         self._bulk.close()

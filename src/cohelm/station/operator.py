@@ -236,7 +236,7 @@ class PageOperator:
                     _log.warning("%s takes nothing; let go", self.name)
                     await _disconnect(socket, 1013, "too slow")
                     return
-                except (WebSocketDisconnect, RuntimeError):  # it is gone, or closing
+                except (WebSocketDisconnect, RuntimeError):  # it is closed, or closing
                     return
 
     def _send_due(self, now: float) -> None:

@@ -1,10 +1,9 @@
 """Records of the robot, downloaded whole or not at all, over a link of their own.
 
-The robot sends a record's length and SHA-256, then what is requested, and no more than `AHEAD` is
-requested beyond what the browser has taken: a browser that reads slowly slows
-the robot down and fills nobody's memory. The last piece is only handed on when all before it has
-the hash. What goes wrong after the first byte breaks the connection off, short of the length that
-was promised, so that no browser takes it for the whole.
+The robot sends a record's length and SHA-256, then the requested pieces. At most `AHEAD` is
+requested beyond what the browser has read: a slow browser slows the robot down and fills no memory.
+The last piece is only passed on when the whole has the hash. An error after the first byte closes
+the connection before the announced length, so that no browser takes it for the whole.
 """
 
 from __future__ import annotations
@@ -27,15 +26,15 @@ from cohelm.link.bulk_messages import Digest, Piece
 from cohelm.station.robot_link import Connect, ReplayLink, RobotLink
 
 WINDOW = 131_072
-"""Asked for at a time [byte]."""
+"""Size of one request [byte]."""
 AHEAD = 1_048_576
-"""Asked for and not taken yet, at most [byte]: 7 MB/s over a round trip of 150 ms."""
+"""Largest amount requested and not read yet [byte]: 7 MB/s over a round trip of 150 ms."""
 PIECE_WITHIN = 20.0
 """A robot that sends nothing for so long has given up; at its slowest a piece takes 3 s [s]."""
 AGAIN_AFTER = 6.0
-"""What has not come by then was lost with a connection, and is requested again [s]."""
+"""What has not arrived by then was lost with a connection, and is requested again [s]."""
 TAKEN_WITHIN = 60.0
-"""A browser that takes nothing for so long is let go [s]."""
+"""A browser that reads nothing for so long is disconnected [s]."""
 DIGEST_WITHIN = 300.0
 """The robot reads all of a record for its hash; 10 GB at 40 MB/s, from a slow card [s]."""
 MOST_AT_ONCE = 3
@@ -46,7 +45,7 @@ _log = logging.getLogger("cohelm.station")
 
 
 class Broken(Exception):
-    """A download can not go on; says why."""
+    """A download can not continue, and why."""
 
 
 class Downloads:
@@ -57,7 +56,7 @@ class Downloads:
         self._going = 0
 
     async def about(self, name: str) -> Digest | Response:
-        """Size and hash of a record; or the answer that says why not."""
+        """Size and hash of a record; or the response with the reason why not."""
         if self._going >= MOST_AT_ONCE:
             return _full()
         async with self._link() as link:

@@ -80,10 +80,10 @@ class RobotLink(Protocol):
 
 
 class PlaybackPosition(NamedTuple):
-    """Where a replay is."""
+    """Playback position of a replay."""
 
     at: float
-    """Since the beginning [s]."""
+    """Since the start [s]."""
     playing: bool
     speed: float
 
@@ -99,16 +99,16 @@ class ReplayLink(Protocol):
 
     @property
     def start(self) -> float:
-        """The robot's clock at the beginning [s]."""
+        """The robot's clock at the start [s]."""
         ...
 
     @property
     def place(self) -> PlaybackPosition:
-        """Where it is now."""
+        """The present playback position."""
         ...
 
     def play(self, playing: bool | None, speed: float | None, at: float | None) -> None:
-        """Go on or not, how fast, and from where; None: as it is."""
+        """Run or not, how fast, and from where; None: unchanged."""
         ...
 
 
