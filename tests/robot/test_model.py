@@ -196,7 +196,7 @@ BUMPER = {"name": "front", "mount_x_m": 0.3}
 def test_bumpers_and_cliff_sensors_are_described_with_their_place_and_side():
     cliff = {"name": "drop", "mount_x_m": 0.2, "floor_m": 0.04}
     model = RobotModel.model_validate(SQUARE | {"bumpers": [BUMPER], "cliff_sensors": [cliff]})
-    assert [one.said for one in model.contacts] == ["front bumper", "drop cliff sensor"]
+    assert [one.label for one in model.contacts] == ["front bumper", "drop cliff sensor"]
     left, right = ContactModel(name="a", mount_x_m=0.2, mount_yaw_deg=90, width_m=0.1).ends()
     assert (*left, *right) == pytest.approx((0.15, 0.0, 0.25, 0.0))
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.robot.contact_monitor import unheard
+from cohelm.robot.contact_monitor import overdue
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import AHEAD, Odometry, Readings, Scan
 from cohelm.robot.sensors import of_sensor
@@ -59,7 +59,7 @@ class SensorWatchdog:
             problem = of_sensor(name, problem_) if problem_ else ""
         if not problem and self._contacts:
             newest = {one.sensor: one for one in readings.contacts}
-            each = (unheard(one, newest.get(one.name), now) for one in self._contacts)
+            each = (overdue(one, newest.get(one.name), now) for one in self._contacts)
             problem = next((problem_ for problem_ in each if problem_), "")
         return problem
 

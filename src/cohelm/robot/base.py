@@ -1,4 +1,4 @@
-"""The base class of a robot of one's own: three methods to write, and what it supplies for them."""
+"""The base class of a user's robot: three methods to write, and what it supplies for them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cohelm.robot.sensors import of_sensor
 
 
 class Robot(ABC):
-    """A robot of one's own. Write `read`, `send` and `stop`; `robot.adapter` makes the rest of it.
+    """A user's robot. Write `read`, `send` and `stop`; `robot.adapter` supplies the rest.
 
         >>> import cohelm
         >>> class Cart(cohelm.Robot):
@@ -33,13 +33,13 @@ class Robot(ABC):
     health, and that an exception becomes a fault with its sentence.
 
     It is made in a process of its own, which calls it from one thread at a time; only a `stop` may
-    come from another while a call hangs. None may take longer than a few milliseconds: read what
-    has come, do not wait for it.
+    come from another while a call hangs. No call may take longer than a few milliseconds: read what
+    has arrived, do not wait for it.
     """
 
     timeout = 0.5
-    """Without a command for so long it is stopped [s]. The hardware needs a time-out of its own
-    too: this one dies with the process."""
+    """Time without a command after which it is stopped [s]. The hardware needs a time-out of its
+    own, too: this one dies with the process."""
     real_time = True
     """Whether time passes by itself; False for a simulator that overrides `now` and `wait`."""
 
@@ -51,21 +51,21 @@ class Robot(ABC):
 
     @abstractmethod
     def read(self) -> Readings:
-        """What is newest: at least odometry; a scan, frame or health only when there is a new one.
+        """The newest readings: at least odometry; a scan, frame or health only if it is new.
 
-        Stamps are of `now()`; `odometry` and `scan` below make them.
+        Stamps are those of `now()`; `odometry` and `scan` below make them.
         """
 
     @abstractmethod
     def send(self, twist: Twist) -> None:
-        """Ask the wheels for a twist [m/s, rad/s], within the model's speeds, until the next."""
+        """Command a twist [m/s, rad/s], within the model's speeds, until the next."""
 
     @abstractmethod
     def stop(self) -> None:
-        """Brake to standing. Called again every 0.1 s while it shall stand."""
+        """Brake to standing. Called every 0.1 s while the robot has to stand."""
 
-    def close(self) -> None:  # noqa: B027  # there is not always anything to let go of
-        """Let go of the hardware; it has been stopped. Override where there is anything."""
+    def close(self) -> None:  # noqa: B027  # there is not always anything to release
+        """Release the hardware; it has been stopped. Override where there is anything."""
 
     def now(self) -> float:
         """The robot's monotonic clock [s]."""
@@ -77,8 +77,8 @@ class Robot(ABC):
             time.sleep(left)
 
     def odometry(self, pose: Pose, twist: Twist, age: float = 0.0) -> Odometry:
-        """A reading of the wheels: pose in a frame that is smooth and starts anywhere [m, m, rad],
-        twist as measured [m/s, rad/s], how old it is [s]."""
+        """An odometry reading: pose in a continuous frame with any origin [m, m, rad], measured
+        twist [m/s, rad/s], and its age [s]."""
         return Odometry(
             self.now() - age, Pose(*map(float, pose)), Twist(*map(float, twist))
         )  # fmt: skip
@@ -87,14 +87,14 @@ class Robot(ABC):
         self, ranges: ArrayLike, age: float = 0.0, duration: float = 0.0, sensor: str | None = None,
         edges: NDArray[np.bool_] | None = None,
     ) -> Scan:  # fmt: skip
-        """One new turn of the LiDAR, counter-clockwise as the model describes it; call it once for
+        """One new scan of the LiDAR, counter-clockwise as the model describes it; call it once for
         each.
 
-        ranges: (beams,) [m]; what is nearer than the LiDAR's least range becomes -inf, what is
-        farther than its largest, inf (REP-117). age: of its last beam [s]. duration: from its first
-        beam to its last [s]. sensor: name of one of several LiDARs, by default the first; those of
-        the others go into `Readings.further`. edges: (beams,), as in `Scan`.
-        Raises CohelmError for another number of beams, or a LiDAR that there is not.
+        ranges: (beams,) [m]; those below the LiDAR's least range become -inf, those above its
+        largest, inf (REP-117). age: of its last beam [s]. duration: from its first beam to its last
+        [s]. sensor: name of one of several LiDARs, by default the first; scans of the others go
+        into `Readings.further`. edges: (beams,), as in `Scan`.
+        Raises CohelmError for another number of beams, or an unknown LiDAR.
         """
         known = {lidar.name: lidar for lidar in self.model.lidars}
         if not known:
@@ -120,11 +120,11 @@ class Robot(ABC):
         return Scan(self.now() - age - duration, number, made, duration, name, edges)
 
     def contact(self, sensor: str, on: bool, age: float = 0.0) -> Contact:
-        """What a bumper or cliff sensor says, for `Readings.contacts`: give it again and again, as
-        one that is silent for its time-out stops the robot.
+        """A reading of a bumper or cliff sensor, for `Readings.contacts`: give it repeatedly, as a
+        sensor that is silent for its time-out stops the robot.
 
-        on: whether it is pressed, or sees no floor. age: of that [s]. Raises CohelmError for a
-        sensor that there is not.
+        on: whether it is pressed, or sees no floor. age: of the reading [s]. Raises CohelmError for
+        an unknown sensor.
         """
         known = [one.name for one in self.model.contacts]
         if sensor not in known:

@@ -1,7 +1,7 @@
 """Clearance between the robot's real outline and the world (E7), compiled.
 
-An outline is one of `robot.footprint`. Clearance is the gap [m]; it is 0 in touch and negative
-in overlap: minus the penetration depth for a disc whose centre is inside, else minus the overlap.
+An outline is one of `robot.footprint`. Clearance is the gap [m]; it is 0 in contact and negative
+in overlap: minus the penetration depth for a disc with its centre inside, else minus the overlap.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from cohelm.core.types import Floats, Pose
 def point_gap(outline: Floats, px: float, py: float) -> float:
     """Signed distance from a body-frame point to the outline, negative inside [m].
 
-    Straight out from an edge, nothing is nearer; else it is the nearest corner of an edge that the
-    point is beyond.
+    The distance to an edge that the point is straight out from; else that to the nearest corner of
+    the edges that the point is beyond.
     """
     k = outline.shape[0]
     corner = math.inf

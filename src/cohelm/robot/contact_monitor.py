@@ -59,7 +59,7 @@ class ContactMonitor:
         if twist == Twist(0.0, 0.0) or not math.isfinite(twist.v + twist.omega):
             return UNRESTRICTED  # nothing to take from; the gate knows what to do with no number
         for side in self._sides:
-            wrong = unheard(side.model, self._newest.get(side.model.name), now)
+            wrong = overdue(side.model, self._newest.get(side.model.name), now)
             if wrong:
                 return Restriction(0.0, f"contact monitor: {wrong}")
         for side in self._sides:
@@ -70,17 +70,17 @@ class ContactMonitor:
         return UNRESTRICTED
 
 
-def unheard(model: ContactModel, newest: Contact | None, now: float) -> str:
+def overdue(model: ContactModel, newest: Contact | None, now: float) -> str:
     """What is wrong with the age of its last reading, or ""."""
     if newest is None:
-        return f"nothing is heard of the {model.said}"
+        return f"nothing is heard of the {model.label}"
     if not math.isfinite(newest.stamp):
-        return f"the time of the {model.said} is no number"
+        return f"the time of the {model.label} is no number"
     age = now - newest.stamp
     if age < -AHEAD:
-        return f"the {model.said} comes from the future: a clock jumped"
+        return f"the {model.label} comes from the future: a clock jumped"
     if age > model.timeout_s:
-        return f"nothing is heard of the {model.said} for more than {1e3 * model.timeout_s:.0f} ms"
+        return f"nothing is heard of the {model.label} for more than {1e3 * model.timeout_s:.0f} ms"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""Bumpers and cliff sensors, as a user describes them in YAML: each says on or off."""
+"""Bumpers and cliff sensors, as described in YAML: each is on or off."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ class ContactModel(Schema):
     without it, its messages are std_msgs/msg/Bool."""
 
     @property
-    def said(self) -> str:
-        """What to call it in a sentence."""
+    def label(self) -> str:
+        """Its name in messages."""
         return f"{self.name} bumper"
 
     @property
     def on(self) -> str:
-        """What it says while it is on."""
-        return f"the {self.said} is pressed"
+        """Text of a message while it is on."""
+        return f"the {self.label} is pressed"
 
     def ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Of what it covers, in the body frame [m]."""
+        """The ends of the line that it covers, in the body frame [m]."""
         yaw, half = math.radians(self.mount_yaw_deg), 0.5 * self.width_m
         x, y = -half * math.sin(yaw), half * math.cos(yaw)
         return (self.mount_x_m + x, self.mount_y_m + y), (self.mount_x_m - x, self.mount_y_m - y)
@@ -64,11 +64,11 @@ class CliffModel(ContactModel):
         return self
 
     @property
-    def said(self) -> str:
-        """What to call it in a sentence."""
+    def label(self) -> str:
+        """Its name in messages."""
         return f"{self.name} cliff sensor"
 
     @property
     def on(self) -> str:
-        """What it says while it is on."""
-        return f"the {self.said} sees no floor"
+        """Text of a message while it is on."""
+        return f"the {self.label} sees no floor"

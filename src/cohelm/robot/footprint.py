@@ -10,18 +10,18 @@ from numpy.typing import ArrayLike, NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
 
-_LARGEST = 50.0  # a corner farther away than this is given in another unit [m]
-_STRAIGHT = 1e-9  # sine of a turn that is none
+_LARGEST = 50.0  # a corner beyond this is given in another unit [m]
+_STRAIGHT = 1e-9  # largest sine of a turn that counts as straight
 
 
 def convex_outline(corners: ArrayLike) -> Floats:
-    """Corners as all that is compiled needs them: (k, 2), convex, counter-clockwise [m].
+    """Corners in the form that compiled code needs: (k, 2), convex, counter-clockwise [m].
 
-    Clockwise corners are turned round; repeated ones, and those in the middle of an edge, are left
-    out: it is the same outline. A dent is refused: its convex hull would be safe for the filter,
-    but what the LiDAR sees inside the hull would be taken for the robot itself.
+    Clockwise corners are reversed; repeated ones, and those in the middle of an edge, are dropped:
+    it is the same outline. A dent is refused: its convex hull would be safe for the filter, but
+    returns inside the hull would be taken for the robot itself.
 
-    Raises CohelmError for what is no outline, with the cure.
+    Raises CohelmError for an invalid outline, with the cure.
     """
     try:
         given = np.array(corners, dtype=np.float64)
@@ -80,7 +80,7 @@ def hull(points: Floats) -> Floats:
 
 
 def _left(a: Floats, b: Floats, c: Floats) -> float:
-    """Above 0 where c is to the left of the line from a to b."""
+    """Positive where c is to the left of the line from a to b."""
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
@@ -95,7 +95,7 @@ def _turns(corners: Floats) -> tuple[Floats, Floats]:
 
 
 def _straight(corners: Floats) -> NDArray[np.bool_]:
-    """Corners in the middle of an edge, or dented by less than rounding; never one that is out."""
+    """Corners in the middle of an edge, or dented by less than rounding; never a convex one."""
     turns, along = _turns(corners)
     return (turns <= 0.0) & (turns >= -_STRAIGHT * along)
 

@@ -1,4 +1,4 @@
-"""What the wheels can do: limits of speed and acceleration, checked."""
+"""Limits of speed and acceleration, checked."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Limits(NamedTuple):
         >>> (limits.speed, limits.wheel_acceleration)
         (1.0, 2.0)
 
-    What a robot's YAML file says under `limits`; `RobotModel.of` takes them as they stand here.
+    The key `limits` of a robot's YAML file; `RobotModel.of` takes this class.
     """
 
     speed: float
@@ -36,7 +36,7 @@ class Limits(NamedTuple):
 
 
 def checked_limits(limits: Limits) -> Limits:
-    """The same limits, as floats. Raises CohelmError where one can not be a robot's."""
+    """The same limits, as floats. Raises CohelmError where one is impossible."""
     try:
         made = Limits._make(float(value) for value in limits)
     except (TypeError, ValueError) as error:
@@ -57,7 +57,7 @@ def checked_limits(limits: Limits) -> Limits:
 
 
 def checked_braking(limits: Limits) -> Limits:
-    """Limits with which a robot takes time to stop; a real one does. Raises CohelmError without."""
+    """The same limits, if they bound the deceleration. Raises CohelmError if not."""
     straight = min(limits.acceleration, limits.wheel_acceleration)
     turning = min(limits.yaw_acceleration, limits.wheel_acceleration)
     if math.inf in (straight, turning):
@@ -74,7 +74,7 @@ def unlimited(track: float) -> Limits:
 
 
 def unbraked(limits: Limits) -> Limits:
-    """The same but for accelerations: within them are the twists that can be held."""
+    """The limits without those of acceleration: twists within them can be held."""
     return limits._replace(
         acceleration=math.inf, yaw_acceleration=math.inf, wheel_acceleration=math.inf
     )

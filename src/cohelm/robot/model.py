@@ -1,4 +1,4 @@
-"""A robot as a user describes it in YAML: outline, wheels, limits, sensors."""
+"""A robot as described in YAML: outline, wheels, limits, sensors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 BEYOND = 1.0
-"""So far out of its outline may a LiDAR be mounted, on a boom [m]."""
+"""Largest distance of a LiDAR or contact sensor beyond the outline's reach, on a boom [m]."""
 
 
 class LimitsModel(Schema):
@@ -110,17 +110,17 @@ class RobotModel(Schema):
 
     @model_validator(mode="after")
     def _mounted(self) -> Self:
-        """A mount in millimetres is far from the robot, and so would be all that is seen."""
+        """Refuse mounts outside of the robot, as those in millimetres are."""
         for one in (*self.lidars, *self.contacts):
             away = math.hypot(one.mount_x_m, one.mount_y_m)
             if away > self.reach + BEYOND:
-                said = (
+                problem = (
                     "mount_x_m and mount_y_m are in metres, from the middle of the axle; "
                     f"{away:g} m is outside of the robot"
                 )
                 if isinstance(one, LidarModel):
-                    raise ValueError(of_sensor(one.name, said))
-                raise ValueError(f"{one.said}: {said}")
+                    raise ValueError(of_sensor(one.name, problem))
+                raise ValueError(f"{one.label}: {problem}")
         return self
 
     @property

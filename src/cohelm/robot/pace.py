@@ -1,8 +1,7 @@
-"""How fast time passes for a robot that is not real: as fast as it can, or as on the wall.
+"""Clocks of simulated and replayed robots: as fast as possible, or in real time.
 
-This is the only place where the two differ, for simulators and replayed records. Such a robot
-moves its world on to `due()` whenever it is asked anything, and `wait` is the only call that lets
-time pass.
+This is the only place where the two differ. Such a robot advances its world to `due()` in every
+call, and `wait` is the only call that lets time pass.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ class Pace(Protocol):
     """The clock of a simulated robot [s], from 0."""
 
     def due(self) -> float:
-        """How far the world must have come by now."""
+        """The time to which the world has to be advanced."""
         ...
 
     def wait(self, until: float) -> None:
@@ -27,22 +26,22 @@ class Pace(Protocol):
 
 
 class AsFast:
-    """The clock stands still but for `wait`: two equal runs are equal to the last bit."""
+    """A clock that only `wait` advances: two equal runs are equal to the last bit."""
 
     def __init__(self) -> None:
         self._now = 0.0
 
     def due(self) -> float:
-        """Where the last `wait` left it."""
+        """The time at which the last `wait` ended."""
         return self._now
 
     def wait(self, until: float) -> None:
-        """Put the clock on; it never goes back."""
+        """Advance the clock; it never goes back."""
         self._now = max(self._now, until)
 
 
 class OnTheWall:
-    """The machine's monotonic clock, from when this was made."""
+    """The machine's monotonic clock, from the creation of this one."""
 
     def __init__(self) -> None:
         self._start = time.monotonic()
@@ -60,15 +59,15 @@ class OnTheWall:
 
 
 def pace(real_time: bool) -> Pace:
-    """The one or the other."""
+    """The clock for real or simulated time."""
     return OnTheWall() if real_time else AsFast()
 
 
 class Paced:
-    """What every robot that is not real has of the port: its model, its clock, and an end."""
+    """The part of the port that all simulated and replayed robots share: model, clock, closing."""
 
     def __init__(self, model: RobotModel, pace: Pace | None) -> None:
-        """pace: none is as fast as it can."""
+        """pace: None is as fast as possible."""
         self._model = model
         self._pace: Pace = AsFast() if pace is None else pace
         self._closed = False
@@ -84,12 +83,12 @@ class Paced:
         return self._pace.due()
 
     def wait(self, until: float) -> None:
-        """Let time pass; the world is only worked out when somebody looks."""
+        """Let time pass; the world is only advanced when it is read."""
         self._open()
         self._pace.wait(until)
 
     def close(self) -> None:
-        """Nothing may be asked of it any more."""
+        """Close it; no further call is allowed."""
         self._closed = True
 
     def _open(self) -> None:

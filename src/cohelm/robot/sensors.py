@@ -1,4 +1,4 @@
-"""What a robot senses with, as a user describes it in YAML, and as numbers for compiled code."""
+"""A robot's sensors, as described in YAML, and as numbers for compiled code."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class FloorModel(Schema):
 
 
 _FINE_DEG = 2.0
-"""From one beam to the next of a range sensor's cone, where nobody says how many there are."""
+"""Angle between the beams of a range sensor's cone, where their number is not given."""
 
 
 class LidarModel(Schema):
@@ -182,9 +182,9 @@ class LidarModel(Schema):
         )  # fmt: skip
 
 
-def of_sensor(name: str, said: str) -> str:
-    """A sentence about a LiDAR, which names it where it has a name."""
-    return f"{name} LiDAR: {said}" if name else said
+def of_sensor(name: str, text: str) -> str:
+    """A sentence about a LiDAR, with its name if it has one."""
+    return f"{name} LiDAR: {text}" if name else text
 
 
 class Lidar(NamedTuple):
@@ -207,30 +207,30 @@ class Lidar(NamedTuple):
     beams: Floats
     """Direction of each beam in the sensor frame, unit vectors, (n, 2)."""
     whole_from: float = 0.0
-    """What stands nearer may be below what the beams see [m]."""
+    """Obstacles nearer than this may be below the beams [m]."""
     floor_from: float = math.nan
-    """From so far it sees the floor, ... [m]; NaN: it does not look for that."""
+    """Least distance at which it sees the floor [m]; NaN: it does not look for that."""
     floor_to: float = math.nan
-    """... to so far [m]."""
+    """Largest distance at which it sees the floor [m]."""
 
 
 _ROOM = 0.25
-"""Beside a robot that drives on, where floor is seen before it comes there [m]."""
+"""Margin beside a driving robot within which floor is seen before the robot gets there [m]."""
 
 
 def vouched_floor(lidar: Lidar, outline: Floats, least: float) -> float:
-    """How far around a robot there has to be floor where it is switched on, as nobody can see it
-    from there [m]: to where the view of the sensor that watches it is as wide as the robot, with
-    room beside.
+    """Distance around a robot within which there has to be floor where it is switched on, as its
+    sensor can not see it there [m]: to where the view of that sensor is as wide as the robot, with
+    a margin.
 
-    outline: (k, 2) of the robot [m]. least: at least so far [m].
+    outline: (k, 2) of the robot [m]. least: lower bound of the result [m].
     """
     half = min(0.5 * lidar.step * (len(lidar.beams) - 1), 0.5 * math.pi)
     wide = float(np.abs(outline[:, 1]).max()) + _ROOM
-    far = max(lidar.floor_from, wide / math.sin(half))
+    r = max(lidar.floor_from, wide / math.sin(half))
     ends = [lidar.mount.psi + side * half for side in (-1.0, 1.0)]
     x, y = lidar.mount.x, lidar.mount.y
-    return max(least, *(math.hypot(x + far * math.cos(a), y + far * math.sin(a)) for a in ends))
+    return max(least, *(math.hypot(x + r * math.cos(a), y + r * math.sin(a)) for a in ends))
 
 
 class OdometryModel(Schema):

@@ -70,7 +70,7 @@ def found(
         [f"transport: {transport.name}{why}"],
         _missing(inspection, [one.name for one in model.lidars], seen),
     )
-    notes += [f"{one.model.said}: {one.topic}, {one.kind}" for one in inspection.contacts]
+    notes += [f"{one.model.label}: {one.topic}, {one.kind}" for one in inspection.contacts]
     out_type = TWIST
     if drives:
         out_type, error = mismatch.base_type(topics.out, allowed.stamped, COMMAND, seen)
