@@ -29,19 +29,19 @@ class Pending:
         self._others: list[ClientRequest] = []
         self._waiting: Counter[int] = Counter()
 
-    def stop(self, asked: ClientRequest) -> tuple[ClientRequest, ...]:
+    def stop(self, request: ClientRequest) -> tuple[ClientRequest, ...]:
         """Add a stop; returns the requests that it cancels."""
-        if asked.client in self._stops or len(self._stops) < _MOST_STOPPING:
-            first = self._stops.get(asked.client, [asked])[0]
-            self._stops[asked.client] = [first] if first is asked else [first, asked]
+        if request.client in self._stops or len(self._stops) < _MOST_STOPPING:
+            first = self._stops.get(request.client, [request])[0]
+            self._stops[request.client] = [first] if first is request else [first, request]
         return self._without(lambda other: other.request.what in MOVES)
 
-    def add(self, asked: ClientRequest) -> bool:
+    def add(self, request: ClientRequest) -> bool:
         """Add a request; False: too many of this client wait."""
-        if self._waiting[asked.client] >= MOST_WAITING:
+        if self._waiting[request.client] >= MOST_WAITING:
             return False
-        self._waiting[asked.client] += 1
-        self._others.append(asked)
+        self._waiting[request.client] += 1
+        self._others.append(request)
         return True
 
     def withdraw(self, client: int, but: frozenset[Ask]) -> tuple[ClientRequest, ...]:
@@ -49,13 +49,13 @@ class Pending:
         return self._without(lambda one: one.client == client and one.request.what not in but)
 
     def _without(self, which: Callable[[ClientRequest], bool]) -> tuple[ClientRequest, ...]:
-        off = tuple(one for one in self._others if which(one))
+        removed = tuple(one for one in self._others if which(one))
         self._others = [one for one in self._others if not which(one)]
-        self._waiting.subtract(one.client for one in off)
-        return off
+        self._waiting.subtract(one.client for one in removed)
+        return removed
 
     def take(self) -> tuple[ClientRequest, ...]:
-        """All of them, once: the stops, in the order of who was first, then the others."""
+        """All of them, once: the stops, in order of arrival, then the others."""
         stops = [stop for of_one in self._stops.values() for stop in of_one]
         taken = (*stops, *self._others)
         self._stops, self._others = {}, []

@@ -44,20 +44,20 @@ class Coalesced:
 
     def add(self, now: float, key: object, text: str) -> list[str]:
         """The lines to be written now that this happened."""
-        said = self.due(now)
+        due = self.due(now)
         kept = self._kept.get(key)
         if kept is None and len(self._kept) >= _MOST_KEYS:
             key = None  # all others together
             kept = self._kept.get(key)
         if kept is None:
             self._kept[key] = _Kept(now, 0, text)
-            return [*said, text]
+            return [*due, text]
         self._kept[key] = _Kept(kept.since, kept.times + 1, text)
-        return said
+        return due
 
     def due(self, now: float) -> list[str]:
         """The lines that have waited long enough; to be called now and then."""
-        said: list[str] = []
+        due: list[str] = []
         for key, kept in list(self._kept.items()):
             if now - kept.since < self._every:
                 continue
@@ -65,6 +65,6 @@ class Coalesced:
                 del self._kept[key]
                 continue
             more = f" ({kept.times} times within {now - kept.since:.1f} s)"
-            said.append(kept.text + (more if kept.times > 1 else ""))
+            due.append(kept.text + (more if kept.times > 1 else ""))
             self._kept[key] = _Kept(now, 0, kept.text)
-        return said
+        return due

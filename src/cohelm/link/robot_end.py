@@ -31,7 +31,7 @@ from cohelm.link.rate import Coalesced
 from cohelm.link.wire import Header, encode, from_operator, may_stop
 
 REQUEST_LIFE = 1.0
-"""A request asked longer ago is refused, but for a stop [s]."""
+"""Age above which a request is refused, except a stop [s]."""
 SILENT = 2.0
 """Of whom nothing was heard for so long, the lease can be taken without asking [s]."""
 FORGOTTEN = 30.0
@@ -118,7 +118,7 @@ class RobotEnd(IoThread):
             self._put((type(part), which), part)
 
     def clients(self) -> dict[int, str]:
-        """Who is connected: names by number."""
+        """The connected clients: names by number."""
         with self._lock:
             return {c.number: c.channel.name for c in self._clients.identified()}
 
@@ -135,7 +135,7 @@ class RobotEnd(IoThread):
 
     @property
     def refused_counts(self) -> Counter[str]:
-        """Who was not let in, by reason."""
+        """The number of refused connections, by reason."""
         return self._listener.counts
 
     def round_trips(self) -> dict[int, tuple[float, float]]:
@@ -320,7 +320,7 @@ class RobotEnd(IoThread):
         self._lease(outcome.held, f"asked by {client.name}", taken=taken)
 
     def _before_lease(self, client: Client, request: Request, now: float) -> bool:
-        """Whether it was made before the driver could know that he drives."""
+        """Whether it was made before the driver could know that it drives."""
         return now - client.path.age(request.made, now) < self._given_at
 
     def _lease(self, held: lease.Held, why: str, taken: bool = False, lost: bool = False) -> None:

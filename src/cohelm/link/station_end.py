@@ -34,7 +34,7 @@ FRESH = 0.1
 """Without `steer` for this long, "no stick" is sent [s]."""
 _BEAT = 0.05  # [s], between messages when there is nothing to say
 _LOST = 2.0  # [s], of silence, until a new connection is tried beside the old one
-_PATIENCE = 5.0  # [s], for a handshake to which nothing is said
+_PATIENCE = 5.0  # [s], for a handshake without any answer
 _ANSWERED = 2.0
 """... to which something was said, beside three round trips [s]. What was damaged on the way may be
 past mending: then the other end repeats itself in vain."""
@@ -79,7 +79,7 @@ class _Connection:
         self.channel = channel
         self.since = since
         self.answered = math.inf
-        """When the robot first said something to it."""
+        """Time of the robot's first answer to it."""
         self.socket: socket.socket = udp.opened(family)
         self.socket.connect(to)
 

@@ -1,1 +1,1 @@
-"""What a robot is: shape, wheels, limits and sensors, the port to it, and who keeps its wheels."""
+"""The robot: outline, wheels, limits and sensors, the port to it, its gate and its monitors."""

@@ -124,12 +124,12 @@ class RobotAdapter:
             with contextlib.suppress(Exception):
                 self._robot.close()
 
-    def _outline(self, told: Floats | None) -> Floats | None:
+    def _outline(self, reported: Floats | None) -> Floats | None:
         """The newest outline, the same array as long as it is the same. CohelmError for none."""
         before = self._newest.outline
-        if told is None or (before is not None and np.array_equal(told, before)):
+        if reported is None or (before is not None and np.array_equal(reported, before)):
             return before
-        return convex_outline(told)
+        return convex_outline(reported)
 
     def _brake(self) -> None:
         now = self._robot.now()

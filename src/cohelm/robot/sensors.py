@@ -118,7 +118,7 @@ class LidarModel(Schema):
 
     @model_validator(mode="after")
     def _in_its_units(self) -> Self:
-        """Nobody sells such a LiDAR; a slip of units makes one."""
+        """Refuse values that only a wrong unit explains."""
         view, farthest = self.field_of_view_deg, self.range_max_m
         if self.beams > 1 and view < 6.4 and not self.range_sensor:
             looks = f"{view:g} looks like radians ({math.degrees(view):.0f} deg)"

@@ -1,1 +1,1 @@
-"""Who keeps the wheels: a robot and its gate, here or in a process that outlives the loop."""
+"""A robot behind its gate, in this process or in one that outlives the loop."""

@@ -102,7 +102,7 @@ def _serve_requests(
                 return
             if gated.now() > deadline:  # requests without proposals do not feed the watchdog
                 gated.tick()
-            if what == "propose":  # nothing more is asked before the next period
+            if what == "propose":  # no further request before the next period
                 garbage.sweep(time.monotonic())
         else:
             gated.tick()

@@ -1,7 +1,7 @@
 """Shared memory for scans and frames from the gate process to the loop, without locks.
 
 The gate process writes only when the loop requests readings, and the loop copies them before it
-requests again: so what is read is whole, and a loop that hangs blocks nobody.
+requests again: so what is read is consistent, and a loop that hangs blocks no process.
 """
 
 from __future__ import annotations
