@@ -8,7 +8,7 @@ GATE = Target(
     folder="robot/gate",
     tests=("robot/gate/test_gate.py", "robot/gate/test_promises.py"),
     equal={
-        ("bounds.py", "_share", "abs(asked) > most  ->  abs(asked) >= most"): "most / most is 1",
+        ("bounds.py", "_share", "abs(value) > limit  ->  abs(value) >= limit"): "most / most is 1",
     },
 )
 
