@@ -26,6 +26,9 @@ from tests.robot.plausibility.watched import (
 )
 
 
+NOTHING_AHEAD = np.array([[-9, -2, 90, -2], [-9, 2, 90, 2]], dtype=np.float64)
+
+
 def ahead(t: float) -> Twist:
     return Twist(0.5 if t < 7.0 else 0.0, 0.0)
 
@@ -57,6 +60,29 @@ def test_after_stamps_of_tomorrow_all_is_believed_again(drive):
         return readings._replace(odometry=readings.odometry._replace(stamp=stamp))
 
     assert watched(drive, 6.0, told=told) == []
+
+
+def test_odometry_stamps_that_step_back_count_as_no_distance_driven_backwards():
+    """A robot whose scans have become empty drives only so far until it crawls."""
+    lidar = SALLY.lidar.model_copy(update={"range_max_m": 3.0})
+
+    def reported(back):
+        def told(t, readings, _):
+            if t < 1.0:
+                return readings
+            odometry, scan = readings.odometry, readings.scan
+            empty = scan._replace(ranges=np.full_like(scan.ranges, np.inf))
+            stepped = odometry._replace(stamp=odometry.stamp - back)
+            return readings._replace(scan=empty, odometry=stepped)
+
+        found = watched(
+            lambda t: Twist(0.5, 0.0), 10.0, told=told,
+            model=SALLY.model_copy(update={"lidar": lidar}), walls=NOTHING_AHEAD,
+        )  # fmt: skip
+        return [t for t, r in found if "shows nothing at all" in r.reason]
+
+    assert reported(0.0)
+    assert reported(3600.0)
 
 
 def held_up(at: float, longest: float = 0.1):

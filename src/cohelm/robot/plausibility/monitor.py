@@ -88,7 +88,7 @@ class PlausibilityMonitor:
             return []  # the gate refuses proposals made from readings of the future
         if 0.0 <= self._trail.newest - odometry.stamp < _RESET:
             return []
-        way = abs(odometry.twist.v) * min(odometry.stamp - self._trail.newest, 1.0)
+        way = abs(odometry.twist.v) * min(max(odometry.stamp - self._trail.newest, 0.0), 1.0)
         for source in self._sources:
             source.moved(way)
         extended(self._trail, odometry)
