@@ -115,15 +115,12 @@ def sampled(way: Way, seed: int, params: TrackerParams | None = None) -> Iterato
     )
     last = np.full(len(world.discs), -math.inf)  # in view for the third scan in a row
     runs = np.zeros(len(world.discs), np.int64)
-    number = None
     for moment in drive(
         way.poses, way.twists, seed, around=lambda t: at(world, t), walls=world.walls
     ):
         seen = eyes.take(moment.now, moment.readings)
-        scan = moment.readings.scan
-        if scan is None or scan.number == number:
+        if not moment.scanned:
             continue
-        number = scan.number
         discs = at(world, moment.now)
         obstacles = estimated(seen, moment.truth)
         ground = obstacles[len(obstacles) - seen.unobserved :]

@@ -142,16 +142,13 @@ def localised(maps: dict[str, LocalizationMap]) -> Iterator[Row]:
     for name, on in maps.items():
         for seed in range(10, 11 if QUICK else 14):
             perception, off, heading, times = Perception(SALLY, on, START), [], [], []
-            number = None
             for moment in drive(*path, seed):
-                scan = moment.readings.scan
                 begun = time.perf_counter()
                 seen = perception.take(moment.now, moment.readings)
                 took = time.perf_counter() - begun
-                if scan is not None:
-                    if scan.number != number:
-                        times.append(1e3 * took)
-                        number = scan.number
+                if moment.scanned:
+                    times.append(1e3 * took)
+                if moment.readings.scan is not None:
                     off.append(apart(seen.pose, moment.truth))
                     heading.append(abs(wrap(seen.pose.psi - moment.truth.psi)))
                     assert not seen.lost
@@ -290,7 +287,7 @@ def watched(
     walls: Floats | None = None,
 ) -> Row:  # fmt: skip
     """Reported movers against true walkers within 6 m, with five beams on them for 0.6 s."""
-    perception, number = Perception(SALLY), None
+    perception = Perception(SALLY)
     more = {} if walls is None else {"walls": walls}
     reported = seen_ = false = there = 0
     place: list[float] = []
@@ -299,10 +296,8 @@ def watched(
     in_view: dict[int, float] = {}
     for moment in drive(*path, 3, around=around, **more):
         seen = perception.take(moment.now, moment.readings)
-        scan = moment.readings.scan
-        if scan is None or scan.number == number:
+        if not moment.scanned:
             continue
-        number = scan.number
         found = in_world(seen, moment.truth)
         true, before = around(moment.now), around(moment.now - 0.1)
         used: set[int] = set()
@@ -310,7 +305,7 @@ def watched(
             same = before[np.argmin(np.hypot(*(before[:, :2] - person[:2]).T))]
             velocity = (person[:2] - same[:2]) / 0.1
             walks = 0.15 < np.hypot(*velocity) < 3.0
-            visible = walks and beams_on(scan.ranges, moment.truth, person) >= 5
+            visible = walks and beams_on(moment.readings.scan.ranges, moment.truth, person) >= 5
             in_view[k] = in_view.get(k, 0.0) + 0.1 if visible else 0.0
             gaps = np.hypot(*(found[:, :2] - person[:2]).T) if len(found) else np.empty(0)
             i = int(gaps.argmin()) if len(gaps) and gaps.min() < 0.6 else -1

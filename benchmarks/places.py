@@ -157,18 +157,16 @@ def followed(
         if other is None else other(model.lidar(), place.known, poses[0])
     )  # fmt: skip
     off, lost, sigmas, times = [], [], [], []
-    number, trace = None, []
+    trace = []
     for moment in drive(
         poses, twists, seed, around=NO_DISCS, walls=walls, grid=place.grid, model=model,
         error=error,
     ):  # fmt: skip
-        scan = moment.readings.scan
         begun = time.thread_time()
         seen = perception.take(moment.now, moment.readings)
         took = 1e3 * (time.thread_time() - begun)
-        if scan is None or scan.number == number:
+        if not moment.scanned:
             continue
-        number = scan.number
         times.append(took)
         e = np.array([seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y])
         off.append(float(np.hypot(*e)))
@@ -473,7 +471,7 @@ def recovered(
     perception = Perception(SALLY.model_copy(update={"lidar": model}), place.known, begun)
     from_ = 0.0 if one.at_start else 3.0
     last = run = longest = 0.0
-    placed, trace, ms, number = one.at_start, [], [], None
+    placed, trace, ms = one.at_start, [], []
     for moment in drive(
         way, twists[k : k + 599], one.seed, around=around, walls=place.walls, grid=place.grid,
         pushes=pushes, model=model, error=error,
@@ -484,9 +482,7 @@ def recovered(
             perception.place(_beside(t, off))
         clock = time.thread_time()
         seen = perception.take(moment.now, moment.readings)
-        scan = moment.readings.scan
-        if scan is not None and scan.number != number:
-            number = scan.number
+        if moment.scanned:
             ms.append(1e3 * (time.thread_time() - clock))
         e = math.hypot(seen.pose.x - t.x, seen.pose.y - t.y)
         since = moment.now - from_

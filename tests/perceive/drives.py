@@ -39,12 +39,14 @@ DELAY = 0.05
 
 
 class Moment(NamedTuple):
-    """One control period: the clock, the readings that have arrived, and where the robot is."""
+    """One control period: the clock, the readings that have arrived, and where the robot is.
+    scanned: whether the scan is a new one."""
 
     now: float
     readings: Readings
     truth: Pose
     twist: Twist
+    scanned: bool
 
 
 def along(waypoints, speed=0.5, start=None):
@@ -127,10 +129,11 @@ def drive(
                 ranges[a:b] = piece[a:b]
             waiting.append((now + DELAY, Scan(begin, number, ranges, duration)))
             number += 1
+        last = scan
         while waiting and waiting[0][0] <= now + 1e-9:
             scan = waiting.pop(0)[1]
         reading = Odometry(now, odom, noisy)
-        yield Moment(now, Readings(reading, scan, None, None), pose, twist)
+        yield Moment(now, Readings(reading, scan, None, None), pose, twist, scan is not last)
 
 
 def lab_map(resolution=0.025, spread=0.02, seed=0, cones=True):

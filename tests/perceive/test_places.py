@@ -32,12 +32,10 @@ NO_WALLS = np.empty((0, 4))
 def followed(known, poses, twists, seed, walls=NO_WALLS, **how):
     """Errors of a drive, whether lost, and squared error over reported covariance, by scans."""
     perception = Perception(SALLY, known, poses[0])
-    rows, number = [], None
+    rows = []
     for moment in drive(poses, twists, seed, around=NO_DISCS, walls=walls, **how):
         seen = perception.take(moment.now, moment.readings)
-        scan = moment.readings.scan
-        if scan is not None and scan.number != number:
-            number = scan.number
+        if moment.scanned:
             e = np.array([seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y])
             reported = float(e @ np.linalg.solve(seen.covariance[:2, :2], e))
             rows.append((float(np.hypot(*e)), seen.lost, reported))

@@ -35,12 +35,10 @@ def standing(seconds, pose=HERE):
 
 def watch(path, around, known=None, start=HERE):
     """Moment and Seen, scan by scan; with `known`, from this place on its map."""
-    perception, number = Perception(SALLY, known, start if known else None), None
+    perception = Perception(SALLY, known, start if known else None)
     for moment in drive(*path, 0, around=around):
         seen = perception.take(moment.now, moment.readings)
-        scan = moment.readings.scan
-        if scan is not None and scan.number != number:
-            number = scan.number
+        if moment.scanned:
             yield moment, seen
 
 

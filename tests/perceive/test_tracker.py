@@ -32,12 +32,10 @@ def standing(seconds, pose=HERE):
 def watch(around, path, seed=0):
     """(time, moving discs in the world) whenever a scan has come, and the last Seen."""
     perception = Perception(SALLY)
-    number, reported = None, []
+    reported = []
     for moment in drive(*path, seed, around=around):
         seen = perception.take(moment.now, moment.readings)
-        scan = moment.readings.scan
-        if scan is not None and scan.number != number:
-            number = scan.number
+        if moment.scanned:
             frame = compose(moment.truth, inverse(seen.odometry))
             c, s = math.cos(frame.psi), math.sin(frame.psi)
             turn = np.array([[c, s], [-s, c]])

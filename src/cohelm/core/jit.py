@@ -133,8 +133,8 @@ def _compile(function: F, **options: Any) -> F:
     chosen: Any = config
     before, room = chosen.CACHE_DIR, _room(function)
     # The folder is read when the dispatcher is made; other users of numba keep their own.
-    chosen.CACHE_DIR = before or _cache_folder(room)
-    cached = bool(chosen.CACHE_DIR)  # with no folder numba would use its own, stale, or raise
+    folder = chosen.CACHE_DIR = before or _cache_folder(room)
+    cached = bool(folder)  # with no folder numba would use its own, stale, or raise
     try:
         made: Any = numba.njit(cache=cached, error_model="numpy", **options)(function)
     finally:
@@ -144,8 +144,8 @@ def _compile(function: F, **options: Any) -> F:
         about = files._impl
         stamp = about.locator.get_source_stamp()
         if room and not before:  # the folder's name stands for path and time of the source
-            folder = Path(_cache_folder(room), *function.__module__.split(".")[2:-1])
-            files._cache_path = about.locator._cache_path = str(folder)
+            place = Path(folder, *function.__module__.split(".")[2:-1])
+            files._cache_path = about.locator._cache_path = str(place)
             stamp = ""
         files._cache_file = Files(files.cache_path, about.filename_base, stamp)
     return cast(F, made)

@@ -25,7 +25,6 @@ from tests.robot.plausibility.watched import (
     without_noise,
 )
 
-
 NOTHING_AHEAD = np.array([[-9, -2, 90, -2], [-9, 2, 90, 2]], dtype=np.float64)
 
 

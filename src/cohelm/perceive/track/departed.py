@@ -71,8 +71,8 @@ def departed(
 @jit
 def _departed(
     before: Floats, dropped: Floats, new_movers: Floats, points: Floats, lidar: Lidar,
-    stamps: Floats,
-    sensors: Floats, dt: float, max_acceleration: float, dynamic: PotentiallyDynamicParams,
+    stamps: Floats, sensors: Floats, dt: float, max_acceleration: float,
+    dynamic: PotentiallyDynamicParams,
 ) -> Floats:  # fmt: skip
     sensor = Pose(sensors[-1, 0], sensors[-1, 1], sensors[-1, 2])
     clusters = _clusters(points, lidar, sensor)
