@@ -58,6 +58,12 @@ def test_the_compiled_code_is_kept_where_the_service_may_write():
     assert f"--record {state}/" in exec_start(UNITS[1])
 
 
+def test_what_may_have_driven_is_not_started_again_by_itself():
+    """A restart forgets a latched stop, and a controller may still command."""
+    assert service(UNITS[0])["Restart"] == "no"
+    assert "Restart=" not in UNITS[1]
+
+
 @pytest.mark.parametrize("second", [False, True], ids=["filter", "robot"])
 def test_systemd_takes_the_unit(tmp_path, second):
     systemd = shutil.which("systemd-analyze")
