@@ -145,6 +145,46 @@ def test_an_edit_in_a_room_above_does_not_compile_the_rooms_below_again(checkout
     assert len(list((cache / "numba" / "law").iterdir())) == 2
 
 
+SORTS = """
+import sys
+import numpy as np
+from numba.core.bytecode import FunctionIdentity
+from cohelm.core.jit import jit
+
+@jit
+def smallest(x):
+    return np.sort(x)[0]
+
+@jit
+def place(x):
+    return np.argsort(x)[0]
+
+name, earlier = sys.argv[1], int(sys.argv[2])
+for _ in range(earlier):  # as many functions were compiled before
+    next(FunctionIdentity._unique_ids)
+x = np.array([3.0, 2.0, *[7.0] * 40])
+print(*(globals()[one](x) for one in name.split()))
+"""
+
+
+def test_two_processes_that_fill_one_cache_do_not_mix_up_functions_of_one_name(tmp_path):
+    """Inside, numba has a `run_quicksort1` for values, and one for places, of equal arguments."""
+    (tmp_path / "sorts.py").write_text(SORTS, encoding="utf-8")
+
+    def printed(what, earlier=0):
+        done = subprocess.run(
+            [sys.executable, tmp_path / "sorts.py", what, str(earlier)], check=False,
+            capture_output=True, text=True,
+            env=os.environ | {"COHELM_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(PACKAGE.parent)},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return [float(number) for number in done.stdout.split()]
+
+    printed("smallest")
+    printed("place", earlier=3)  # numba's own count then has both at 7
+    assert printed("smallest place") == [2.0, 1.0]
+
+
 TWICE = """
 from cohelm.core.jit import jit
 

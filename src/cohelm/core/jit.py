@@ -8,6 +8,11 @@ and old ones are deleted; an edit elsewhere costs nothing.
 
 Nor can a process that dies while it writes, or another that writes at the same time, leave a
 function's code under another of its signatures: see `Files`.
+
+Nor do two functions that different processes compiled share a name. numba tells functions of one
+name apart, as its `np.sort` and `np.argsort` are inside, by a number that every process counts
+from 1. A process that loads both from the cache would link the calls of one to the other, which
+ends in wrong numbers or a segmentation fault. So the numbers are drawn at random, forks included.
 """
 
 from __future__ import annotations
@@ -23,11 +28,15 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
+from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import IndexDataCacheFile
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _KEPT_CACHES = 4
+
+_identity: Any = FunctionIdentity
+_identity._unique_ids = iter(lambda: int.from_bytes(os.urandom(7), "big"), None)
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 _IMPORT = re.compile(
