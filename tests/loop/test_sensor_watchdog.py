@@ -78,6 +78,36 @@ def test_odometry_that_no_wheels_can_follow_has_jumped(after, said):
     assert made.problem(10.02, readings(after)) == said
 
 
+STEPS = [3600.0, 31_536_000.0, 1.5]
+CURE = "a clock jumped; if it stays so, set both clocks (chrony, ntp) and start again"
+
+
+@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("which", ["odometry", "scan"])
+def test_a_clock_that_was_set_is_told_from_a_sensor_that_is_silent(step, which):
+    """Readings that go on coming, an hour after their stamps, are of another clock."""
+    made = senses()
+    said = set()
+    for k in range(100):
+        t = 10.0 + 0.02 * k
+        off = step if k >= 10 else 0.0
+        o = odometry(t - (off if which == "odometry" else 0.0))
+        s = scan(t - 0.03 - (off if which == "scan" else 0.0), k)
+        problem = made.problem(t, readings(o, s))
+        if k >= 10:
+            said.add(problem)
+    assert all(one.startswith(f"the {which} comes ") and one.endswith(CURE) for one in said), said
+    assert made.problem(12.02, readings(odometry(12.02), scan(12.0, 101))) == ""
+
+
+def test_a_sensor_that_falls_silent_is_told_by_the_age_of_its_newest_reading():
+    made = senses()
+    assert made.problem(10.0, readings()) == ""
+    said = [made.problem(10.0 + 0.1 * k, readings()) for k in range(2, 40)]
+    assert said[-1] == "the odometry is 3900 ms old"
+    assert all(one.endswith(" ms old") for one in said)
+
+
 def test_a_turn_of_the_heading_over_pi_is_no_jump():
     made = senses()
     made.problem(10.0, readings(odometry(psi=math.pi)))

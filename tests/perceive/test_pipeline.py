@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.scalars import wrap
-from cohelm.core.types import Pose, Twist
+from cohelm.core.types import VX, VY, Pose, Twist
 from cohelm.perceive.localize import global_search as search, localization_map as known_
 from cohelm.perceive.localize.localization_map import map_from_occupancy
 from cohelm.perceive.match import scan_matching as match
@@ -17,8 +17,11 @@ from cohelm.perceive.track import tracker as movers
 from cohelm.robot.kinematics import arc
 from cohelm.robot.port import Readings
 from cohelm.scenario import load
+from cohelm.sim.kinematic import Kinematic
+from cohelm.sim.world import world
 from tests.few import first
 from tests.perceive.drives import DT, LIDAR, START, TOUR, along, drive, lab_map
+from tests.robot.plausibility.watched import ROOM, person, stamped_by
 
 SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
 
@@ -89,6 +92,21 @@ def test_a_pose_of_the_map_is_found_again_in_the_odometry_frame(lab, tour):
         seen = perception.take(moment.now, moment.readings)
     back = in_odom(seen, seen.pose)
     assert back == pytest.approx(seen.odometry)
+
+
+@pytest.mark.parametrize("back", [0.0, 1.5, 3600.0])
+def test_after_the_robots_clock_was_set_back_who_walks_is_tracked_as_before(back):
+    walker = person(1.2, -2.0, 0.0, 0.5)
+    robot = Kinematic(SALLY, Pose(0.0, 0.0, 0.0), world(([walker], ROOM)), seed=2)
+    perception = Perception(SALLY, None)
+    for k in range(1, 300):
+        t = 0.02 * k
+        robot.wait(t)
+        clock = t - (back if t > 1.5 else 0.0)
+        seen = perception.take(clock, stamped_by(robot.read(), clock - t))
+    (disc,) = seen.discs
+    assert disc[:2] == pytest.approx((1.2, -2.0 + 0.5 * t), abs=0.15)
+    assert disc[[VX, VY]] == pytest.approx((0.0, 0.5), abs=0.15)
 
 
 def test_without_readings_nothing_is_claimed(lab):

@@ -97,9 +97,12 @@ class Faults:
 
     def __init__(self) -> None:
         self.now, self._count = "", 0
+        self._stepped_once: set[str] = set()
 
     def __call__(self, topic: str, message: Any) -> Any:
         self._count += 1
+        if self.now.startswith("step "):
+            return self._stepped(topic, message)
         match self.now, topic:
             case "no scan", "/scan":
                 return None
@@ -132,6 +135,15 @@ class Faults:
                 pass
         return message
 
+    def _stepped(self, topic: str, message: Any) -> Any:
+        """As a clock that was set stamps it: `step /odom,/scan -3600`, or `once` more for one
+        message of each topic."""
+        _, topics, seconds, *once = self.now.split()
+        if topic in topics.split(",") and (not once or topic not in self._stepped_once):
+            self._stepped_once.add(topic)
+            message.header.stamp.sec += int(seconds)
+        return message
+
 
 def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
     """The robot's process: `line` names faults, asks for the truth, or ends it."""
@@ -154,7 +166,7 @@ def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
             elif asked == "end":
                 ended.set()
             else:
-                faults.now = asked
+                faults.now, faults._stepped_once = asked, set()
                 if isinstance(pace, Simulator):
                     pace.pauses = asked == "pause"
         return ended.is_set()

@@ -63,9 +63,12 @@ FAULTS = [
     ("tomorrow", "from the future: a clock jumped"),
     ("nan odometry", "the odometry is no number"),
     ("no odometry", "the odometry is|moves at .* although it is told to stand"),
-    ("stale scan", "stamps stand still or went back|the scan is 2"),
+    ("stale scan", "stamps went back by 2|the scan is 2|the scan comes 2... ms after its stamp"),
     ("nan scan", "the scan is no number|vanished from the scan|of the scan are empty"),
     ("leap", "the odometry jumped"),
+    ("step /odom,/scan -3600", "3600 s after its stamp: a clock jumped; if it stays so, set both"),
+    ("step /odom,/scan 31536000", "s from the future: a clock jumped; if it stays so, set both"),
+    ("step /scan -1", "stamps went back by 0.9. s: was a clock set|ms after its stamp"),
 ]
 
 

@@ -12,6 +12,12 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import AHEAD, Odometry, Readings, Scan
 from cohelm.robot.sensors import of_sensor
 
+_LATE = 1.0
+"""What comes so long after its stamp shows two clocks that differ, and no delay [s]."""
+_LASTS = 0.5
+"""A reading counts as new for so long [s]."""
+_SET = "if it stays so, set both clocks (chrony, ntp) and start again"
+
 
 class SensorTimeouts(NamedTuple):
     """Limits on the age [s] and the plausibility of readings."""
@@ -48,6 +54,8 @@ class SensorWatchdog:
         self._turns = min(limits.yaw_rate, 2.0 * limits.wheel_speed / limits.track, 50.0)
         self._last: Odometry | None = None
         self._checked = [-1] * len(self._sensors)
+        self._newest: dict[str, tuple[float, float]] = {}
+        """Of each sensor, the stamp of its newest reading, and when it was new [s]."""
 
     def problem(self, now: float, readings: Readings) -> str:
         """What is wrong with the newest readings, as a sentence; empty: nothing."""
@@ -70,11 +78,25 @@ class SensorWatchdog:
         if not all(map(math.isfinite, (odometry.stamp, *odometry.pose, *odometry.twist))):
             return "the odometry is no number"
         age = now - odometry.stamp
-        if age < -p.max_ahead:
-            return f"the odometry comes {-1000.0 * age:.0f} ms from the future: a clock jumped"
-        if age > p.odometry:
-            return f"the odometry is {1000.0 * age:.0f} ms old"
-        return self._step(odometry)
+        problem = self._aged("the odometry", "", now, odometry.stamp, age, p.odometry)
+        return problem or self._step(odometry)
+
+    def _aged(
+        self, what: str, sensor: str, now: float, stamp: float, age: float, most: float
+    ) -> str:  # fmt: skip
+        """What is wrong with the age of a reading [s]."""
+        before, since = self._newest.get(what + sensor, (math.nan, -math.inf))
+        if stamp != before:
+            since = now if math.isfinite(before) else -math.inf
+            self._newest[what + sensor] = stamp, since
+        if age < -self._timeouts.max_ahead:
+            ahead = _duration(-age)
+            return f"{what} comes {ahead} from the future: a clock jumped; {_SET}"
+        if age <= most:
+            return ""
+        if age > _LATE and now - since < _LASTS:
+            return f"{what} comes {_duration(age)} after its stamp: a clock jumped; {_SET}"
+        return f"{what} is {1000.0 * age:.0f} ms old"
 
     def _step(self, odometry: Odometry) -> str:
         last, self._last = self._last, odometry
@@ -97,12 +119,17 @@ class SensorWatchdog:
         if not (math.isfinite(scan.stamp) and math.isfinite(scan.duration)):
             return "the scan's time is no number"
         age = now - scan.stamp - scan.duration
-        if age < -self._timeouts.max_ahead:
-            return f"the scan comes {-1000.0 * age:.0f} ms from the future: a clock jumped"
-        if age > self._timeouts.scans[lidar]:
-            return f"the scan is {1000.0 * age:.0f} ms old"
+        most = self._timeouts.scans[lidar]
+        problem = self._aged("the scan", self._sensors[lidar], now, scan.stamp, age, most)
+        if problem:
+            return problem
         if scan.number != self._checked[lidar]:
             if np.isnan(scan.ranges).all():
                 return "the scan is no number"
             self._checked[lidar] = scan.number
         return ""
+
+
+def _duration(seconds: float) -> str:
+    """As a person reads it."""
+    return f"{1000.0 * seconds:.0f} ms" if seconds < 10.0 else f"{seconds:.0f} s"

@@ -27,6 +27,11 @@ FASTEST = 1.1
 the wall, its period and the delay of the wheels, must be no longer there."""
 SILENT = 0.3
 """A simulator silent for so long stands, or is gone [s]; the slowest publish ten times a second."""
+STEP = 0.05
+"""A change of the wall clock by more, from one look to the next, is a step [s]: chrony and ntpd
+slew by a thousandth."""
+TRANSIT = 2.0
+"""What comes longer after a step was not stamped before it [s]."""
 _LEARNS = 0.1
 """Weight of the newest rate among those before."""
 
@@ -40,6 +45,32 @@ class Clock(NamedTuple):
     def age(self, stamp: float) -> float:
         """How long ago a stamp of the robot's was [s]."""
         return time.time() + self.ahead - stamp
+
+
+class WallSteps:
+    """Notices that this machine's wall clock was set, as by NTP after a boot, and corrects the ages
+    of what was stamped before that and is looked at after it: to drivers on the same machine
+    nothing happened."""
+
+    def __init__(self) -> None:
+        self._looked = time.monotonic()
+        self._offset = time.time() - self._looked
+        self._by = 0.0
+        self._since = self._until = -math.inf
+        """The newest step: by how much, after when, and until when it may be in transit [s]."""
+
+    def corrected(self, age: float) -> float:
+        """The true age of what seems so old by the wall clock of now [s]."""
+        now = time.monotonic()
+        offset = time.time() - now
+        if abs(offset - self._offset) > STEP:
+            self._by, self._since, self._until = offset - self._offset, self._looked, now + TRANSIT
+        self._looked, self._offset = now, offset
+        before = age > now - self._since if self._by > 0.0 else age < -AHEAD
+        if now > self._until or not before:
+            return age
+        true = age - self._by
+        return true if -AHEAD <= true <= TRANSIT else age
 
 
 def seconds(stamp: Any) -> float:

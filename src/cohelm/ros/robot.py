@@ -17,7 +17,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Health, Odometry, Readings, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros import laser
-from cohelm.ros.clock import Clock, SimulatedClock, seconds
+from cohelm.ros.clock import Clock, SimulatedClock, WallSteps, seconds
 from cohelm.ros.cloud import CloudRanges
 from cohelm.ros.cone import ConeRanges
 from cohelm.ros.connection import connection
@@ -67,6 +67,7 @@ class Ros2Robot(Robot):
             """The newest unread scan of each LiDAR, by its name."""
             self._sent = _STILL
             self._stopped_since = -math.inf
+            self._steps = WallSteps()
             self._simulated = SimulatedClock.on(self._transport) if found.simulated else None
             self._unusable: dict[str, tuple[int, str]] = {}
             """Of each topic, how many of the last messages in a row were, and why."""
@@ -165,7 +166,9 @@ class Ros2Robot(Robot):
 
     def _aged(self, clock: Clock, stamp: float) -> float:
         """By the simulator's time, if there is one, else by a clock."""
-        return (self._simulated or clock).age(stamp)
+        if self._simulated is not None:
+            return self._simulated.age(stamp)
+        return self._steps.corrected(clock.age(stamp))
 
     def _on_odometry(self, received: Received) -> None:
         if self._usable(self._found.topics.odom, received, ""):

@@ -235,11 +235,17 @@ def test_the_ground_about_a_robot_that_stands_is_the_same_whichever_way_it_looks
     assert unknown(2.0) == pytest.approx(unknown(0.0), rel=0.05)
 
 
-def test_what_was_sent_is_believed_though_the_odometry_is_frozen():
-    """The scan is 0.1 s old and the odometry stands; but 0.5 m/s is sent."""
+@pytest.mark.parametrize("back", [None, 0.3, 1.5, 3600.0])
+def test_what_was_sent_is_believed_though_the_odometry_is_frozen(back):
+    """The scan is 0.1 s old and the odometry stands; but 0.5 m/s is sent. Before that the robot's
+    clock may have been set back."""
     it = watch()
     sent = Twist(0.5, 0.0)
     ranges = wall(0.15)
+    for k in range(0 if back is None else 30):
+        t = 0.02 * k - 0.6 + back
+        it.observe(t, readings(t, empty(), number=-30 + k), STILL)
+        it.restrict(t, STILL)
     for k in range(30):
         t = 0.02 * k
         scan = Scan(0.02 * min(k, 24), min(k, 24), ranges, 0.0)
@@ -621,6 +627,50 @@ def test_a_robot_that_runs_away_is_a_fault():
     )
     full = 1.0 / BRAKES  # from full speed
     assert DELAY + full + 0.25 < t < DELAY + full + 0.35
+
+
+def test_odometry_that_does_not_come_any_more_shows_no_robot_that_runs_away():
+    """Else a sensor that is silent, or a clock that was set, is called a robot that moves."""
+    it = watch()
+    for k in range(400):
+        t = 0.02 * k
+        seen = min(t, 0.2) if t < 6.0 else t
+        speed = 0.2 if t < 6.0 else 0.0
+        found = it.observe(
+            t, readings(seen, empty(), Pose(0.2 * min(seen, 0.2), 0.0, 0.0), Twist(speed, 0.0)),
+            Twist(0.2, 0.0) if t < 0.2 else STILL,
+        )  # fmt: skip
+        assert not found.fault, t
+
+
+def test_one_that_still_runs_when_its_odometry_comes_back_is_a_fault_at_once():
+    it = watch()
+    for k in range(400):
+        t = 0.02 * k
+        seen = min(t, 0.2) if t < 6.0 else t
+        found = it.observe(
+            t, readings(seen, empty(), Pose(0.2 * seen, 0.0, 0.0), Twist(0.2, 0.0)),
+            Twist(0.2, 0.0) if t < 0.2 else STILL,
+        )  # fmt: skip
+        if found.fault:
+            break
+    assert 5.99 < t < 6.05
+
+
+@pytest.mark.parametrize("back", [1.5, 3600.0])
+def test_after_the_robots_clock_was_set_back_one_that_runs_away_is_a_fault_as_soon(back):
+    it, at = watch(), 3.0
+    for k in range(400):
+        t = 0.02 * k
+        clock = t if t < at else t - back
+        speed = 0.0 if t < at + 1.0 else 0.2
+        way = 0.2 * max(t - at - 1.0, 0.0)
+        found = it.observe(
+            clock, readings(clock, empty(), Pose(way, 0.0, 0.0), Twist(speed, 0.0), k), STILL
+        )
+        if found.fault:
+            break
+    assert at + 1.2 < t < at + 1.4
 
 
 def test_a_robot_that_takes_longer_to_stop_turning_has_that_time():

@@ -65,6 +65,9 @@ IMPOSSIBLE = {
     "number stays": of_scan(lambda scan, old: scan._replace(number=old.number)),
     "numbers went back": of_scan(lambda scan, old: scan._replace(number=scan.number - 10)),
     "stamps stand still": of_scan(lambda scan, old: scan._replace(stamp=old.stamp)),
+    "stamps went back by 0.80 s: was a clock set?": of_scan(
+        lambda scan, old: scan._replace(stamp=old.stamp - 0.8)
+    ),
     "more often": of_scan(
         lambda scan, old: scan._replace(stamp=old.stamp + 0.01 * (scan.number - old.number))
     ),
@@ -244,6 +247,33 @@ def test_scans_that_show_another_motion_than_odometry_stop_the_robot(lie):
     assert found
     assert found[0][0] <= AT + 0.4
     assert found[0][1].share == 0.0
+
+
+@pytest.mark.parametrize("back", [1.5, 3600.0])
+@pytest.mark.parametrize("lie", list(MOTION))
+def test_after_the_robots_clock_was_set_back_a_lie_is_noticed_as_soon(lie, back):
+    """The gate faults for it; after the reset all has to be looked at as before."""
+    drive, told = MOTION[lie]
+    at = AT - 1.2
+    found = watched(drive, AT + 1.0, told=told, clock=lambda t: t if t < at else t - back)
+    assert found
+    assert AT <= found[0][0] <= AT + 0.4
+    assert found[0][1].share == 0.0
+
+
+def test_a_limit_ends_after_its_cause_though_the_clock_was_set_back_meanwhile():
+    def told(t, readings, _):
+        if t > AT:
+            return None
+        worse = readings.scan.ranges + np.random.default_rng(int(1e4 * t)).normal(0, 0.1, 720)
+        return readings._replace(scan=readings.scan._replace(ranges=worse))
+
+    def last(clock):
+        found = watched(ahead, AT + 4.0, told=told, clock=clock)
+        assert any("noisy" in one.reason for t, one in found if t < AT)
+        return found[-1][0]
+
+    assert last(lambda t: t if t < AT else t - 3600.0) <= last(lambda t: t) + 0.1
 
 
 def test_a_mount_that_is_five_degrees_off_slows_the_robot_within_metres():

@@ -37,12 +37,22 @@ def person(x: float, y: float, vx: float, vy: float) -> Body:
     return Body((*row[:2], vx, vy, *row[4:]))
 
 
+def stamped_by(readings: Readings, ahead: float) -> Readings:
+    """The same by a clock that is ahead [s]."""
+    odometry, scan = readings.odometry, readings.scan
+    return readings._replace(
+        odometry=odometry and odometry._replace(stamp=odometry.stamp + ahead),
+        scan=scan and scan._replace(stamp=scan.stamp + ahead),
+    )
+
+
 def watched(
     drive: Callable[[float], Twist], seconds: float, walls=ROOM, people=(), model=SALLY,
     told: Callable[[float, Readings, Kinematic], Readings | None] = lambda t, readings, robot: None,
-    seed: int = 5,
+    seed: int = 5, clock: Callable[[float], float] = lambda t: t,
 ) -> list[tuple[float, Restriction]]:  # fmt: skip
-    """All that the monitor restricts, with when; told: what is read instead."""
+    """All that the monitor restricts, with when; told: what is read instead. clock: what the
+    robot's, and so all stamps, say at a time."""
     simulated = Kinematic(model, Pose(0.0, 0.0, 0.0), world((people, walls)), seed=seed)
     monitor = PlausibilityMonitor(model)
     limits, sent, said = model.bounds(), Twist(0.0, 0.0), []
@@ -51,10 +61,11 @@ def watched(
         simulated.wait(t)
         readings = simulated.read()
         readings = told(t, readings, simulated) or readings
-        restriction = monitor.observe(t, readings, sent)
+        readings = stamped_by(readings, clock(t) - t)
+        restriction = monitor.observe(clock(t), readings, sent)
         sent = achievable(drive(t), sent, limits, PERIOD)
         if restriction.share == 1.0 and not restriction.fault:
-            restriction = monitor.restrict(t, sent)
+            restriction = monitor.restrict(clock(t), sent)
         if restriction.fault or restriction.share < 1.0:
             said.append((t, restriction))
         simulated.send(sent)

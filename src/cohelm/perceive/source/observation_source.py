@@ -23,6 +23,7 @@ from cohelm.robot.sensors import Lidar
 
 NOTHING: Floats = np.empty((0, 2))
 _APART = 0.06  # minimum time between two updates of the tracker [s]
+_RESET = 1.0  # scans whose stamps go back by at least this are tracked anew [s]
 
 OnMap = Callable[[DeskewedScan, Pose], NDArray[np.bool_] | None]
 """Which points of a sweep from an `odom` pose are on the map's walls; None if not localized."""
@@ -61,6 +62,8 @@ class ObservationSource:
         scan_points = deskewed = deskew(self.lidar, ranges, scan.stamp, scan.duration, buffer)
         self.stamp = scan.stamp + scan.duration
         pose = pose_at(buffer, self.stamp)
+        if self.movers.stamp - self.stamp >= _RESET:
+            self.movers = EMPTY_STATE
         if self.stamp - self.movers.stamp > _APART:
             may_move = np.ones(len(scan_points.points), dtype=np.bool_)
             trackable = scan_points

@@ -18,7 +18,7 @@ from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE, allowed, horiz
 from cohelm.robot.collision_monitor.free_space import UNWATCHED, unknown_to_all
 from cohelm.robot.collision_monitor.odometry import PoseHistory
 from cohelm.robot.collision_monitor.returns import TOO_NEAR, Sensor, returns
-from cohelm.robot.collision_monitor.runaway import Runaway
+from cohelm.robot.collision_monitor.runaway import PATIENCE, Runaway
 from cohelm.robot.collision_monitor.source import MonitorSource
 from cohelm.robot.collision_monitor.surroundings import (
     NOTHING,
@@ -103,8 +103,8 @@ class CollisionMonitor:
             for i, sensor in enumerate(described.sensors)
         ]
         self._measured, self._commanded = PoseHistory(), PoseHistory()
-        self._sent = -math.inf
-        """When a twist was last checked, and so sent [s]."""
+        self._clock = self._sent = -math.inf
+        """The robot's, at the last look; and when a twist was last checked, and so sent [s]."""
         self._all = NOTHING
         """All returns, remembered ones too, and ground that no beam looks at or has looked at,
         in the odometry's frame."""
@@ -121,9 +121,15 @@ class CollisionMonitor:
     ) -> Restriction:
         """Take odometry and scans; a fault on uncommanded motion."""
         self._update_outline(readings.outline, applied)
+        if now < self._clock:  # it was set back: what was to happen then is long ago
+            self._commanded.clear()
+            self._runaway.forget()
+            self._sent = -math.inf
+        self._clock = now
         self._reckon(now, applied)
         self._wrong = self._take(now, readings.odometry) or self._look(now, readings)
-        speed = self._speed()
+        fresh = now - self._measured.stamp <= PATIENCE
+        speed = self._speed() if fresh else math.nan
         if self._runaway.noticed(now, applied, speed):
             moves = f"the robot moves at {speed:.2f} m/s although it is told to stand"
             return Restriction(0.0, f"collision monitor: {moves}", fault=True)

@@ -20,16 +20,22 @@ class Runaway:
     def __init__(self, stopping: float) -> None:
         """stopping: delay and braking from the largest speed [s]."""
         self._allowed = stopping + PATIENCE
-        self._stopped = math.nan
-        self._stood = math.nan
+        self.forget()
+
+    def forget(self) -> None:
+        """As if nothing had been commanded yet."""
+        self._stopped = self._stood = math.nan
 
     def noticed(self, now: float, applied: Twist, speed: float) -> bool:
-        """Whether it moves uncommanded. applied: the last twist sent; speed: as measured [m/s]."""
+        """Whether it moves uncommanded. applied: the last twist sent; speed: as measured, NaN if it
+        was not of late [m/s]."""
         if applied != Twist(0.0, 0.0):
-            self._stopped = self._stood = math.nan
+            self.forget()
             return False
         if math.isnan(self._stopped):
             self._stopped = now
+        if math.isnan(speed):
+            return False
         if not speed > MOVES:
             self._stood = now
         since = self._stood if self._stood > self._stopped else math.nan

@@ -44,8 +44,11 @@ class Arrival:
                 return [fault(f"the scan's number stays {scan.number} while its stamps go on")]
             if scan.number < last.number:
                 return [fault(f"the scans' numbers went back from {last.number} to {scan.number}")]
-            if scan.stamp <= last.stamp:
-                return [fault("the scans' stamps stand still or went back")]
+            if scan.stamp == last.stamp:
+                return [fault("the scans' stamps stand still")]
+            if scan.stamp < last.stamp:
+                back = last.stamp - scan.stamp
+                return [fault(f"the scans' stamps went back by {back:.2f} s: was a clock set?")]
             skipped = scan.number - last.number
             often = scan.stamp - last.stamp < 0.4 * self._period * skipped
             self._often = self._often + 1 if often else 0

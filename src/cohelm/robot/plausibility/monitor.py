@@ -77,6 +77,8 @@ class PlausibilityMonitor:
         for source in self._sources:
             source.forget()
         self._odd_at = self._odd_since = -math.inf
+        self._odd.clear()
+        self._slow.clear()
         self._last = None
 
     def _wheels(self, now: float, odometry: Odometry | None, stopped: bool) -> list[Finding]:

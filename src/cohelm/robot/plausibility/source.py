@@ -42,6 +42,7 @@ class PlausibilitySource:
         for part in (self._arrival, self._content, self._motion, self._view):
             part.forget()
         self._pending.clear()
+        self._looked = -math.inf
 
     def moved(self, way: float) -> None:
         """The robot has driven this far [m]."""
