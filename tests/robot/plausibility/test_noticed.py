@@ -65,7 +65,7 @@ IMPOSSIBLE = {
     "number stays": of_scan(lambda scan, old: scan._replace(number=old.number)),
     "numbers went back": of_scan(lambda scan, old: scan._replace(number=scan.number - 10)),
     "stamps stand still": of_scan(lambda scan, old: scan._replace(stamp=old.stamp)),
-    "stamps went back by 0.80 s: was a clock set?": of_scan(
+    "stamps went back by 0.80 s, as if a clock was set": of_scan(
         lambda scan, old: scan._replace(stamp=old.stamp - 0.8)
     ),
     "more often": of_scan(

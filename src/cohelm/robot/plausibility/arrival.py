@@ -48,7 +48,9 @@ class Arrival:
                 return [fault("the scans' stamps stand still")]
             if scan.stamp < last.stamp:
                 back = last.stamp - scan.stamp
-                return [fault(f"the scans' stamps went back by {back:.2f} s: was a clock set?")]
+                return [
+                    fault(f"the scans' stamps went back by {back:.2f} s, as if a clock was set")
+                ]
             skipped = scan.number - last.number
             often = scan.stamp - last.stamp < 0.4 * self._period * skipped
             self._often = self._often + 1 if often else 0
