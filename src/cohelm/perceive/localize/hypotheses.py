@@ -365,9 +365,9 @@ class Hypotheses:
         return self.judge.weighed(self.judge.judge(pose, ranges, 2))
 
     def _possible(self, pose: Pose, judged: Judgement, more: float = 0.0) -> bool:
-        """Whether a pose is possible by one scan; near the last pose the map may be wrong. more:
-        stricter, for a new one."""
-        here = self.left is not None and self.left.away(pose) < 0.5
+        """Whether a pose is possible by one scan; near the last pose, or the one before a person
+        set one, the map may be wrong. more: stricter, for a new one."""
+        here = any(last is not None and last.away(pose) < 0.5 for last in (self.left, self.before))
         if here and judged.agree > self.caution.poor:
             return True  # a mapped wall may be gone
         fits = judged.agree > 0.35 + more and judged.through < 0.4 - more

@@ -140,14 +140,14 @@ class Localizer:
         judged = self._judge.judge(fit.pose, sweep.ranges)
         c, distance = self.caution, math.hypot(step.x, step.y)
         may_have_moved = check.may_have_moved
-        fits = self._judge.fits(judged, self._alarm.raised)
+        fits, pushed = self._judge.fits(judged, self._alarm.raised), False
+        weak_prior = np.diag([4.0, 4.0, 16.0])
         if may_have_moved and not fits:
-            weak_prior = np.diag([4.0, 4.0, 16.0])
             wider = match_params._replace(reach=0.6)
             wider_fit = align(self.known.surfaces, points, across, predicted, weak_prior, wider)
             wider_judged = self._judge.judge(wider_fit.pose, sweep.ranges)
             if wider_judged.log > judged.log + 1.0 and self._judge.fair(wider_judged, c.good):
-                fit, judged = wider_fit, wider_judged
+                fit, judged, pushed = wider_fit, wider_judged, True
                 fits = self._judge.fits(wider_judged, self._alarm.raised)
         check.held(fits, distance)
         long_unfitted = check.long_unfitted
@@ -185,10 +185,14 @@ class Localizer:
             self._joint, self._reported_joint = joint, reported
             self.located = Localization(predicted, reported[:3, :3].copy(), judged.agree, False, "")
         else:
-            self._wheels = self._wheels.updated_by(joint, innovation)
+            if pushed:  # the wheels do not know of it, and the prediction does not limit it
+                joint = reported = joined(inverted(weak_prior), joint[3:, 3:])
+            else:
+                self._wheels = self._wheels.updated_by(joint, innovation)
             self._judge.learn_surfaces(fit, distance)
             self._joint = updated(joint, fit.information)
-            new = 1.0 if self._pose_set else min(1.0, max(distance / match_params.correlated, 0.02))
+            afresh = self._pose_set or pushed
+            new = 1.0 if afresh else min(1.0, max(distance / match_params.correlated, 0.02))
             self._reported_joint = updated(reported, new * information)
             self.located = Localization(
                 fit.pose, self._reported_joint[:3, :3].copy(), judged.agree, False, ""
