@@ -32,7 +32,7 @@ FAULTS = {
     "odometry jumps": "the odometry jumped by",
     "scans stop": "the scan is",
     "scans are no number": "the scan is no number",
-    "clock jumps on": "old",
+    "clock jumps on": "after its stamp: a clock jumped",
     "clock jumps back": "from the future: a clock jumped",
     "bumper": "the robot says: the bumper is pressed",
 }
