@@ -174,6 +174,7 @@ def _placed(
             ),
             False, math.nan if configured.mount_z_m is None else configured.mount_z_m,
         )  # fmt: skip
+    _certain(inspection, topic)
     mount = inspection.mount(topic)
     if mount is None or allowed.mount_from_model:
         raise _unplaced(inspection, topic)
@@ -182,10 +183,18 @@ def _placed(
 
 def _into_body(inspection: Inspection, topic: str) -> Floats:
     """From the frame of its messages into the body's, (4, 4)."""
+    _certain(inspection, topic)
     matrix = inspection.into_body(topic)
     if matrix is None:
         raise _unplaced(inspection, topic)
     return matrix
+
+
+def _certain(inspection: Inspection, topic: str) -> None:
+    """CohelmError where transforms contradict each other."""
+    places = inspection.transforms.ambiguous(inspection.frame(topic), inspection.body())
+    if places:
+        raise CohelmError(mismatch.two_places(topic, places))
 
 
 def _unplaced(inspection: Inspection, topic: str) -> CohelmError:

@@ -1,5 +1,6 @@
 """Keeps the base from moving, whatever its sensors report: an emergency stop's lock on a topic (as
-twist_mux has them), and another node that commands the base past the filter.
+twist_mux has them), another node that commands the base past the filter, and a second driver on the
+topic of a sensor.
 
 It belongs to the gate process, and each is a fault of it: the gate latches, and only a reset after
 the cause has gone lets the robot drive again (ISO 13850: releasing an emergency stop restarts
@@ -11,6 +12,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections.abc import Sequence
 
 from cohelm.ros import mismatch
 from cohelm.ros.mismatch import BOOL
@@ -25,17 +27,19 @@ class Interlock:
 
     def __init__(
         self, transport: Transport, out: str, lock: str, bypass: bool = False,
-        silence: float = math.inf,
+        silence: float = math.inf, alone: Sequence[tuple[str, str, str]] = (),
     ) -> None:  # fmt: skip
         """out: the base's commands; no other publisher is allowed there, but with bypass. lock: a
         topic of std_msgs/msg/Bool, true while nothing may move; empty: none. silence: so long may
-        pass without a message on it [s]."""
+        pass without a message on it [s]. alone: topic, type and thing of which there is one; a
+        second one that begins later is as wrong as at the start."""
         self._transport, self._out, self._lock = transport, out, lock
         self._bypass, self._silence = bypass, silence
         self._pressed, self._unread = "", ""
         self._received_at = time.monotonic()
         self._there, self._missed = False, 0
-        self._publisher_gone = self._other = self._blind = self._deaf = ""
+        self._alone = tuple(alone)
+        self._publisher_gone = self._other = self._blind = self._deaf = self._shared = ""
         self._over = threading.Event()
         if lock:
             # Repeated, maybe best effort; or published once and latched.
@@ -52,9 +56,13 @@ class Interlock:
             silent = f"{self._lock} has been silent for more than {self._silence:g} s"
         return tuple(
             filter(
-                None, (pressed, silent, self._publisher_gone, self._deaf, self._other, self._blind)
+                None,
+                (
+                    pressed, silent, self._publisher_gone, self._deaf, self._other, self._shared,
+                    self._blind,
+                ),
             )
-        )
+        )  # fmt: skip
 
     def close(self) -> None:
         """Look no more."""
@@ -86,3 +94,5 @@ class Interlock:
         self._publisher_gone = f"nobody publishes {self._lock} any more" if left else ""
         self._deaf = mismatch.lock(self._lock, seen)[1] if self._lock else ""
         self._other = "" if self._bypass else mismatch.bypass(self._out, seen)
+        shared = (mismatch.alone(*one, seen)[1] for one in self._alone)
+        self._shared = next(filter(None, shared), "")

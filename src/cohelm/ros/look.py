@@ -155,6 +155,7 @@ def _sensed(
         for topic, configured in zip(inspection.scans, described, strict=True)
     ]
     notes += [one.note for one in lidars]
+    notes += filter(None, (mismatch.slow(one.found.topic, one.model.rate_hz) for one in lidars))
     clocks = [(topics.odom, odom_clock), *((one.found.topic, one.found.clock) for one in lidars)]
     notes += [_differs(name, one) for name, one in clocks if one.ahead]
     notes += [

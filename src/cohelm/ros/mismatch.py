@@ -18,6 +18,8 @@ FILTER_INFO, GRID = "nav2_msgs/msg/CostmapFilterInfo", "nav_msgs/msg/OccupancyGr
 GATE = "cohelm_gate"
 """The node that commands the base."""
 _MOST_NAMED = 4
+_OFTEN = 4.0
+"""Scans a second: the slowest planar LiDARs that robots drive with turn five times."""
 
 
 def nothing_received(
@@ -215,12 +217,38 @@ def no_camera_info(topic: str, info: str, seen: list[Endpoint]) -> str:
 
 def no_frame(topic: str, frame: str, body: str, known: list[str]) -> str:
     """That no transform says where a sensor is mounted."""
+    if not frame:
+        return (
+            f"{topic} names no frame (its header.frame_id is empty), so /tf_static can not say "
+            "where it is mounted: give its driver one (mostly the parameter frame_id), or give "
+            "lidar.mount_x_m, mount_y_m and mount_yaw_deg in the robot's YAML file and "
+            "--mount-from-model"
+        )
     frames_there = f"it has {', '.join(known[:8])}" if known else "it is empty"
     return (
         f"{topic} is measured in the frame {frame!r}, and /tf_static does not say where that is "
         f"on {body!r} ({frames_there}): start robot_state_publisher or "
         "static_transform_publisher, or give lidar.mount_x_m, mount_y_m and mount_yaw_deg in the "
         "robot's YAML file and --mount-from-model"
+    )
+
+
+def two_places(topic: str, places: str) -> str:
+    """That transforms contradict each other about where a sensor is mounted."""
+    return (
+        f"{topic} may be in two places: /tf_static has two places {places}: end the node that "
+        "publishes the wrong one (a static_transform_publisher beside robot_state_publisher?)"
+    )
+
+
+def slow(topic: str, rate: float) -> str:
+    """That scans are too rare for what moves; empty: they are not."""
+    if rate >= _OFTEN:
+        return ""
+    return (
+        f"{topic} comes {rate:.1f} times a second: what moves is seen up to {1.0 / rate:.1f} s "
+        f"late, and a lost LiDAR after {3.5 / rate:.1f} s: let its driver scan more often, or "
+        "drive slowly among people (limits.speed_mps)"
     )
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
+
+import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
@@ -41,6 +43,9 @@ _QUIET = 1.0
 _DAMAGES = 3
 """So many messages in a row that can not be used are no chance; what comes no more is missed after
 three and a half (`loop.sensor_watchdog`), without it being known why."""
+_DRIVES, _ASIDE, _ALONG = 0.1, 0.3, 0.15
+"""A twist faster than this [m/s], aside by this share of it, and along the heading but for this
+angle [rad], is in the frame of the pose."""
 _STILL = Twist(0.0, 0.0)
 
 
@@ -65,6 +70,8 @@ class Ros2Robot(Robot):
             self._odometry: Received | None = None
             self._came: dict[str, Received] = {}
             """The newest unread scan of each LiDAR, by its name."""
+            self._last: dict[str, Any] = {}
+            """The newest message of each LiDAR, read or not."""
             self._sent = _STILL
             self._stopped_since = -math.inf
             self._steps = WallSteps()
@@ -78,8 +85,13 @@ class Ros2Robot(Robot):
                 for lidar, one in zip(model.lidars, found.lidars, strict=True)
             }
             self._out = self._transport.publish(topics.out, found.out_type, COMMAND)
+            alone = [(topics.odom, ODOMETRY, "odometry")]
+            alone += [
+                (one.topic, kind_of(lidar), "LiDAR")
+                for lidar, one in zip(model.lidars, found.lidars, strict=True)
+            ]
             self._interlock = Interlock(
-                self._transport, topics.out, topics.lock, found.bypass, found.lock_silence
+                self._transport, topics.out, topics.lock, found.bypass, found.lock_silence, alone
             )
             self._transport.subscribe(topics.odom, ODOMETRY, SENSOR, self._on_odometry)
             felt = contact_topics(model, topics.of_contacts(model))
@@ -171,26 +183,57 @@ class Ros2Robot(Robot):
         return self._steps.corrected(clock.age(stamp))
 
     def _on_odometry(self, received: Received) -> None:
-        if self._usable(self._found.topics.odom, received, ""):
+        if self._usable(self._found.topics.odom, received, self._wrong_twist):
             with self._lock:
                 self._odometry = received
 
     def _on_scan(self, name: str, received: Received) -> None:
-        lidar = self._lidars[name][0]
-        if self._usable(lidar.topic, received, lidar.frame):
+        topic = self._lidars[name][0].topic
+        if self._usable(topic, received, partial(self._wrong_scan, name)):
+            before = self._last.get(name)
+            if before is not None and same(received.message, before):
+                return  # relayed twice
             with self._lock:
-                self._came[name] = received
+                self._last[name], self._came[name] = received.message, received
 
-    def _usable(self, topic: str, received: Received, frame: str) -> bool:
-        """Whether a message can be used. frame: that it has to be in; empty: any."""
-        message, why = received.message, ""
+    def _wrong_scan(self, name: str, message: Any) -> str:
+        """Why a message of a LiDAR can not be used."""
+        lidar, converts = self._lidars[name]
+        topic, frame = lidar.topic, lidar.frame.lstrip("/")
+        if frame and message.header.frame_id.lstrip("/") != frame:
+            return (
+                f"{topic} comes in the frame {message.header.frame_id!r}, and was in "
+                f"{lidar.frame!r} when it was looked at: fix its driver, or start again"
+            )
+        if isinstance(converts, laser.Ranges):
+            try:
+                laser.layout(message, topic)
+            except CohelmError as error:
+                return str(error)
+        return ""
+
+    def _wrong_twist(self, message: Any) -> str:
+        """Why odometry can not be used: a robot that drives where it looks along the axes of the
+        pose's frame."""
+        at, yaw = message.twist.twist.linear, yaw_of(message.pose.pose.orientation)
+        speed = math.hypot(at.x, at.y)
+        if not (speed > _DRIVES and abs(at.y) > _ASIDE * speed):
+            return ""
+        if not abs(math.remainder(math.atan2(at.y, at.x) - yaw, math.pi)) < _ALONG:
+            return ""
+        found = self._found
+        return (
+            f"{found.topics.odom} gives its twist along the axes of {found.odom!r}, and those of "
+            f"{found.body!r} are needed (REP-105, {ODOMETRY}): fix its driver"
+        )
+
+    def _usable(self, topic: str, received: Received, wrong: Callable[[Any], str]) -> bool:
+        """Whether a message can be used. wrong: says why one that can be read can not."""
+        message = received.message
         if message is None:
             why = f"what comes on {topic} can not be read ({received.damage}): fix its driver"
-        elif frame and message.header.frame_id != frame:
-            why = (
-                f"{topic} comes in the frame {message.header.frame_id!r}, and was in {frame!r} "
-                "when it was looked at: fix its driver, or start again"
-            )
+        else:
+            why = wrong(message)
         with self._lock:
             many = self._unusable.get(topic, (0, ""))[0]
             self._unusable[topic] = (many + 1, why) if why else (0, "")
@@ -234,6 +277,14 @@ class Ros2Make:
         """A new one. CohelmError where the network can not be joined."""
         transport = self.found.connection.open(GATE, self.found.topics.namespace)
         return Ros2Robot(model, self.found, transport)
+
+
+def same(message: Any, before: Any) -> bool:
+    """Whether a message of a LiDAR is another one again, with its stamp and what it measured."""
+    if message.header.stamp != before.header.stamp:
+        return False
+    field = next(one for one in ("ranges", "data", "range") if hasattr(message, one))
+    return bool(np.array_equal(getattr(message, field), getattr(before, field), equal_nan=True))
 
 
 def _near(age: float) -> float:

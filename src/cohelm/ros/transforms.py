@@ -15,6 +15,9 @@ TILTED = math.radians(3.0)
 LEVEL = math.radians(0.2)
 """One that is inclined by less is as high everywhere: to 1 cm, over the 3 m that count [rad]."""
 
+_SAME = 1e-3
+"""Transforms whose numbers differ by less are the same [m, and of rotations]."""
+
 
 class Mount(NamedTuple):
     """Of a planar LiDAR."""
@@ -32,6 +35,8 @@ class StaticTransforms:
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Floats]] = {}
+        self._others: dict[str, tuple[str, Floats]] = {}
+        """Another place of a frame than the newest one, where there was any."""
 
     def add(self, message: Any) -> None:
         """A `tf2_msgs/msg/TFMessage`; what is not finite is left out."""
@@ -40,6 +45,11 @@ class StaticTransforms:
             matrix = _matrix((at.x, at.y, at.z), (q.x, q.y, q.z, q.w))
             if matrix is not None:
                 child, parent = one.child_frame_id.lstrip("/"), one.header.frame_id.lstrip("/")
+                before = self._parents.get(child)
+                if before is not None and (
+                    before[0] != parent or np.abs(before[1] - matrix).max() > _SAME
+                ):
+                    self._others[child] = before
                 self._parents[child] = parent, matrix
 
     def __len__(self) -> int:
@@ -58,6 +68,18 @@ class StaticTransforms:
                 made: Floats = np.linalg.inv(down[name]) @ matrix
                 return made
         return None
+
+    def ambiguous(self, frame: str, body: str) -> str:
+        """Two places of one frame between these, in words; empty: each has one."""
+        chains = (*self._to_root(frame.lstrip("/")), *self._to_root(body.lstrip("/")))
+        child = next((one for one in chains if one in self._others), None)
+        if child is None:
+            return ""
+        places = [
+            f"at x {matrix[0, 3]:.3f} y {matrix[1, 3]:.3f} z {matrix[2, 3]:.3f} m on {parent!r}"
+            for parent, matrix in (self._others[child], self._parents[child])
+        ]
+        return f"of {child!r}, {places[0]} and {places[1]}"
 
     def mount(self, frame: str, body: str) -> Mount | None:
         """Of a planar LiDAR; None where nothing fixed connects its frame and the body's.
