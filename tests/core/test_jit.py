@@ -76,6 +76,21 @@ def test_an_edited_formula_runs_at_once_though_its_caller_was_cached(checkout, t
     assert len(list((cache / "numba" / "law").iterdir())) == 2
 
 
+def test_a_copy_of_the_sources_elsewhere_finds_what_was_compiled(checkout, tmp_path):
+    """As a wheel beside a checkout, or an environment that was made anew."""
+    cache = tmp_path / "cache"
+    here = answer(checkout, TRACK, COHELM_CACHE_DIR=str(cache))
+    made = {path: path.stat().st_mtime_ns for path in cache.rglob("*.nb?")}
+    assert made
+    copy = tmp_path / "elsewhere" / "cohelm"
+    shutil.copytree(checkout, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    for path in copy.rglob("*.py"):
+        os.utime(path, (1e9, 1e9))
+    shutil.rmtree(checkout)
+    assert answer(copy, TRACK, COHELM_CACHE_DIR=str(cache)) == here
+    assert {path: path.stat().st_mtime_ns for path in cache.rglob("*.nb?")} == made
+
+
 def test_where_no_cache_can_be_written_the_law_still_runs(checkout):
     """A read-only home and a read-only package: slower to start, and nothing else."""
     for room in ("core", "law"):

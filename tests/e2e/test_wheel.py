@@ -1,7 +1,7 @@
 """What is installed elsewhere runs there, with all it needs: no checkout, no tools of ours.
 
-The wheel is built as from a fresh clone, without the pages that `make` left here. `make package`
-runs these.
+`make package` runs all of it, also with a wheel built as from a fresh clone, without the pages that
+`make` left here, and every scenario. CI takes those pages, and what this tree has compiled.
 """
 
 import json
@@ -9,6 +9,7 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import urllib.request
 import zipfile
 from pathlib import Path
@@ -21,7 +22,7 @@ UV = shutil.which("uv") or str(ROOT / ".venv" / "bin" / "uv")
 CLEAN = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.xdist_group("wheel"),  # built once
     pytest.mark.skipif(not Path(UV).exists(), reason="uv is not installed"),
 ]
 
@@ -39,31 +40,44 @@ def clone(tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def wheel(clone, tmp_path_factory) -> Path:
-    dist = tmp_path_factory.mktemp("dist")
+def built(clone: Path, dist: Path) -> Path:
     subprocess.run((UV, "build", "--quiet", "--wheel", "--out-dir", dist, clone), check=True)
     (made,) = dist.glob("*.whl")
     return made
 
 
 @pytest.fixture(scope="module")
-def installed(wheel, tmp_path_factory) -> Path:
-    """The command, from a wheel in an environment of its own: no extra."""
+def installed(clone, tmp_path_factory) -> Path:
+    """The command, from a wheel in an environment of its own: what it depends on, as locked, and no
+    extra."""
     folder = tmp_path_factory.mktemp("wheel")
-    subprocess.run((UV, "venv", "--quiet", folder / "env"), check=True)
-    python = folder / "env" / "bin" / "python"
-    subprocess.run((UV, "pip", "install", "--quiet", "--python", python, wheel), check=True)
-    return folder / "env" / "bin" / "cohelm"
+    with_pages = shutil.copytree(clone, folder / "clone")
+    pages = Path("src/cohelm/station/static")
+    if (ROOT / pages).is_dir():
+        shutil.copytree(ROOT / pages, with_pages / pages, dirs_exist_ok=True)
+    wheel = built(with_pages, folder / "dist")
+    environment = folder / "env"
+    python = environment / "bin" / "python"
+    locked = (UV, "sync", "--quiet", "--frozen", "--no-dev", "--no-install-project")
+    subprocess.run(
+        (*locked, "--project", clone, "--python", sys.executable), check=True,
+        env=CLEAN | {"UV_PROJECT_ENVIRONMENT": str(environment)},
+    )  # fmt: skip
+    install = (UV, "pip", "install", "--quiet", "--no-deps", "--python", python, wheel)
+    subprocess.run(install, check=True)
+    subprocess.run((UV, "pip", "check", "--quiet", "--python", python), check=True)
+    return environment / "bin" / "cohelm"
 
 
-def test_a_wheel_from_a_clean_checkout_holds_the_pages_and_not_their_sources(wheel):
-    names = zipfile.ZipFile(wheel).namelist()
+@pytest.mark.slow
+def test_a_wheel_from_a_clean_checkout_holds_the_pages_and_not_their_sources(clone, tmp_path):
+    names = zipfile.ZipFile(built(clone, tmp_path)).namelist()
     assert "cohelm/station/static/index.html" in names
     assert any(name.startswith("cohelm/station/static/assets/") for name in names)
     assert not [name for name in names if name.startswith("cohelm/station/web/")]
 
 
+@pytest.mark.slow
 def test_without_node_no_wheel_is_made_and_a_sentence_says_what_is_missing(clone, tmp_path):
     shutil.copytree(clone, tmp_path / "clone", ignore=shutil.ignore_patterns("static"))
     broken = tmp_path / "bin"
@@ -81,6 +95,7 @@ def test_without_node_no_wheel_is_made_and_a_sentence_says_what_is_missing(clone
     assert not list((tmp_path / "dist").glob("*.whl"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", sorted(path.stem for path in SCENARIOS))
 def test_every_shipped_scenario_runs_from_an_empty_folder(installed, tmp_path, scenario):
     command = (installed, "run", scenario, "--json")

@@ -2,9 +2,10 @@
 
 numba's own cache notices an edit of the file that holds a function, but not an edit of a
 function it calls in another file: after changing `law/track.py` a cached `sim` kernel would
-silently keep running the old formula. So a room's cache lies in a folder named after the files
-of the room that compile, and all they import, directly or not. An edit there starts a fresh cache,
-and old ones are deleted; an edit elsewhere costs nothing.
+silently keep running the old formula. So a room's cache lies in a folder named after the contents
+of the room's files that compile, and of all they import, directly or not. An edit there starts a
+fresh cache, and old ones are deleted; an edit elsewhere costs nothing. Where the files lie does not
+count: a checkout, its copy and a wheel of it share what was compiled once.
 
 Nor can a process that dies while it writes, or another that writes at the same time, leave a
 function's code under another of its signatures: see `Files`.
@@ -27,6 +28,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 from numba.core import config
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import IndexDataCacheFile
@@ -88,9 +90,10 @@ def _root() -> Path:
 
 
 def _fingerprint(room: str) -> str:
-    """A digest of the sources that a room's compiled code depends on, and of where they lie."""
-    digest = hashlib.sha256(f"{numba.__version__} {_PACKAGE}".encode())
+    """A digest of the sources that a room's compiled code depends on, names and contents."""
+    digest = hashlib.sha256(f"{numba.__version__} {np.__version__}".encode())
     for path in sorted(_sources(room)):
+        digest.update(f"\n{path.relative_to(_PACKAGE)}\n".encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -137,10 +140,10 @@ class Files(IndexDataCacheFile):
 
 def _compile(function: F, **options: Any) -> F:
     chosen: Any = config
-    before = chosen.CACHE_DIR
+    before, room = chosen.CACHE_DIR, _room(function)
     # The folder is read when the dispatcher is made; other users of numba keep their own.
-    chosen.CACHE_DIR = before or _cache_folder(_room(function))
-    cached = bool(chosen.CACHE_DIR)  # with no folder numba would use its own, stale, or raise
+    folder = chosen.CACHE_DIR = before or _cache_folder(room)
+    cached = bool(folder)  # with no folder numba would use its own, stale, or raise
     try:
         made: Any = numba.njit(cache=cached, error_model="numpy", **options)(function)
     finally:
@@ -148,9 +151,12 @@ def _compile(function: F, **options: Any) -> F:
     if cached and not chosen.DISABLE_JIT:
         files = made._cache
         about = files._impl
-        files._cache_file = Files(
-            files.cache_path, about.filename_base, about.locator.get_source_stamp()
-        )
+        stamp = about.locator.get_source_stamp()
+        if room and not before:  # the folder's name stands for path and time of the source
+            place = Path(folder, *function.__module__.split(".")[2:-1])
+            files._cache_path = about.locator._cache_path = str(place)
+            stamp = ""
+        files._cache_file = Files(files.cache_path, about.filename_base, stamp)
     return cast(F, made)
 
 
