@@ -10,6 +10,8 @@ import time
 
 import pytest
 
+from cohelm.robot.model import shipped_path
+
 pytestmark = pytest.mark.xdist_group("adversarial")  # which is compiled once for them
 
 ONE = ("campaign", "adversary", "--law", "guard", "--n", "3", "--seed", "2", "--jobs", "1")
@@ -58,6 +60,25 @@ def test_laws_are_put_side_by_side_on_the_same_episodes(cohelm, driven, tmp_path
     assert page.count("<img") == 4  # both episodes under both laws
     assert 'src="http' not in page
     assert "link " not in page
+
+
+def test_one_s_own_robot_drives_and_the_folder_goes_on_without_its_file(cohelm, tmp_path):
+    """The file is kept in the plan: it may be moved or changed afterwards."""
+    shutil.copy(shipped_path("turtlebot3_burger"), tmp_path / "mine.yaml")
+    drive = ("--law", "none", "--n", "1", "--seed", "2", "--jobs", "1", "--json")
+    said = cohelm("campaign", "random", "--robot", "mine.yaml", *drive, "--out", "there")
+    assert said.code == 0
+    got = json.loads(said.out)
+    assert got["robot"] == "turtlebot3_burger"
+    (tmp_path / "mine.yaml").unlink()
+    again = json.loads(cohelm("campaign", "there", "--json").out)
+    assert again == got
+    row = json.loads(cohelm("campaign", "there", "--replay", "0", "--json").out)
+    assert row["same_as_row"]
+    assert "turtlebot3_burger drives here" in (tmp_path / "there" / "report.html").read_text()
+    other = cohelm("campaign", "random", "--robot", "husky", *drive, "--out", "there")
+    assert other.code != 0
+    assert "robot turtlebot3_burger (requested: husky)" in other.err
 
 
 def test_a_row_is_driven_again_alone_and_is_the_same(cohelm, driven, tmp_path):

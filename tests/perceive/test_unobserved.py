@@ -229,7 +229,7 @@ def test_ground_that_is_observed_is_no_longer_possibly_occupied():
 
 
 def test_a_lidar_that_looks_all_round_leaves_nothing_blind():
-    assert driven(ahead(1.0), model=equipped("sally", "twin-all-round")).unobserved == 0
+    assert driven(ahead(1.0), model=equipped(robot("sally"), "twin-all-round")).unobserved == 0
 
 
 def test_a_lidar_of_unknown_carrier_tells_no_ground():

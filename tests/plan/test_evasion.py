@@ -15,11 +15,14 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.plan.course import course
 from cohelm.plan.evasion.context import context_at
 from cohelm.plan.evasion.movers import empty_mover_history, relevant_movers, updated_history
-from cohelm.plan.evasion.params import EvasionParams
+from cohelm.plan.evasion.params import EvasionParams, horizon
 from cohelm.plan.evasion.predicted_motion import PredictedMotion, roll_out_piece
 from cohelm.plan.evasion.risk import risk_at, trajectories
 from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import Limits
+from cohelm.robot.model import SHIPPED
+from cohelm.scenario.load import robot
 from cohelm.sim.run import run
 from cohelm.sim.setup import with_pilot
 from cohelm.sim.world import Body, outline_clearance
@@ -60,6 +63,49 @@ def test_without_evasion_the_same_encounters_end_in_a_touch():
         for mover in ENCOUNTERS.values()
     ]
     assert min(gaps) < 0.0
+
+
+def test_a_slow_robot_looks_far_enough_ahead_to_leave_the_way_of_a_wide_mover():
+    """At 0.26 m/s; a robot that looks 3 s ahead stays where it is overtaken, and is touched."""
+    waffle = robot("turtlebot3_waffle")
+    limits = waffle.bounds()
+    e = EvasionParams(speed=limits.speed)
+    slow = SETTINGS._replace(
+        outline=waffle.outline, limits=limits, gains=SETTINGS.gains._replace(u_d=0.8 * limits.speed)
+    )
+
+    def least(seconds):
+        settings = slow._replace(evasion=e._replace(horizon=seconds))
+        overtaking = [coming(-2.5, 0.1, 0.9, 0.0, radius=0.4)]
+        return drive(WAY, overtaking, seconds=20.0, settings=settings).clearances.min()
+
+    assert least(horizon(waffle.outline, limits, e)) > 0.05
+    assert least(3.0) < 0.0
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_within_the_horizon_a_robot_turns_and_gets_out_of_the_way(name):
+    """Driven step by step within its limits; only the slowest have not quite left when it ends."""
+    model = robot(name)
+    limits, e = model.bounds(), EvasionParams()
+    seconds = horizon(model.outline, limits, e)
+    assert 3.0 <= seconds <= 6.0
+    turned, left, twist = 0.0, 0.0, Twist(0.0, 0.0)
+    for _ in range(round(seconds / 0.01)):
+        turning = turned < 0.5 * math.pi
+        wanted = Twist(0.0, e.yaw_rate) if turning else Twist(e.speed, 0.0)
+        twist = achievable(wanted, twist, limits, 0.01)
+        turned, left = turned + 0.01 * twist.omega, left + 0.01 * twist.v
+    assert left > 0.8 * (model.reach + 0.5 + e.clearance)
+
+
+def test_the_horizon_grows_as_a_robot_is_slower_and_has_bounds():
+    square = np.array([[0.3, 0.3], [-0.3, 0.3], [-0.3, -0.3], [0.3, -0.3]])
+    e = EvasionParams(speed=2.0)
+    limits = [Limits(v, 2.0, 2.0, 6.0) for v in (2.0, 0.5, 0.4, 0.3, 0.2, 0.05, 0.0)]
+    found = [horizon(square, one, e) for one in limits]
+    assert found == sorted(found)
+    assert (found[0], found[-1]) == (3.0, 6.0)
 
 
 def test_without_movers_nothing_is_changed():

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         "cohelm campaign lab --n 20",
         "cohelm campaign random --n 100 --compare guard,paper,none",
         "cohelm campaign random --n 100 --plant twin --out out/rooms",
+        "cohelm campaign random --n 100 --robot turtlebot4",
         "cohelm campaign out/rooms --replay 17",
     ),
 )
@@ -74,6 +75,14 @@ def campaign(
             "any, heights on the twin, others on kinematic; the first of these by default.",
         ),
     ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROBOT",
+            help="Drives instead of the suite's own robot: a YAML file, or a shipped one's name. "
+            "random, movers and adversary.",
+        ),
+    ] = None,
     out: Out = None,
     cluster: Annotated[
         str | None,
@@ -108,7 +117,7 @@ def campaign(
         from cohelm.study import single
         from cohelm.study.campaign import report, runner
 
-        folder, plan = _planned(suite, law, compare, n, seed, data, plant, out)
+        folder, plan = _planned(suite, law, compare, n, seed, data, plant, robot, out)
         jobs = _processors() if jobs is None else jobs
         runner.check(plan, jobs)  # problems are reported before a folder is made
         folder = folder or single.fresh(f"campaign-{plan.suite}")
@@ -131,9 +140,10 @@ def campaign(
 
 def _planned(
     suite: str, law: str | None, compare: str | None, n: int | None, seed: int,
-    data: Path | None, plant: str | None, out: Path | None,
+    data: Path | None, plant: str | None, robot: str | None, out: Path | None,
 ) -> tuple[Path | None, CampaignConfig]:  # fmt: skip
     """The folder, if one is named, and the plan, by the command line or by that folder."""
+    from cohelm.scenario.load import load_robot
     from cohelm.study.campaign import runner, store
     from cohelm.study.campaign.suites import NAMES
 
@@ -142,17 +152,18 @@ def _planned(
         kept = store.read_plan(folder)
         if kept is None:
             raise CohelmError(f"{folder}: holds no campaign; give a suite or a campaign's folder")
-        if law or compare or n or data or plant or out:
+        if law or compare or n or data or plant or robot or out:
             raise CohelmError(
                 f"{folder} is gone on with as it was asked for: leave out --law, --compare, --n, "
-                "--data, --plant and --out"
+                "--data, --plant, --robot and --out"
             )
         return folder, runner.planned(kept)
     if law and compare:
         raise CohelmError("give either --law or --compare, not both")
     chosen = compare if compare is not None else "guard" if law is None else law
     laws = tuple(part.strip() for part in chosen.split(","))
-    return out, runner.CampaignConfig(suite, laws, seed, n, data, plant)  # pyright: ignore[reportArgumentType]
+    model = None if robot is None else load_robot(robot)
+    return out, runner.CampaignConfig(suite, laws, seed, n, data, plant, model)  # pyright: ignore[reportArgumentType]
 
 
 def _again(folder: Path, which: str, out: Path | None, as_json: bool) -> None:

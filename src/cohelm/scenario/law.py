@@ -13,7 +13,7 @@ from cohelm.law.govern import PaceParams
 from cohelm.law.guard.step import Rules
 from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
-from cohelm.plan.evasion.params import HURRY, EvasionParams
+from cohelm.plan.evasion.params import HURRY, EvasionParams, horizon
 from cohelm.plan.path_planner import PathParams
 from cohelm.robot.limits import Limits
 
@@ -206,8 +206,9 @@ class PlanModel(Schema):
 class EvasionModel(Schema):
     """Making way for moving obstacles; with the guard only, and never while the operator leads."""
 
-    horizon_s: Annotated[float, Field(ge=0.0, le=10.0)] = _EVASION.horizon
-    """Prediction horizon; 0: no evasion, the robot only waits."""
+    horizon_s: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
+    """Prediction horizon; 0: no evasion, the robot only waits. By default as long as the robot
+    needs to turn and leave the way of a wide mover, 3 s at least and 6 s at most."""
     speed_mps: Rate | None = None
     """Largest speed of an evasion; by default 1.6 times that of the reference."""
     yaw_rate_radps: Rate = _EVASION.yaw_rate
@@ -217,13 +218,15 @@ class EvasionModel(Schema):
     social_clearance_m: AtLeast0 = _EVASION.social_clearance
     """Clearance that is kept where there is room."""
 
-    def params(self, u_d: float) -> EvasionParams:
-        """The same as numbers. u_d: speed of the reference [m/s]."""
-        return _EVASION._replace(
-            horizon=self.horizon_s, yaw_rate=self.yaw_rate_radps, clearance=self.clearance_m,
+    def params(self, outline: Floats, limits: Limits, u_d: float) -> EvasionParams:
+        """The same as numbers, for one robot. u_d: speed of the reference [m/s]."""
+        made = _EVASION._replace(
+            yaw_rate=self.yaw_rate_radps, clearance=self.clearance_m,
             speed=HURRY * u_d if self.speed_mps is None else self.speed_mps,
             social_clearance=max(self.social_clearance_m, self.clearance_m),
         )  # fmt: skip
+        chosen = self.horizon_s
+        return made._replace(horizon=horizon(outline, limits, made) if chosen is None else chosen)
 
 
 class Law(Schema):
@@ -283,5 +286,7 @@ class Law(Schema):
             outline, limits, self.gains(u_d), self.guard.rules(dt), self.pace.pace(),
             self.filter == "guard", False, 0.5,
             self.plan.recovery_speed_mps, self.plan.recovery_yaw_rate_radps,
-            evasion=self.evasion.params(u_d)._replace(pass_right=self.plan.pass_right_m),
+            evasion=self.evasion.params(outline, limits, u_d)._replace(
+                pass_right=self.plan.pass_right_m
+            ),
         )  # fmt: skip

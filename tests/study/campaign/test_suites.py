@@ -9,6 +9,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
 from cohelm.robot.clearance import disc_clearance
+from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.barn import Barn
 from cohelm.scenario.worlds.tracks import Track
@@ -151,8 +152,69 @@ def test_a_barn_episode_names_the_robot_whose_outline_it_drives():
     path = np.array([[0.0, 1.0], [0.0, 9.0]])
     world = Barn(7, np.empty((0, 6)), np.empty((0, 4)), path, Pose(0, 0, 1.57), (0, 10), 1, 100)
     made = barn.case((world,), 4, 0)
-    assert made.robot == "jackal"
-    assert np.array_equal(made.setup.outline, robot(made.robot).outline)
+    assert made.robot == robot("jackal")
+    assert np.array_equal(made.setup.outline, made.robot.outline)
+
+
+@pytest.mark.parametrize("name", ["random", "movers", "adversary"])
+def test_another_robot_drives_with_its_own_outline_and_limits(name):
+    husky = robot("husky")
+    case = suites.suite(name, 4, None, robot=husky).case(1)
+    assert case.robot == husky
+    assert np.array_equal(case.setup.outline, husky.outline)
+    assert case.setup.limits == husky.bounds()
+
+
+@pytest.mark.parametrize("name", ["random", "movers"])
+def test_for_a_slow_robot_the_reference_is_slowed_down_and_the_limit_grows_as_much(name):
+    burger, sally = robot("turtlebot3_burger"), robot("sally")
+    slow, usual = (suites.suite(name, 4, None, robot=one).case(0).setup for one in (burger, sally))
+    assert slow.gains.u_d == pytest.approx(0.8 * 0.22)
+    assert slow.duration == pytest.approx(usual.duration * usual.gains.u_d / slow.gains.u_d)
+
+
+@pytest.mark.parametrize("name", ["random", "movers"])
+def test_sally_named_drives_the_very_same_episodes(name):
+    named = suites.suite(name, 4, None, robot=robot("sally")).case(2).setup
+    usual = suites.suite(name, 4, None).case(2).setup
+    assert (named.start, named.duration) == (usual.start, usual.duration)
+    assert named.obstacles.discs.tobytes() == usual.obstacles.discs.tobytes()
+
+
+def test_a_room_for_a_larger_robot_has_a_wider_way():
+    husky = robot("husky")
+    case = suites.suite("random", 4, None, robot=husky).case(0)
+    larger = husky.reach - robot("sally").reach
+    assert case.setup.start.x == pytest.approx(1.2 + larger)
+    discs = case.setup.obstacles.discs
+    resting = discs[: sum(name.startswith("disc") for name in case.setup.names)]
+    away = np.hypot(resting[:, 0] - case.setup.start.x, resting[:, 1] - case.setup.start.y)
+    assert (away - resting[:, 4]).min() > 0.9 + larger
+
+
+@pytest.mark.parametrize(
+    ("name", "plant", "model", "words"),
+    [
+        ("barn", None, "husky", "own robot: --robot goes with random, movers, adversary"),
+        ("random", "twin", "husky", "husky has no lidar, which --plant twin needs"),
+    ],
+)
+def test_a_robot_that_can_not_drive_a_suite_is_refused_with_the_reason(name, plant, model, words):
+    with pytest.raises(CohelmError, match=words):
+        suites.suite(name, 1, DATA, plant, robot(model))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"footprint_m": [[1.2, 0.3], [-1.2, 0.3], [-1.2, -0.3], [1.2, -0.3]]}, "too large"),
+        ({"limits": {"speed_mps": 0.01}}, "too slow"),
+    ],
+)
+def test_a_robot_that_no_room_fits_is_refused(change, words):
+    given = robot("husky").model_dump() | change
+    with pytest.raises(CohelmError, match=words):
+        suites.suite("random", 1, None, robot=RobotModel.model_validate(given))
 
 
 @with_data

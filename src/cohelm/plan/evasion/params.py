@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
+
+from cohelm.core.types import Floats
+from cohelm.robot.limits import Limits
 
 STEP = 0.1  # of the rollout of a motion [s]
 HURRY = 1.6
@@ -13,7 +17,7 @@ class EvasionParams(NamedTuple):
     """Parameters of the evasion of moving obstacles."""
 
     horizon: float = 3.0
-    """Prediction horizon; 0: no evasion, the robot stands and waits [s]."""
+    """Prediction horizon, see `horizon`; 0: no evasion, the robot stands and waits [s]."""
     period: float = 0.1
     """Between two evaluations [s]."""
     speed: float = 0.8
@@ -77,3 +81,35 @@ class Evasion(NamedTuple):
 
 
 NO_EVASION = Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+
+_SHORTEST, _LONGEST = 3.0, 6.0
+"""Bounds of the horizon [s]: shorter, and movers are noticed late; longer, and the uncertainty of
+where they will be, which grows by up to 0.6 m/s, is wider than any gap between them."""
+_WIDE = 0.5  # radius of a wide mover [m]
+
+
+def horizon(outline: Floats, limits: Limits, e: EvasionParams) -> float:
+    """The prediction horizon with which a robot can leave the way of a wide mover [s].
+
+    A quarter turn from rest, then straight on by its own reach, the mover's radius and the
+    clearance. A horizon that ends before shows every motion of a slow robot as a contact, of which
+    it can only choose the latest. outline: (k, 2) [m].
+    """
+    reach = float(max(math.hypot(x, y) for x, y in outline.tolist()))
+    wheels, push = limits.wheel_speed, limits.wheel_acceleration
+    speed = min(e.speed, limits.speed, wheels)
+    yaw_rate = min(e.yaw_rate, limits.yaw_rate, 2.0 * wheels / limits.track)
+    turning = _time_from_rest(
+        0.5 * math.pi, yaw_rate, min(limits.yaw_acceleration, 2.0 * push / limits.track)
+    )
+    leaving = _time_from_rest(reach + _WIDE + e.clearance, speed, min(limits.acceleration, push))
+    return min(max(turning + leaving, _SHORTEST), _LONGEST)
+
+
+def _time_from_rest(distance: float, speed: float, acceleration: float) -> float:
+    """How long a distance takes from rest [m, m/s, m/s^2, or of angles]."""
+    if speed <= 0.0 or acceleration <= 0.0:
+        return math.inf
+    if speed * speed >= 2.0 * distance * acceleration:
+        return math.sqrt(2.0 * distance / acceleration)
+    return distance / speed + 0.5 * speed / acceleration

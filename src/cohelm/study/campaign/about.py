@@ -5,15 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from html import escape
 
+from cohelm.robot.model import RobotModel
 from cohelm.study.campaign import crowd, heights, movers, rooms
 
 Part = str | tuple[str, ...]
 """A paragraph, or the items of a list."""
 
 
-def about(suite: str) -> Sequence[Part]:
-    """Paragraphs and lists about a suite, plain text."""
-    return _ABOUT[suite]()
+def about(suite: str, robot: RobotModel | None = None) -> Sequence[Part]:
+    """Paragraphs and lists about a suite, plain text. robot: drives instead of the suite's own."""
+    other = () if robot is None else (_OTHER_ROBOT.format(robot.name),)
+    return (*_ABOUT[suite](), *other)
+
+
+_OTHER_ROBOT = (
+    "{} drives here instead of the robot named above. If it is larger than Sally, way and distances"
+    " at start and goal are as much larger; if it is slower than the reference, this is slowed down"
+    " to four fifths of its top speed, and the time limit grows as much."
+)
 
 
 def html(parts: Sequence[Part]) -> str:

@@ -29,6 +29,7 @@ from cohelm.core.types import Floats, Pose, disc
 from cohelm.law.reference import through
 from cohelm.link.stick import StickRecording
 from cohelm.robot.clearance import disc_clearance, segment_clearance
+from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.adversarial import BANG, RAM, SCRIPT, SPIN, AdversarialScene, Attack
 from cohelm.sim.setup import Setup
@@ -62,10 +63,12 @@ def case(
     number: int,
     recordings: tuple[StickRecording, ...] = (),
     search_every: int = SEARCH_EVERY,
+    model: RobotModel | None = None,
 ) -> Episode:
-    """Attack `number` of the campaign with this seed. recordings: of sticks, for *human*."""
+    """Attack `number` of the campaign with this seed. recordings: of sticks, for *human*. model:
+    is driven instead of Sally and Jackal."""
     rng = sequence(seed, "adversary", number)
-    model = robot(("sally", "jackal")[number % 2])
+    model = model or robot(("sally", "jackal")[number % 2])
     kind = _KINDS[number // 2 % (4 if recordings else 3)]
     if number % search_every == search_every - 1:
         kind = "search"
@@ -91,7 +94,7 @@ def case(
     attack = Attack(code, int(rng.integers(2**31)), script, hold)
     return Episode(
         "adversary", number, f"{kind}, {model.name}", setup, None,
-        AdversarialRollout(scene, attack), robot=model.name,
+        AdversarialRollout(scene, attack), robot=model,
     )  # fmt: skip
 
 

@@ -86,4 +86,4 @@ def case(worlds: tuple[Barn, ...], seed: int, number: int) -> Episode:
     )
     goal = EpisodeGoal(*barn.goal, barn.near_goal, barn.optimal_time)
     piloted = with_pilot(setup, PACE, LIDAR, gains=GAINS)
-    return Episode("barn", number, f"world {barn.number}", piloted, goal, robot=jackal.name)
+    return Episode("barn", number, f"world {barn.number}", piloted, goal, robot=jackal)

@@ -15,6 +15,8 @@ from cohelm.core.trace import Trace
 from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
 from cohelm.law.guard.step import Rules
+from cohelm.robot.model import RobotModel
+from cohelm.scenario import load
 from cohelm.sim import adversarial
 from cohelm.sim.adversarial import SCRIPT, AdversarialScene, Attack, rollout
 from cohelm.sim.heights import Heights
@@ -105,8 +107,8 @@ class Episode:
     goal: EpisodeGoal | None
     rollout: AdversarialRollout | None = None
     plant: Plant = "kinematic"
-    robot: str = "sally"
-    """Name of the robot that drives."""
+    robot: RobotModel = field(default_factory=lambda: load.robot("sally"))
+    """The robot that drives."""
     uneven: Uneven | None = None
     """Of the suite heights: its world and operator."""
 
@@ -192,6 +194,13 @@ def _rollout(
         setup.start, chosen.scene, chosen.attack, code, setup.gains, setup.outline, setup.limits,
         _RULES, setup.steps, rows, h, discs,
     )  # fmt: skip
+
+
+def pace_of(robot: RobotModel, speed: float) -> float:
+    """Speed of the reference for a robot, `speed` if it can [m/s]: a slower one is left a fifth of
+    its own to catch up with."""
+    limits = robot.bounds()
+    return min(speed, 0.8 * min(limits.speed, limits.wheel_speed))
 
 
 def sequence(seed: int, suite: str, number: int) -> np.random.Generator:

@@ -33,5 +33,5 @@ def own_trace(case: Episode, law: str) -> Trace:
     setup = replace(case.setup, pilot=None)
     if case.goal is not None:
         setup = replace(setup, near=case.goal.near)
-    robot = RobotModel.of(case.robot, setup.outline, setup.limits, delay=setup.delay)
+    robot = RobotModel.of(case.robot.name, setup.outline, setup.limits, delay=setup.delay)
     return driven(setup, factory(law)(robot, setup.dt))

@@ -114,7 +114,7 @@ def case(seed: int, number: int) -> Episode:
         "heights", number, f"{operator or 'controller'}, {names if one else 'mixed'}, {carries}",
         setup,
         None if manual else EpisodeGoal(float(goal[0]), float(goal[1]), _NEAR),
-        plant="twin", robot=ROBOT, uneven=uneven,
+        plant="twin", robot=base, uneven=uneven,
     )  # fmt: skip
 
 

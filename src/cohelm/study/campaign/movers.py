@@ -9,6 +9,9 @@ The generator, which any number of episodes come from:
   outlines stay APRON off the west and the east wall and 0.1 m off the other two. They move all the
   time, through each other too, and avoid nobody;
 - arrived: within 0.3 m of the goal, within 90 s.
+
+Another robot may drive. If it is larger than Sally, it starts and arrives as much farther from the
+walls; if it is slower than the reference, this is slowed down, and the time limit grows as much.
 """
 
 from __future__ import annotations
@@ -19,10 +22,19 @@ import numpy as np
 
 from cohelm.core.types import Floats, Pose
 from cohelm.law.reference import Reference, through
+from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world
-from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, lively, sequence
+from cohelm.study.campaign.episode import (
+    DT,
+    PAPER,
+    Episode,
+    EpisodeGoal,
+    lively,
+    pace_of,
+    sequence,
+)
 
 LENGTH, WIDTH = 14.0, 11.0
 DENSITIES = {"easy": 4, "medium": 8, "hard": 14}
@@ -41,38 +53,40 @@ _SLOWEST = 0.4  # on a way [m/s]
 _SINCE = 20.0  # they have been moving for up to so long when the robot sets off [s]
 
 
-def case(seed: int, number: int) -> Episode:
-    """Field `number` of the campaign with this seed."""
+def case(seed: int, number: int, model: RobotModel | None = None) -> Episode:
+    """Field `number` of the campaign with this seed. model: drives instead of Sally."""
     rng = sequence(seed, "movers", number)
     kind = tuple(DENSITIES)[number % len(DENSITIES)]
-    sally = robot("sally")
-    start = np.array([_OFF, rng.uniform(_SIDE, WIDTH - _SIDE)])
-    goal = np.array([LENGTH - _OFF, rng.uniform(_SIDE, WIDTH - _SIDE)])
+    model = model or robot("sally")
+    off = _OFF + max(model.reach - robot("sally").reach, 0.0)
+    speed = pace_of(model, _SPEED)
+    limit = _LIMIT * _SPEED / speed
+    start = np.array([off, rng.uniform(_SIDE, WIDTH - _SIDE)])
+    goal = np.array([LENGTH - off, rng.uniform(_SIDE, WIDTH - _SIDE)])
     heading = math.atan2(goal[1] - start[1], goal[0] - start[0])
-    discs = [_disc(rng, sally.reach) for _ in range(DENSITIES[kind])]
+    discs = [_disc(rng, model.reach, limit) for _ in range(DENSITIES[kind])]
     walls = np.array(
         [[0, 0, LENGTH, 0], [LENGTH, 0, LENGTH, WIDTH], [LENGTH, WIDTH, 0, WIDTH], [0, WIDTH, 0, 0]]
     )
     setup = Setup(
         start=Pose(float(start[0]), float(start[1]), heading),
-        reference=through(np.linspace(start, goal, 13), _SPEED),
-        outline=sally.outline,
-        limits=sally.bounds(),
-        gains=PAPER._replace(u_d=_SPEED),
+        reference=through(np.linspace(start, goal, 13), speed),
+        outline=model.outline,
+        limits=model.bounds(),
+        gains=PAPER._replace(u_d=speed),
         obstacles=world((discs, walls)),
         names=tuple(f"mover_{i}" for i in range(len(discs))),
         dt=DT,
-        duration=_LIMIT,
+        duration=limit,
         seed=number,
     )  # fmt: skip
     setup = with_pilot(setup, max_acceleration=MAX_ACCELERATION, gains=lively(setup.gains))
-    return Episode(
-        "movers", number, kind, setup, EpisodeGoal(float(goal[0]), float(goal[1]), _NEAR)
-    )
+    there = EpisodeGoal(float(goal[0]), float(goal[1]), _NEAR)
+    return Episode("movers", number, kind, setup, there, robot=model)
 
 
-def _disc(rng: np.random.Generator, reach: float) -> Body:
-    """A disc whose path from key frame to key frame lasts longer than the episode."""
+def _disc(rng: np.random.Generator, reach: float, limit: float) -> Body:
+    """A disc whose path from key frame to key frame lasts longer than `limit` [s]."""
     radius = rng.uniform(0.25, 0.5)
     low = np.array([APRON, 0.1]) + radius
     high = np.array([LENGTH, WIDTH]) - low
@@ -80,7 +94,7 @@ def _disc(rng: np.random.Generator, reach: float) -> Body:
     row = (float(here[0]), float(here[1]), 0.0, 0.0, radius, radius + reach)
     since = rng.uniform(0.0, _SINCE)
     knots, coeffs = [0.0], np.empty((0, 8))
-    while knots[-1] < _LIMIT + since + 1.0:
+    while knots[-1] < limit + since + 1.0:
         there = rng.uniform(low, high)
         if math.dist(here, there) > _APART:
             times, pieces = leg(here, there, rng.uniform(_SLOWEST, FASTEST))

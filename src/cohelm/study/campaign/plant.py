@@ -17,7 +17,6 @@ import numpy as np
 from cohelm.core.types import RADIUS, VX, VY, X, Y, disc
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.model import RobotModel
-from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.twin.settings import TwinModel, Twinned
 from cohelm.sim.world import Body, World, world
@@ -42,9 +41,8 @@ def sensing(model: RobotModel) -> TwinModel:
     )
 
 
-def equipped(name: str, plant: Plant) -> RobotModel:
+def equipped(model: RobotModel, plant: Plant) -> RobotModel:
     """The robot, with the LiDARs that this plant gives it."""
-    model = robot(name)
     if plant == "twin-rear":
         return with_rear_lidar(model)
     return with_all_round_lidar(model) if plant == "twin-all-round" else model

@@ -39,7 +39,8 @@ class Outcome(NamedTuple):
         """One object: the first law's numbers, and all laws under `compare` if there are more."""
         first = self.summaries[0].as_dict()
         made: dict[str, Any] = {
-            "suite": self.suite.name, "plant": self.suite.plant, "seed": self.suite.seed, **first,
+            "suite": self.suite.name, "plant": self.suite.plant,
+            "robot": self.suite.robot and self.suite.robot.name, "seed": self.suite.seed, **first,
         }  # fmt: skip
         if len(self.laws) > 1:
             made["compare"] = [s.as_dict() for s in self.summaries]
@@ -116,9 +117,10 @@ def table(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
 
 
 def made_on(found: Outcome) -> str:
-    """The suite, and on what it was driven where that is not the kinematic simulator."""
+    """The suite, and on what and by which robot it was driven where that is not the usual."""
     suite = found.suite
-    return suite.name if suite.plant == "kinematic" else f"{suite.name}, {suite.plant}"
+    plant = "" if suite.plant == "kinematic" else f", {suite.plant}"
+    return f"{suite.name}{plant}" + ("" if suite.robot is None else f", by {suite.robot.name}")
 
 
 def by_kind(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
@@ -187,7 +189,7 @@ def write(found: Outcome, folder: Path, progress: Progress) -> Path:
         figures.append(_figure(found.suite, row))
     page = PAGE.format(
         title=escape(f"cohelm campaign: {made_on(found)}, seed {found.suite.seed}"),
-        about=html(about(found.suite.name)),
+        about=html(about(found.suite.name, found.suite.robot)),
         laws=_html(*table(found)),
         kinds=_html(*by_kind(found)),
         first=escape(found.laws[0]),

@@ -10,6 +10,9 @@ The generator, which any number of episodes come from:
   speed of 0.2 to 0.8 m/s, never above FASTEST nor MAX_ACCELERATION, 2 m off the start at first.
   They walk all the time, through resting discs too, and avoid nobody;
 - arrived: within 0.3 m of the goal, within 120 s.
+
+Another robot may drive. If it is larger than Sally, way and distances at start and goal are as much
+larger; if it is slower than the reference, this is slowed down, and the time limit grows as much.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign import rectangle
-from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, sequence
+from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, pace_of, sequence
 
 WAY = 1.1
 """Width of the way that every room has [m]; Sally turns on the spot within 0.93 m."""
@@ -34,45 +37,49 @@ FASTEST = 1.2
 MAX_ACCELERATION = 1.0
 """Largest acceleration of a walker [m/s^2]."""
 SPEED = 0.5
-"""Of the reference [m/s]."""
+"""Of the reference, at most [m/s]."""
 NEAR = 0.3
 LIMIT = 120.0
 
-_OFF = 1.2  # of start and goal from their walls [m]
+_OFF, _CLEAR = 1.2, 0.9  # of start and goal from their walls, and from resting discs [m]
 
 
-def case(seed: int, number: int) -> Episode:
-    """Room `number` of the campaign with this seed."""
+def case(seed: int, number: int, model: RobotModel | None = None) -> Episode:
+    """Room `number` of the campaign with this seed. model: drives instead of Sally."""
     rng = sequence(seed, "random", number)
-    sally = robot("sally")
+    model = model or sally()
+    larger = max(model.reach - sally().reach, 0.0)
+    off, way, speed = _OFF + larger, WAY + 2.0 * larger, pace_of(model, SPEED)
     while True:
         length, width = rng.uniform(10.0, 13.0), rng.uniform(6.0, 8.0)
-        start = np.array([_OFF, rng.uniform(_OFF, width - _OFF)])
-        goal = np.array([length - _OFF, rng.uniform(_OFF, width - _OFF)])
-        resting = _resting(rng, length, width, start, goal)
-        if has_way(resting, length, width, start, goal, 0.5 * WAY):
+        start = np.array([off, rng.uniform(off, width - off)])
+        goal = np.array([length - off, rng.uniform(off, width - off)])
+        resting = _resting(rng, length, width, start, goal, _CLEAR + larger)
+        if has_way(resting, length, width, start, goal, 0.5 * way):
             break
-    reach = sally.reach
+    reach = model.reach
     resting_discs = [
         Body((x, y, 0.0, 0.0, r, r + reach)) for x, y, r in resting.tolist()
     ]  # fmt: skip
-    walkers = [_walker(rng, length, width, start, reach) for _ in range(rng.integers(2, 6))]
+    limit = LIMIT * SPEED / speed
+    walkers = [_walker(rng, length, width, start, reach, limit) for _ in range(rng.integers(2, 6))]
     heading = math.atan2(goal[1] - start[1], goal[0] - start[0])
     setup = Setup(
         start=Pose(float(start[0]), float(start[1]), heading),
-        reference=rectangle.straight(start, goal, SPEED),
-        outline=sally.outline,
-        limits=sally.bounds(),
-        gains=PAPER._replace(u_d=SPEED),
+        reference=rectangle.straight(start, goal, speed),
+        outline=model.outline,
+        limits=model.bounds(),
+        gains=PAPER._replace(u_d=speed),
         obstacles=world(([*resting_discs, *walkers], rectangle.walls(length, width))),
         names=(*(f"disc_{i}" for i in range(len(resting_discs))),
                *(f"walker_{i}" for i in range(len(walkers)))),
         dt=DT,
-        duration=LIMIT,
+        duration=limit,
         seed=number,
     )  # fmt: skip
     kind = f"{len(walkers)} walkers"
-    return Episode("random", number, kind, setup, EpisodeGoal(float(goal[0]), float(goal[1]), NEAR))
+    there = EpisodeGoal(float(goal[0]), float(goal[1]), NEAR)
+    return Episode("random", number, kind, setup, there, robot=model)
 
 
 def sally() -> RobotModel:
@@ -81,14 +88,14 @@ def sally() -> RobotModel:
 
 
 def _resting(
-    rng: np.random.Generator, length: float, width: float, start: Floats, goal: Floats
+    rng: np.random.Generator, length: float, width: float, start: Floats, goal: Floats, clear: float
 ) -> Floats:
-    """Resting discs as rows of x, y, radius."""
+    """Resting discs as rows of x, y, radius, none nearer to start or goal than `clear` [m]."""
     found: list[tuple[float, float, float]] = []
     wanted = int(rng.integers(6, 15))
     while len(found) < wanted:
         x, y, r = rng.uniform(0.0, length), rng.uniform(0.0, width), rng.uniform(0.1, 0.5)
-        if min(math.dist((x, y), start), math.dist((x, y), goal)) > r + 0.9:
+        if min(math.dist((x, y), start), math.dist((x, y), goal)) > r + clear:
             found.append((x, y, r))
     return np.array(found)
 
@@ -104,7 +111,7 @@ def has_way(
 
 
 def _walker(
-    rng: np.random.Generator, length: float, width: float, start: Floats, reach: float
+    rng: np.random.Generator, length: float, width: float, start: Floats, reach: float, limit: float
 ) -> Body:
     """A walker whose spline is within its bounds, and lasts longer than the episode."""
     radius, speed = rng.uniform(0.2, 0.3), rng.uniform(0.2, 0.8)
@@ -114,7 +121,7 @@ def _walker(
         if math.dist(points[0], start) > 2.0:
             break
     path = None
-    while path is None or path.duration < LIMIT + 1.0:
+    while path is None or path.duration < limit + 1.0:
         more = np.vstack((points, rng.uniform(low, high, (20, 2))))
         hops = np.hypot(*np.diff(more, axis=0).T)
         points = more[np.concatenate(([True], hops > 1.5))]

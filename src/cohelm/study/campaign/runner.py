@@ -18,6 +18,7 @@ from cohelm.core.extras import missing
 from cohelm.core.plugins import plugins
 from cohelm.core.types import Progress
 from cohelm.robot.keep.processes import end_with_parent
+from cohelm.robot.model import RobotModel
 from cohelm.scenario.explain import nearest
 from cohelm.study.campaign.episode import Law, Plant
 from cohelm.study.campaign.external_law import GROUP, factory, is_own
@@ -44,7 +45,8 @@ class CampaignConfig:
     """Episodes under each law; None for as many as the suite has by default."""
     data: Path | None = None
     plant: Plant | None = None
-    """None for the suite's own."""
+    robot: RobotModel | None = None
+    """Both: None for the suite's own."""
 
     def prepared(self) -> Suite:
         """The suite, read and checked against the rest of the plan."""
@@ -52,7 +54,7 @@ class CampaignConfig:
             raise CohelmError(f"--n must be between 1 and {_MOST}, got {self.n}")
         if not 0 <= self.seed < 2**32:
             raise CohelmError(f"--seed must be between 0 and 2**32 - 1, got {self.seed}")
-        made = suite(self.suite, self.seed, self.data, self.plant)
+        made = suite(self.suite, self.seed, self.data, self.plant, self.robot)
         if not all(self.laws):
             raise CohelmError(f"name each law between the commas: {', '.join(made.laws)}")
         if not self.laws or len(set(self.laws)) < len(self.laws):
@@ -92,6 +94,7 @@ class CampaignConfig:
             "n": self.n or made.episodes,
             "data": None if self.data is None else str(self.data.resolve()),
             "plant": made.plant,
+            "robot": self.robot and self.robot.model_dump(mode="json", exclude_defaults=True),
             "code": code(),
         }
 
@@ -101,9 +104,10 @@ def planned(kept: dict[str, Any]) -> CampaignConfig:
     try:
         data = None if kept["data"] is None else Path(str(kept["data"]))
         laws = tuple(str(law) for law in kept["laws"])
-        plant = str(kept["plant"])
+        plant, robot = str(kept["plant"]), kept.get("robot")
+        model = None if robot is None else RobotModel.model_validate(robot)
         suite, seed, n = str(kept["suite"]), int(kept["seed"]), int(kept["n"])
-        return CampaignConfig(suite, laws, seed, n, data, plant)  # pyright: ignore[reportArgumentType]
+        return CampaignConfig(suite, laws, seed, n, data, plant, model)  # pyright: ignore[reportArgumentType]
     except (KeyError, TypeError, ValueError) as error:
         raise CohelmError(
             "campaign.json is not a campaign's plan; choose another folder"

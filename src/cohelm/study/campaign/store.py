@@ -172,6 +172,8 @@ def _difference(there: dict[str, Any], requested: dict[str, Any]) -> str:
 
 
 def _brief(value: object) -> str:
+    if isinstance(value, dict):  # a robot
+        return str(value.get("name"))  # pyright: ignore[reportUnknownArgumentType, reportUnknownMemberType]
     return ", ".join(map(str, value)) if isinstance(value, list) else str(value)  # pyright: ignore[reportUnknownArgumentType]
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError, did_you_mean
+from cohelm.robot.model import RobotModel
 from cohelm.study.campaign import adversary, barn, crowd, hands, heights, lab, movers, rooms
 from cohelm.study.campaign.episode import LAWS, PLANTS, Episode, Law, Plant
 from cohelm.study.campaign.plant import on_twin
@@ -19,6 +20,8 @@ _DRIVEN_ON: dict[str, tuple[Plant, ...]] = {
     **dict.fromkeys(("lab", "random", "movers", "adversary"), PLANTS), "heights": ("twin",),
 }  # fmt: skip
 """The first one is the default; suites not listed are driven on exact arcs alone."""
+_DRIVEN_BY_ANY = ("random", "movers", "adversary")
+_LARGEST, _SLOWEST = 1.0, 0.05  # reach of a robot [m], its top speed [m/s]
 _CHUNKS = {"adversary": 10, "random": 5, "movers": 5}
 
 
@@ -35,6 +38,8 @@ class Suite:
     notes: tuple[str, ...] = ()
     """What was left out, a sentence each."""
     plant: Plant = "kinematic"
+    robot: RobotModel | None = None
+    """Drives instead of the suite's own."""
 
     @property
     def goals(self) -> bool:
@@ -66,24 +71,27 @@ class Suite:
         if self.name == "lab":
             return lab.case(self.prepared, self.seed, number)
         if self.name == "random":
-            return rooms.case(self.seed, number)
+            return rooms.case(self.seed, number, self.robot)
         if self.name == "movers":
-            return movers.case(self.seed, number)
+            return movers.case(self.seed, number, self.robot)
         if self.name == "barn":
             return barn.case(self.prepared, self.seed, number)
         if self.name == "crowd":
             return crowd.case(self.prepared, self.seed, number)
         if self.name == "hands":
             return hands.case(self.prepared[0], self.prepared[1], self.seed, number)
-        return adversary.case(self.seed, number, self.prepared)
+        return adversary.case(self.seed, number, self.prepared, model=self.robot)
 
 
-def suite(name: str, seed: int, data: Path | None, plant: Plant | None = None) -> Suite:
-    """A suite by its name. data: the folder of recordings and worlds made by others. plant: by
-    default the suite's own.
+def suite(
+    name: str, seed: int, data: Path | None, plant: Plant | None = None,
+    robot: RobotModel | None = None,
+) -> Suite:  # fmt: skip
+    """A suite by its name. data: the folder of recordings and worlds made by others. plant, robot:
+    by default the suite's own.
 
     Raises CohelmError for a name that there is not, or data that is missing or not usable, or a
-    plant that the suite is not driven on.
+    plant or robot that the suite is not driven on or by.
     """
     made = _suite(name, seed, data)
     driven_on = _DRIVEN_ON.get(name, ("kinematic",))
@@ -94,10 +102,30 @@ def suite(name: str, seed: int, data: Path | None, plant: Plant | None = None) -
         raise CohelmError(
             f"the suite {name} is not driven with --plant {plant}: choose {', '.join(driven_on)}"
         )
+    if robot is not None:
+        _check(robot, name, plant)
     notes = made.notes
     if data is not None and name not in _TAKES_DATA:
         notes = (*notes, f"the recordings of --data: {name} drives on none")
-    return replace(made, plant=plant, notes=notes)
+    return replace(made, plant=plant, notes=notes, robot=robot)
+
+
+def _check(robot: RobotModel, name: str, plant: Plant) -> None:
+    if name not in _DRIVEN_BY_ANY:
+        raise CohelmError(
+            f"the suite {name} is driven by its own robot: --robot goes with "
+            f"{', '.join(_DRIVEN_BY_ANY)}"
+        )
+    if robot.reach > _LARGEST:
+        raise CohelmError(
+            f"{robot.name} is too large for these rooms: a corner is {robot.reach:.2g} m from the "
+            f"middle of its axle, {_LARGEST:g} m at most"
+        )
+    limits = robot.bounds()
+    if min(limits.speed, limits.wheel_speed) < _SLOWEST:
+        raise CohelmError(f"{robot.name} is too slow for these rooms: {_SLOWEST:g} m/s at least")
+    if plant != "kinematic" and robot.lidar is None:
+        raise CohelmError(f"{robot.name} has no lidar, which --plant {plant} needs; give it one")
 
 
 def _suite(name: str, seed: int, data: Path | None) -> Suite:
