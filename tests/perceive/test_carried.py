@@ -52,6 +52,27 @@ def test_under_a_cover_and_without_scans_it_may_be_carried_as_well():
     assert after([seen(HERE), seen(HERE, 1)], every=4.0).carried == pytest.approx(4.0)
 
 
+@pytest.mark.parametrize(("odd", "first"), [(True, 0.0), (False, 0.35)])
+def test_a_keyframe_from_since_the_map_fits_worse_is_no_view_from_before_the_alarm(odd, first):
+    """Pushed along a corridor, no scan contradicts another at first, and the next keyframe is
+    taken where the robot was pushed to, at the pose that it had before."""
+    alarm = KidnapAlarm(LIDAR.lidar(), C)
+    on = Pose(HERE.x + 0.35, HERE.y, HERE.psi)
+    for k in range(6):
+        alarm.compare(NOWHERE, 0.1 * k, seen(HERE, k), NOWHERE, HERE, False)
+        alarm.fall(0.0, False)
+    led = Pose(0.35, 0.0, 0.0)
+    for k in range(6, 10):
+        alarm.compare(led, 0.1 * k, seen(on, k), led if k == 6 else NOWHERE, HERE, False)
+        alarm.fall(-1.0, odd)
+    for k in range(10, 12):
+        alarm.compare(led, 0.1 * k, seen(AWAY, k), NOWHERE, on, False)
+        alarm.fall(-1.0, odd)
+    assert alarm.raised
+    assert alarm._reference is not None
+    assert alarm._reference[0].odometry.x == first
+
+
 def lost_at(pose, odds=0.0, was_known=True):
     """What is followed by a robot that became lost there."""
     drawn, free = room(0.05)

@@ -10,6 +10,7 @@ import pytest
 
 from cohelm.core.types import RADIUS, Pose, Twist
 from cohelm.perceive.localize.hypothesis import Hypothesis
+from cohelm.perceive.localize.keyframe import Keyframe
 from cohelm.perceive.localize.localization_map import judge, map_from_occupancy
 from cohelm.perceive.localize.localizer import Localizer
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
@@ -466,6 +467,53 @@ def test_one_scan_does_not_outweigh_what_a_pose_was_believed_for():
     assert not left(11.3)
     assert left(3.0)
     assert left(None)  # a given start is not confirmed
+
+
+def alarmed(before, now):
+    """The check of a robot at 3 m along a corridor after an alarm: what it saw before, and sees."""
+    locator = Localizer(map_from_occupancy(*dotted()), LIDAR.lidar(), Pose(3.0, 0.0, 0.0))
+    here, check, alarm = locator.located.pose, locator._check, locator._alarm
+    check.believed(12.0, True)
+    locator._judge.usual = -0.5
+    alarm._reference, alarm._left = (Keyframe(Pose(0.0, 0.0, 0.0), before), here), 10
+    alarm._ranges = now
+    seen = locator._judge.judge(here, np.full(LIDAR.beams, 1.0))
+    fits = seen._replace(agree=0.99, short=0.005, through=0.005, log=-0.2)
+
+    def given_up(rival, likely, checked):
+        locator._hypotheses.all = [Hypothesis(Pose(1.2, 0.0, 0.0), np.eye(3), 0.0, rival, fits)]
+        check.begin(False, checked)
+        return check.given_up(here, np.diag([1e-4, 1e-4, 1e-6]), likely)
+
+    return check, given_up
+
+
+def test_after_an_alarm_a_place_is_not_stayed_at_because_the_keyframe_shows_no_more_than_the_map():
+    """Pushed 2 m along a corridor: the keyframe contradicts neither place, the other fits as the
+    robot's did before, and leads by 4 nats in the same scan. It stayed sure for 8.7 s."""
+    nothing = np.full(LIDAR.beams, 1.0)
+    _, given_up = alarmed(nothing, nothing)
+    assert given_up(2.7, 0.0, -1.3)
+    assert not given_up(2.7, 0.0, 0.0)  # by less than one object: map errors
+
+    blocked = nothing.copy()
+    blocked[300:360] = 0.5  # something new, which has nothing to do with where it is
+    _, given_up = alarmed(nothing, blocked)
+    assert given_up(2.7, 0.0, -1.3)
+
+
+def test_a_place_that_was_better_again_and_again_is_not_forgotten_at_an_alarm():
+    seen = np.full(LIDAR.beams, math.inf)
+    seen[200:500] = 3.0
+    check, given_up = alarmed(seen, seen)
+    check.alarm._left = 0
+    for _ in range(3):
+        assert not given_up(2.7, -12.0, -12.0)
+        check.passed(0.6)
+    check.alarm._left = 30
+    # a place that contradicts the keyframe, by an object
+    assert check.alarm.gained(Pose(1.2, 0.0, 0.0), Pose(3.0, 0.0, 0.0)) < 0.0
+    assert given_up(2.7, -12.0, -12.0)
 
 
 @pytest.mark.parametrize("field", few.first([9, 3, 6, 12], 1))

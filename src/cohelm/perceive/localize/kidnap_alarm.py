@@ -34,6 +34,8 @@ class KidnapAlarm:
         """A new pose is believed: forget all earlier scans."""
         self._keyframe: Keyframe | None = None
         self._older: tuple[Keyframe, Pose] | None = None  # the one before, and its pose
+        self._sound: tuple[Keyframe, Pose] | None = None  # from before scans were odd on the map
+        self._odd = 0  # scans in a row that are odd on the map
         self._reference: tuple[Keyframe, Pose] | None = None  # both as they were before the alarm
         self._left = 0  # scans for which the alarm lasts
         self._jolts = 0  # scans in a row that contradict the keyframe
@@ -70,7 +72,7 @@ class KidnapAlarm:
             self._jolts = self._jolts + 1 if log < c.contradicted else 0
             if not self._left and self._jolts >= c.jolts:
                 # the pose of a lost robot is unknown, so its keyframe is no reference
-                self._reference = None if lost else (key, self._keyframe_pose)
+                self._reference = None if lost else self._before_all_this(key)
             elif not self._left and not lost:
                 self._reference = None
             self._left = c.alarmed if self._jolts >= c.jolts else max(self._left - 1, 0)
@@ -85,6 +87,16 @@ class KidnapAlarm:
             self._keyframe_pose = compose(pose, moved_by)
             self._jolts = self._aged = 0
 
+    def _before_all_this(self, key: Keyframe) -> tuple[Keyframe, Pose] | None:
+        """The keyframe that contradicting scans are compared with. Where scans had been odd on the
+        map before they contradicted this one, and it is as new, it may show where the robot was
+        moved to: along a corridor, that contradicts nothing at first."""
+        c = self.caution
+        odd_first = self._jolts <= self._odd < c.alarmed
+        if odd_first and self._aged < self._odd + c.patience and self._sound is not None:
+            return self._sound
+        return key, self._keyframe_pose
+
     def _update_carried(self, stamp: float, lost: bool) -> None:
         """While carried, the robot has contradicting scans, empty ones, or none."""
         gap = 0.0 if math.isnan(self._stamp) else stamp - self._stamp
@@ -94,11 +106,15 @@ class KidnapAlarm:
         elif not self.raised and not lost:
             self.carried = 0.0
 
-    def fall(self, log: float) -> None:
+    def fall(self, log: float, odd: bool) -> None:
         """Raise the alarm for a sudden drop of the scan likelihood: a robot moved along a corridor
-        has no contradicting scans. log: the newest scan's log likelihood at the tracked pose."""
+        has no contradicting scans. log: the newest scan's log likelihood at the tracked pose. odd:
+        whether it is less likely than usual."""
         c = self.caution
         key = self._keyframe
+        settled = (key, self._keyframe_pose) if key and self._aged > c.patience else self._older
+        self._odd = self._odd + 1 if odd else 0
+        self._sound = self._sound if odd else settled
         least = self._usual_log - c.margin * (0.5 if self._usual_log > c.odd else 2.0)
         self._unlikely = self._unlikely + 1 if log < least else 0
         if self._unlikely > c.patience or self._usual_log == -math.inf:
@@ -107,9 +123,7 @@ class KidnapAlarm:
             self._usual_log += 0.1 * (log - self._usual_log)
         elif self._unlikely == c.patience:
             if not self._left and key is not None:
-                self._reference = (
-                    (key, self._keyframe_pose) if self._aged > c.patience else self._older
-                )
+                self._reference = settled
             self._left = c.alarmed
             self.carried = math.inf  # it may have been pushed far along a uniform corridor
 

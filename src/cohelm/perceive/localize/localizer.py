@@ -197,8 +197,8 @@ class Localizer:
             self.located = Localization(
                 fit.pose, self._reported_joint[:3, :3].copy(), judged.agree, False, ""
             )
-        self._alarm.fall(judged.log)
         odd = self._judge.learn(judged, may_have_moved)
+        self._alarm.fall(judged.log, odd)
         self._log_likelihood = self._judge.weighed(judged)
         self._odd = self._odd + 1 if odd else 0
         check.passed(distance)

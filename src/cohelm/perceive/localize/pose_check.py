@@ -128,9 +128,17 @@ class PoseCheck:
         as_before = lead > clearly and self.judge.as_usual(best.judged)
         if self._persistent and lead > 0.5 * c.margin:
             as_before = self.judge.plausible(best.judged)
+        # an alarm is no evidence for staying: what suffices without one suffices after it
+        again = lead > c.margin and self._rivals_again(best, pose, likely)
         if not self.may_have_moved:
-            return lead > c.margin and self._rivals_again(best, pose, likely)
-        lost = (gained > 0.0 or self._persistent or not self.alarm.raised) and (better or as_before)
+            return again
+        if self.alarm.raised and not self._persistent and gained <= 0.0:
+            # the keyframe does not speak for it. If it contradicts neither, being moved and not
+            # are as likely as before, and one object decides, by the same scan for both
+            usual = self.judge.as_usual(best.judged)
+            by_one = best.latest - self._checked > 0.5 * c.margin
+            better, as_before = False, gained == 0.0 and usual and by_one
+        lost = better or as_before or again
         if lost:
             self.hypotheses.moved = as_before and not better
         return lost
