@@ -24,6 +24,7 @@ from cohelm.perceive.match.odometry_covariance import (
     moved as foretell,
     updated,
 )
+from cohelm.perceive.match.scan_matching import MatchParams, align
 from cohelm.perceive.match.surfaces import moved, surfaces
 from cohelm.robot.port import Odometry, Scan
 from tests.perceive import killian
@@ -302,6 +303,33 @@ def lined(walls, pose):
 
 def known(walls):
     return surfaces(*lined(walls, Pose(0.0, 0.0, 0.0)), 0.05, 0.65)
+
+
+def test_a_scan_is_not_matched_to_the_other_side_of_a_wall():
+    """Between equal rooms, views slid by the 20 cm of the wall between two of them: what was seen
+    of it from the one lay on what had been seen from the other."""
+    sides = [[0.0, 0.0, 4.0, 0.0], [0.0, 3.0, 4.0, 3.0]]
+    left = lined([*sides, [4.0, 3.0, 4.0, 0.0]], Pose(0.0, 0.0, 0.0))  # faces the one room,
+    right = lined([[4.2, 0.0, 4.2, 3.0]], Pose(0.0, 0.0, 0.0))  # and the next
+    graph, home = PlaceGraph(), Pose(0.0, 0.0, 0.0)
+    graph.add(Place(0, left[0], -left[1]), home, None)
+    graph.add(Place(1, right[0], -right[1]), home, Link(0, 1, home, np.eye(3), False))
+    around = graph.surfaces_around([0, 1], None)
+    for first in (0.13, 0.25):
+        fit = align(
+            around, left[0], -left[1], Pose(first, 0.0, 0.0), 1e-3 * np.eye(3), MatchParams()
+        )
+        assert abs(fit.pose.x) < 0.01
+
+
+def test_the_normals_of_a_place_face_the_lidar(tour):
+    assert tour
+    mount, points, across = LIDAR.lidar().mount, states[0]["points"], states[0]["across"]
+    towards = np.einsum("ij,ij->i", points - (mount.x, mount.y), across) < 0.0
+    assert towards.mean() > 0.999  # but for the mean of two at a corner
+    either = {**states[0], "across": across * np.where(np.arange(len(across)) % 2, 1, -1)[:, None]}
+    again = Mapper.restored(LIDAR.lidar(), either).state()["across"]  # as of an older version
+    assert np.abs(again - across).max(axis=1).mean() < 1e-3
 
 
 def two_laps(torn):

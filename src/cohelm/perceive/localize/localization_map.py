@@ -13,7 +13,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.frames import placed, turned
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.match.surfaces import Surfaces, surfaces, thinned
+from cohelm.perceive.match.surfaces import Surfaces, one_each, surfaces
 from cohelm.robot.sensors import Lidar
 
 _FARTHEST = 2.0  # cap of the distances to walls [m]
@@ -66,7 +66,7 @@ def map_from_occupancy(
         beside = scipy.ndimage.binary_dilation(free, iterations=3, mask=~occupied)
         cells, facing = _faces(occupied, beside)
     points, across = _lined(cells * resolution, facing, max(0.15, 3.0 * resolution))
-    points, across = _one_each(points, across, max(0.03, resolution))
+    points, across = one_each(points, across, max(0.03, resolution))
     points, across = placed(points, origin), turned(across, origin.psi)
     distance = scipy.ndimage.distance_transform_edt(~occupied) * resolution
     gap = np.minimum(distance, _FARTHEST).astype(np.float32)
@@ -138,13 +138,6 @@ def _fitted(points: Floats, facing: Floats, pairs: NDArray[np.int64]) -> tuple[F
         across[m, 0], across[m, 1] = nx, ny
         m += 1
     return out[:m].copy(), across[:m].copy()
-
-
-def _one_each(points: Floats, across: Floats, side: float) -> tuple[Floats, Floats]:
-    """One point of each square cell for each of the four directions that it may face [m]."""
-    quarter = np.floor(np.arctan2(across[:, 1], across[:, 0]) / (0.5 * math.pi) + 0.5) % 4
-    each = [thinned(points[quarter == q], across[quarter == q], side) for q in range(4)]
-    return np.vstack([p for p, _ in each]), np.vstack([a for _, a in each])
 
 
 @jit_inline

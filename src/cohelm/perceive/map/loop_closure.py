@@ -282,8 +282,9 @@ def _scores(
     known: Surfaces, points: Floats, across: Floats, places: Floats, headings: Floats, near: float,
 ) -> Floats:  # fmt: skip
     """(places, headings): share of the points as near as that [m] to a surface of the same
-    direction."""
+    direction, and of the same side where `known` has sides."""
     rows, columns = known.nearest.shape
+    sided = len(known.back) > 0
     scores = np.zeros((len(places), len(headings)))
     for t in range(len(headings)):
         c, s = math.cos(headings[t]), math.sin(headings[t])
@@ -299,9 +300,12 @@ def _scores(
                 i = known.nearest[int(v), int(u)]
                 if i < 0:
                     continue
+                alignment = ax * known.normals[i, 0] + ay * known.normals[i, 1]
+                if sided and alignment < -0.85 and known.back[i] >= 0:
+                    i, alignment = known.back[i], -alignment
+                flat = (alignment if sided else abs(alignment)) > 0.85
                 dx = places[k, 0] + qx + known.x - known.points[i, 0]
                 dy = places[k, 1] + qy + known.y - known.points[i, 1]
-                flat = abs(ax * known.normals[i, 0] + ay * known.normals[i, 1]) > 0.85
                 if flat and dx * dx + dy * dy < near * near:
                     scores[k, t] += 1.0
     return scores / max(len(points), 1)

@@ -35,7 +35,7 @@ from cohelm.perceive.match.odometry_covariance import (
     updated,
 )
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit, align
-from cohelm.perceive.match.surfaces import Surfaces, normals, thinned
+from cohelm.perceive.match.surfaces import Surfaces, facing, normals, one_each
 from cohelm.robot.sensors import Lidar
 
 _SET_DOWN = 0.5  # a robot is put back by hand within this of its last position [m]
@@ -179,6 +179,10 @@ class Mapper:
         closure = made._closure
         closure.looked, closure.wide, closure.met = state["looked"].tolist()
         closure.drift_errors = state["strayed"].tolist()
+        made._graph.places = [  # those of older versions face either way
+            place._replace(across=made._towards_lidar(place.points, place.across)[1])
+            for place in made._graph.places
+        ]
         if made._graph.places:
             made._update_submap()
         return made
@@ -207,12 +211,16 @@ class Mapper:
             scan.points[:, 0] - self.lidar.mount.x, scan.points[:, 1] - self.lidar.mount.y
         )
         near = gaps < self.params.far
-        return normals(scan.points[near], scan.beams[near], self.lidar.step)
+        return self._towards_lidar(*normals(scan.points[near], scan.beams[near], self.lidar.step))
+
+    def _towards_lidar(self, points: Floats, across: Floats) -> tuple[Floats, Floats]:
+        """A beam shows the side of a wall that faces it."""
+        return points, facing(points, across, self.lidar.mount.x, self.lidar.mount.y)
 
     def _add_place(self, points: Floats, across: Floats, since: Pose | None) -> None:
         """Add a place; `since`: its pose seen from the last one."""
         graph, k = self._graph, len(self._graph)
-        kept, sides = thinned(points, across, 0.04)
+        kept, sides = one_each(points, across, 0.04)
         step = self._step(k, since) if since is not None else None
         graph.add(Place(len(self._scans), kept, sides), self._pose, step)
         self._scans.append((k, Pose(0.0, 0.0, 0.0)))

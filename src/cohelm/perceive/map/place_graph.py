@@ -31,14 +31,14 @@ from cohelm.perceive.map.pose_graph import (
     spread,
 )
 from cohelm.perceive.match.scan_matching import MatchParams, align
-from cohelm.perceive.match.surfaces import Surfaces, moved, surfaces, thinned
+from cohelm.perceive.match.surfaces import Surfaces, behind, moved, one_each, surfaces
 
 _SAME = 0.5  # typical correction of a place by the graph [m]
 _CLOSED = 0.25  # the same after all places were linked [m]
 
 
 class Place(NamedTuple):
-    """Number of its scan, and its surfaces in the body frame."""
+    """Number of its scan, and its surfaces in the body frame, with normals towards the LiDAR."""
 
     scan: int
     points: Floats
@@ -76,15 +76,17 @@ class PlaceGraph:
         self.poses.append(pose)
 
     def surfaces_around(self, numbers: Sequence[int], origin: Pose | None) -> Surfaces:
-        """Surfaces of some places, in the frame of the map or of a pose in it."""
+        """Surfaces of some places, in the frame of the map or of a pose in it; each side of a wall
+        is one."""
         points: list[Floats] = []
         across: list[Floats] = []
         for i in numbers:
             pose = self.poses[i] if origin is None else between(origin, self.poses[i])
             points.append(moved(pose, self.places[i].points, True))
             across.append(moved(pose, self.places[i].across, False))
-        kept, sides = thinned(np.vstack(points), np.vstack(across), 0.04)
-        return surfaces(kept, sides, 0.05, 0.65)
+        kept, sides = one_each(np.vstack(points), np.vstack(across), 0.04)
+        made = surfaces(kept, sides, 0.05, 0.65)
+        return made._replace(back=behind(made))
 
     def solve(self) -> None:
         """Optimize the poses by all links."""

@@ -155,6 +155,39 @@ def _opposite_sides(points: Floats, across: Floats) -> Ints:
 
 
 @jit
+def behind(made: Surfaces) -> Ints:
+    """(n,): row of the nearest surface behind each that faces the other way, as the other side of
+    a wall does; -1 where there is none. Normals face the visible side."""
+    rows, columns = made.nearest.shape
+    found = np.full(len(made.points), -1, np.int64)
+    for k in range(len(made.points)):
+        px, py = made.points[k, 0], made.points[k, 1]
+        nx, ny = made.normals[k, 0], made.normals[k, 1]
+        least = _THICK * _THICK
+        for n in range(math.ceil(_THICK / made.resolution) + 1):
+            deep = n * made.resolution
+            u = (px - deep * nx - made.x) / made.resolution
+            v = (py - deep * ny - made.y) / made.resolution
+            if not (0.0 <= u < columns and 0.0 <= v < rows):
+                continue
+            j = made.nearest[int(v), int(u)]
+            if j < 0 or made.normals[j, 0] * nx + made.normals[j, 1] * ny > -0.85:
+                continue
+            dx, dy = made.points[j, 0] - px, made.points[j, 1] - py
+            if dx * dx + dy * dy < least:
+                least = dx * dx + dy * dy
+                found[k] = j
+    return found
+
+
+def one_each(points: Floats, across: Floats, side: float) -> tuple[Floats, Floats]:
+    """One point of each square cell for each of the four directions that it may face [m]."""
+    quarter = np.floor(np.arctan2(across[:, 1], across[:, 0]) / (0.5 * math.pi) + 0.5) % 4
+    each = [thinned(points[quarter == q], across[quarter == q], side) for q in range(4)]
+    return np.vstack([p for p, _ in each]), np.vstack([a for _, a in each])
+
+
+@jit
 def _spread(made: Surfaces, reach: float) -> None:
     """Fill in the nearest surface of every cell."""
     rows, columns = made.nearest.shape
