@@ -81,6 +81,18 @@ def test_one_s_own_robot_drives_and_the_folder_goes_on_without_its_file(cohelm, 
     assert "robot turtlebot3_burger (requested: husky)" in other.err
 
 
+def test_episodes_that_could_not_be_driven_are_said_and_the_status_is_1(cohelm, tmp_path):
+    (tmp_path / "torn.py").write_text("def law(robot, period):\n    return lambda now: 1 / 0\n")
+    wanted = ("campaign", "random", "--law", "torn:law", "--n", "2", "--jobs", "1", "--out", "x")
+    said = cohelm(*wanted)
+    assert said.code == 1
+    assert "failed: torn:law/0: ZeroDivisionError: division by zero (torn.py:2)" in said.err
+    assert "1 more, in the report" in said.err
+    again = cohelm("campaign", "x", "--json")
+    assert again.code == 1
+    assert len(json.loads(again.out)["failed"]) == 2
+
+
 def test_a_row_is_driven_again_alone_and_is_the_same(cohelm, driven, tmp_path):
     driven(cohelm, TWO, tmp_path / "there")
     got = json.loads(cohelm("campaign", "there", "--replay", "paper/1", "--json").out)

@@ -131,11 +131,17 @@ def campaign(
                 f"cohelm campaign {plain(str(folder))}"
             )
             raise
+    failed = list(report.faults(found))
     if as_json:
-        print_json({**found.as_dict(), "out": str(folder), "report": str(page)})
+        told = {"out": str(folder), "report": str(page), "failed": failed}
+        print_json({**found.as_dict(), **told})
     else:
         print_table(f"{report.made_on(found)}, seed {plan.seed}", *report.table(found))
         say(f"rows and report: {plain(str(page))}")
+    if failed:
+        more = f" (and {len(failed) - 1} more, in the report)" if len(failed) > 1 else ""
+        say(f"[bold red]failed:[/bold red] {plain(failed[0])}{more}")
+        raise typer.Exit(1)
 
 
 def _planned(

@@ -195,7 +195,7 @@ def write(found: Outcome, folder: Path, progress: Progress) -> Path:
         first=escape(found.laws[0]),
         figures="\n".join(figures),
         notes=_list("Left out", found.suite.notes)
-        + _list("Not driven: mistakes in cohelm, please report them", _faults(found)),
+        + _list("Not driven: a mistake in your law, or in cohelm: please report it", faults(found)),
     )  # fmt: skip
     try:
         text = json.dumps(found.as_dict(), indent=2, allow_nan=False) + "\n"
@@ -247,7 +247,8 @@ def _html(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
-def _faults(found: Outcome) -> tuple[str, ...]:
+def faults(found: Outcome) -> tuple[str, ...]:
+    """Episodes that could not be driven, and why."""
     return tuple(
         f"{law}/{row.episode}: {row.fault}"
         for law in found.laws
