@@ -34,7 +34,7 @@ FIELDS = (
     ("course", "i8", "how many courses it has followed before this one; 0 is the reference itself"),
     ("to_go", "f8", "[m] straight to the end of the reference"),
     ("progress", "f8", "share of the route done, in [0, 1]"),
-    ("arrived", "?", "whether that is near enough; with the paper's law, to the desired position"),
+    ("arrived", "?", "whether that is near enough; with the paper's law, when it should be"),
     ("stick_x", "f8", "deflection in use, fore-aft in [-1, 1], forward positive"),
     ("stick_psi", "f8", "deflection in use, left-right in [-1, 1], left positive"),
     ("stick_age", "f8", "[s] of the operator's newest command; NaN: none"),

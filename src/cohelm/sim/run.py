@@ -107,5 +107,6 @@ def _advance(
         row.behavior, row.course = FOLLOWING, 0
         row.tau, row.rate = k * dt, 1.0
         row.to_go = math.hypot(pose.x - goal[0], pose.y - goal[1])
-        row.arrived = math.hypot(pose.x - desired.x, pose.y - desired.y) < goal[2]
+        on_it = math.hypot(pose.x - desired.x, pose.y - desired.y) < goal[2]
+        row.arrived = on_it and math.hypot(desired.x - goal[0], desired.y - goal[1]) < goal[2]
     return state, person

@@ -51,7 +51,7 @@ class Metrics:
     """Length driven by the robot's centre."""
     reached: bool
     """Whether the run ended near enough to the end of its reference; with the paper's law, whose
-    reference runs on with time, to the desired position."""
+    reference runs on with time, when it should be there."""
     max_pose_error: float
     rms_pose_error: float
     final_pose_error: float
