@@ -260,6 +260,17 @@ def test_a_robot_given_for_a_scenario_is_called_one_and_the_reverse(cohelm, tmp_
     refused(cohelm("filter", "--robot", "office.yaml"), "is a scenario, and does not describe a")
 
 
+@pytest.mark.parametrize("wrong", ["footprint", "footprint_mm"])
+def test_of_a_robots_file_a_key_that_is_mistyped_is_named_and_not_all_of_a_scenarios(
+    cohelm, tmp_path, wrong
+):
+    (tmp_path / "cart.yaml").write_text(ROBOT.replace("footprint_m", wrong))
+    said = cohelm("robot", "cart.yaml")
+    refused(said, f"cart.yaml:3: {wrong}: unknown key; did you mean footprint_m")
+    assert "reference" not in said.err
+    refused(cohelm("run", "cart.yaml"), "cart.yaml describes a robot, not a scenario")
+
+
 def test_a_robots_file_is_driven_from_the_browser_where_the_scenario_says(cohelm, tmp_path):
     """As `cohelm robot` takes it; refused here only for what stands in it."""
     (tmp_path / "cart.yaml").write_text(ROBOT.replace("0.1", "-0.1"))

@@ -152,6 +152,7 @@ def test_a_barn_world_comes_with_route_start_goal_and_time(tmp_path):
             "reference: {}\nworld: {kind: barn, file: worlds.json, number: 3}\n",
             "worlds.json: no such file",
         ),
+        ("reference: {}\nworld: {kind: barn, file: /tmp, number: 3}\n", "/tmp: is a folder; name"),
         ("reference: {}\nworld: {kind: gazbo, file: x}\n", "did you mean gazebo?"),
         ("reference: {}\nworld: {file: x}\n", "kind is missing; one of barn, gazebo, map, tracks"),
         (

@@ -138,6 +138,7 @@ def test_what_is_shown_of_zones_is_in_the_record_of_a_run_and_comes_back(tmp_pat
         (f"{{keep_out_m: [{ACROSS}], keep_out_file: a.yaml}}", (), "there is keep_out_m already"),
         (f"{{speed: [{SLOW}], speed_file: a.yaml}}", (), "there is speed already; draw all in one"),
         ("{keep_out_file: gone.yaml}", (), "zones.keep_out_file: "),
+        ("{keep_out_file: /tmp}", (), "zones.keep_out_file: /tmp: is a folder, not a mask's"),
         ("{keep_outs: 1}", (), "zones.keep_outs"),
         (f"{{keep_out_m: [{ACROSS}]}}", ("law.filter=none",), "the paper's law knows no zones"),
         ("{keep_out_m: [[[0, 0], [9e4, 0], [9e4, 9e4]]]}", (), "are all corners in metres?"),

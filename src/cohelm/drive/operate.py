@@ -171,7 +171,7 @@ def _is_robot(path: Path) -> bool:
         data: Any = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
     except (yaml.YAMLError, OSError, UnicodeDecodeError):
         return False
-    return isinstance(data, dict) and "footprint_m" in data
+    return load.describes_robot(data)
 
 
 class ScenarioStick(Scripted):

@@ -75,11 +75,17 @@ def parse(text: str, model: type[Model], source: str, overrides: Sequence[str] =
     return made
 
 
+def describes_robot(data: Any) -> bool:
+    """Whether YAML is a robot's, not a scenario's; also where one of its keys is mistyped."""
+    mine, others = RobotModel.model_fields.keys(), Scenario.model_fields.keys()
+    return isinstance(data, dict) and len(mine & data.keys()) > len(others & data.keys())
+
+
 def _check_kind(data: Any, model: type[Schema], source: str) -> None:
     """CohelmError where a robot's file is given for a scenario, or the reverse."""
     if not isinstance(data, dict):
         return
-    robots, sites = "footprint_m" in data, "reference" in data
+    robots, sites = describes_robot(data), "reference" in data
     if robots and not sites and model is Scenario:
         raise CohelmError(
             f"{source} describes a robot, not a scenario: name it in one, with `robot: {source}`, "
@@ -125,6 +131,8 @@ def _found(world: AnyWorld, folder: Path, requested_by: str) -> AnyWorld:
         update["path_file"] = str((folder / world.path_file).absolute())
     made = world.model_copy(update=update)
     file = Path(made.file)
+    if file.is_dir():
+        raise CohelmError(f"{requested_by}: world.file: {file}: is a folder; name the file in it")
     if not file.is_file():
         close = did_you_mean(file.name, _siblings(file.parent))
         raise CohelmError(f"{requested_by}: world.file: {file}: no such file{close}")

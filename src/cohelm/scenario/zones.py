@@ -82,7 +82,8 @@ class ZonesModel(Schema):
                 continue
             file = (folder / name).absolute()
             if not file.is_file():
-                raise CohelmError(f"{requested_by}: zones.{key}: {file}: no such file")
+                wrong = "is a folder, not a mask's YAML file" if file.is_dir() else "no such file"
+                raise CohelmError(f"{requested_by}: zones.{key}: {file}: {wrong}")
             update[key] = str(file)
         return self.model_copy(update=update)
 
