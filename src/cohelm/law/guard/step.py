@@ -61,8 +61,8 @@ def guard(
 
     1. *Bounds.* Wheel and body limits around `before`; for each obstacle nearer than the stopping
        distance, the contact point must not approach it faster than the robot can stop,
-       n . (v - omega q_y, omega q_x) >= n . v_o - alpha(clearance - margin),
-       alpha(h) = sqrt(a^2 T^2 + 2 a h) - a T; the robot does not have to flee.
+       n . (v - omega q_y, omega q_x) >= n . v_o + e - alpha(clearance - margin),
+       alpha(h) = sqrt(a^2 T^2 + 2 a h) - a T, e the error of v_o; the robot does not have to flee.
     2. *Least change* of the nominal command within them, exactly.
     3. *Certificate*: hold that for T, then brake; see `certify`. If it fails, the same for parts
        of the way from full braking to it.
