@@ -1,18 +1,19 @@
 """A scenario built in Python: a door of varying width, and how wide it must be to get through."""
 
 import cohelm
-from cohelm.scenario.model import ReferenceModel, Simulation
 
 
 def door(width: float) -> cohelm.Scenario:
     """A straight route through a door of so many metres."""
     half = 0.5 * width
-    return cohelm.Scenario(
-        name=f"door-{width:.2f}",
-        robot="sally",
-        reference=ReferenceModel(speed_mps=0.5, waypoints_m=[(0, 0), (2, 0), (4, 0)]),
-        walls_m=[(2, half, 2, 3), (2, -half, 2, -3)],
-        simulation=Simulation(step_s=0.02, delay_s=0.06, duration_s=15.0),
+    return cohelm.Scenario.model_validate(
+        {
+            "name": f"door-{width:.2f}",
+            "robot": "sally",
+            "reference": {"speed_mps": 0.5, "waypoints_m": [(0, 0), (2, 0), (4, 0)]},
+            "walls_m": [(2, half, 2, 3), (2, -half, 2, -3)],
+            "simulation": {"step_s": 0.02, "delay_s": 0.06, "duration_s": 15.0},
+        }
     )
 
 

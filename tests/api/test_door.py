@@ -100,6 +100,8 @@ def test_a_record_of_a_run_is_read_into_columns(tmp_path):
         recorder.write(result.trace)
     record = cohelm.read_record(tmp_path / "run.mcap")
     assert record.kind == "run"
+    (tmp_path / "run.mcap").rename(tmp_path / "record.mcap")
+    assert cohelm.read_record(tmp_path).table.keys() == record.table.keys()
     for name, column in result.table().items():
         assert np.array_equal(record.table[name], column, equal_nan=column.dtype.kind == "f")
     assert "lab-track" in record.scenario

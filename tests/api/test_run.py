@@ -89,6 +89,27 @@ def test_what_a_law_of_ones_own_can_not_be_given_is_said():
         cohelm.run(made, changes=["simulation.duration_s=1"])
 
 
+@pytest.mark.parametrize("changes", ["law.tracking.k_x=0.3", {"law.tracking.k_x": 0.3}])
+def test_changes_that_are_no_list_are_told_as_what_they_are(changes):
+    with pytest.raises(cohelm.CohelmError, match="changes are a list of"):
+        cohelm.run("lab-track", changes=changes)
+
+
+def test_what_is_no_scenario_is_said():
+    with pytest.raises(cohelm.CohelmError, match=r"a cohelm.Scenario\(...\), got dict"):
+        cohelm.run({"name": "x"})
+
+
+def test_a_run_shows_what_became_of_it_and_not_its_numbers():
+    made = cohelm.run("lab-track", changes=["simulation.duration_s=1"])
+    assert repr(made) == "RunResult(not arrived, 0 contacts, 101 steps)"
+
+
+def test_a_run_that_is_cut_short_on_its_reference_has_not_reached_its_end():
+    assert cohelm.run("lab-track").arrived
+    assert not cohelm.run("lab-track", changes=["simulation.duration_s=1"]).arrived
+
+
 def test_a_run_ends_where_its_reference_does():
     setup = build.setup(cohelm.load_scenario("minimal", ["stick={kind: none}"]))
     trace = driven(setup, lambda now: track(now.pose, now.reference, setup.gains))

@@ -202,7 +202,7 @@ def test_no_call_with_what_is_no_pose_twist_or_obstacles_goes_unsaid(given, said
     ("given", "said"),
     [
         ({"robot": "sally"}, "must be a cohelm.RobotModel, got 'sally'"),
-        ({"period": 0.0}, "period must be from 0.001 to 1"),
+        ({"period": 20}, "period must be from 0.001 to 1 s, got 20"),
         ({"period": math.nan}, "period must be from 0.001 to 1"),
         ({"period": "fast"}, "period must be a number"),
         ({"delay": -0.01}, "delay must be from 0 to 2"),
@@ -285,6 +285,21 @@ def test_what_a_lidar_says_is_nearer_than_it_can_measure_stands_at_its_least_ran
 def test_angles_in_degrees_are_no_scan(angles):
     with pytest.raises(CohelmError, match="give radians"):
         Obstacles.from_ranges(np.ones(720), *angles)
+
+
+def test_ranges_in_millimetres_are_no_scan():
+    ranges = np.array([450.0, 1200.0, 3000.0, math.inf])
+    with pytest.raises(CohelmError, match="ranges are in metres, got 1200 in the median"):
+        Obstacles.from_ranges(ranges, 0.0, 0.1)
+    assert len(Obstacles.from_ranges([0.4, 1.2, 655.35], 0.0, 0.1)) == 3  # one wild range is none
+
+
+@pytest.mark.parametrize(
+    "mount", [(0.2, 0.0), None, Pose(0.2, 0.0, 45.0), Pose(200.0, 0.0, 0.0), Pose(math.nan, 0, 0)]
+)
+def test_what_is_no_mount_is_said(mount):
+    with pytest.raises(CohelmError, match="mount "):
+        Obstacles.from_ranges([1.0], 0.0, 0.1, mount=mount)
 
 
 @pytest.mark.parametrize("turn", [1, -1])

@@ -11,7 +11,7 @@ class CohelmError(Exception):
     >>> import cohelm
     >>> cohelm.SafetyFilter(cohelm.load_robot("sally"), period=0.0)
     Traceback (most recent call last):
-    cohelm.core.errors.CohelmError: period must be from 0.001 to 1, got 0
+    cohelm.core.errors.CohelmError: period must be from 0.001 to 1 s, got 0
     """
 
 

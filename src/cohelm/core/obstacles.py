@@ -35,6 +35,8 @@ class Obstacles:
     one number or one per disc; by default 0. A disc or segment that is not finite makes the filter
     brake. Points and segments are taken to rest: give discs for what moves.
 
+    As attributes they are arrays, discs (n, 6): x, y, v_x, v_y, radius, 0.
+
     Arrays of float64 are kept, not copied; do not change them while they are in use. Raises
     CohelmError where a shape or type does not fit.
     """
@@ -77,7 +79,8 @@ class Obstacles:
         -inf and 0 too, is put there; NaN is left out. A driver that reports 0 for no return
         needs inf there. angle_min: bearing of the first beam, angle_increment: to the next one,
         counter-clockwise [rad]; negative where it turns clockwise. mount: of the sensor in the
-        body. Raises CohelmError where the angles are no scan's, as they are in degrees.
+        body. Raises CohelmError where angles, mount or most of the ranges are no scan's, as they
+        are in degrees or millimetres.
         """
         far = _array("ranges", ranges)
         if far.ndim != 1:
@@ -89,11 +92,17 @@ class Obstacles:
                 f"and {len(far)} beams {angle_increment:g} apart: give radians, and range_min in "
                 "metres"
             )
-        bearings = mount.psi + angle_min + angle_increment * np.arange(len(far))
+        x, y, yaw = _mounted(mount)
+        bearings = yaw + angle_min + angle_increment * np.arange(len(far))
         real = np.where(far < range_min, range_min, far)
         hit = np.isfinite(real)
+        if 2 * np.count_nonzero(real[hit] > _LONGEST) > np.count_nonzero(hit):
+            raise CohelmError(
+                f"ranges are in metres, got {np.median(real[hit]):g} in the median: divide "
+                "millimetres by 1000"
+            )
         points = np.column_stack((np.cos(bearings[hit]), np.sin(bearings[hit])))
-        return cls(points=points * real[hit, None] + mount[:2])
+        return cls(points=points * real[hit, None] + (x, y))
 
     def placed(self, body: Pose) -> Obstacles:
         """The same, given in the body frame, in the frame in which the body is at this pose."""
@@ -122,9 +131,24 @@ class Obstacles:
 _TURN = 2.0 * math.pi * 1.01
 """A full turn, with the rounding of drivers that report the increment in float32 [rad]."""
 _TURNS = 4.0 * math.pi
+_LONGEST = 500.0
+"""No LiDAR of a ground robot measures farther; 0.5 m in millimetres [m]."""
+_FARTHEST = 100.0
+"""As of an outline's corners [m]."""
 _NO_POINTS, _NO_SEGMENTS, _NO_DISCS = np.empty((0, 2)), np.empty((0, 4)), np.empty((0, 6))
 _NOTHING = np.empty(0)
 _DISC_ROWS = "discs need rows x, y, radius, or x, y, radius, v_x, v_y in metres and m/s"
+
+
+def _mounted(mount: Pose) -> Pose:
+    """The mount of a sensor. Raises CohelmError where it is none."""
+    try:
+        x, y, psi = map(float, mount)
+    except (TypeError, ValueError) as error:
+        raise CohelmError(f"mount must be a cohelm.Pose(x, y, psi), got {mount!r}") from error
+    if not (abs(x) <= _FARTHEST and abs(y) <= _FARTHEST and abs(psi) <= _TURNS):  # nor for NaN
+        raise CohelmError(f"mount is in metres and radians, got ({x:g}, {y:g}, {psi:g})")
+    return Pose(x, y, psi)
 
 
 def _array(name: str, given: ArrayLike) -> Floats:

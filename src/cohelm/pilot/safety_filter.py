@@ -117,9 +117,9 @@ class SafetyFilter:
             )
         self.robot = robot
         self.limits = checked_braking(checked_limits(robot.bounds() if limits is None else limits))
-        self.period = _within("period", period, 0.001, 1.0)
-        delay = _within("delay", robot.delay_s if delay is None else delay, 0.0, 2.0)
-        lag = _within("lag", lag, 0.0, 1.0)
+        self.period = _within("period", period, 0.001, 1.0, "s")
+        delay = _within("delay", robot.delay_s if delay is None else delay, 0.0, 2.0, "s")
+        lag = _within("lag", lag, 0.0, 1.0, "s")
         error = SLOP + noise(robot) if position_error is None else position_error
         rules = checked_rules(
             Rules(self.period, soft_margin, hard_margin, deceleration_fraction, steer_weight)
@@ -128,7 +128,7 @@ class SafetyFilter:
             raise CohelmError(
                 f"soft_margin must be at least hard_margin, {hard_margin:g} m, got {soft_margin:g}"
             )
-        self._rules = inflated_rules(rules, _within("position_error", error, 0.0, 1.0))
+        self._rules = inflated_rules(rules, _within("position_error", error, 0.0, 1.0, "m"))
         self.horizon = delay + lag + 0.5 * self.period
         """How far ahead a command is worked out [s]: a drive follows on a straight line through a
         period, at whose beginning the certificate takes the speed to be reached, hence the half."""
@@ -268,11 +268,11 @@ def _meant(pose: object, twist: object, nominal: object, seen: object) -> str:
     )
 
 
-def _within(name: str, value: float, low: float, high: float) -> float:
+def _within(name: str, value: float, low: float, high: float, unit: str) -> float:
     try:
         made = float(value)
     except (TypeError, ValueError) as error:
         raise CohelmError(f"{name} must be a number, got {value!r}") from error
     if not low <= made <= high:  # nor for NaN
-        raise CohelmError(f"{name} must be from {low:g} to {high:g}, got {made:g}")
+        raise CohelmError(f"{name} must be from {low:g} to {high:g} {unit}, got {made:g}")
     return made

@@ -21,8 +21,10 @@ from cohelm.robot.model import RobotModel
 
 METADATA, SCENARIO, ROBOT = "cohelm", "scenario.yaml", "robot.json"
 """Names in the file: of the metadata about it, and of its attachments."""
+RECORD = "record.mcap"
+"""What a run's record is called in its folder."""
 STOPPED = "cohelm stopped"
-"""... and of the metadata of one that was stopped before its end."""
+"""Name of the metadata of one that was stopped before its end."""
 
 
 class About(NamedTuple):

@@ -19,7 +19,7 @@ from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats
 from cohelm.record import period
-from cohelm.record.file import METADATA, SCENARIO, STOPPED
+from cohelm.record.file import METADATA, RECORD, SCENARIO, STOPPED
 from cohelm.record.messages import decoder, records
 from cohelm.record.topics import scan_topic
 
@@ -92,7 +92,7 @@ class RecordedPeriods:
 
 
 def read_record(path: str | Path) -> Record:
-    """Read a record. One that was cut short is read up to there.
+    """Read a record: a file, or a run's folder. One that was cut short is read up to there.
 
         >>> import cohelm
         >>> record = cohelm.read_record("drive.mcap")  # doctest: +SKIP
@@ -113,7 +113,9 @@ def read_record(path: str | Path) -> Record:
         of = scans if topic == "/scan" else further.setdefault(name, [])
         of.append((t, np.asarray(m.ranges, dtype=np.float64)))
 
-    found = periods(Path(path), ("/scan", prefix + "*", "/rosout"), handle)
+    file = Path(path)
+    file = file / RECORD if file.is_dir() else file
+    found = periods(file, ("/scan", prefix + "*", "/rosout"), handle)
     names = found.rows.dtype.names or ()
     table = {name: np.ascontiguousarray(found.rows[name]) for name in names}
     return Record(found.kind, table, scans, events, found.scenario, further)

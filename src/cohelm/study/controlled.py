@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -69,7 +69,7 @@ ControllerFactory = Callable[[RobotModel, float], Controller]
 """Makes one for a robot and a control period [s]; of each run or episode a new one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RunResult:
     """One run, judged: by `metrics`, as `cohelm run` scores it, and by the campaigns' judge.
 
@@ -106,6 +106,11 @@ class RunResult:
         """In which the robot moved; being walked into while it stands is not its own."""
         return self.judged.moving
 
+    def __repr__(self) -> str:
+        """What became of it, not all of its numbers."""
+        came = "arrived" if self.arrived else "not arrived"
+        return f"RunResult({came}, {self.contacts} contacts, {len(self.trace.rows)} steps)"
+
     def table(self) -> dict[str, Floats]:
         """Every number of every step, by name, for pandas; `core.row.FIELDS` has units."""
         return {name: self.trace.rows[name] for name in self.trace.rows.dtype.names or ()}
@@ -134,6 +139,12 @@ def run(
                 "changes and stick belong to a scenario's file: use scenario.model_copy instead"
             )
         made = scenario
+    elif not isinstance(scenario, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise CohelmError(
+            f"a scenario is a name, a file or a cohelm.Scenario(...), got {type(scenario).__name__}"
+        )
+    elif isinstance(changes, str | Mapping):
+        raise CohelmError(f"changes are a list of 'key.path=value', got {changes!r}")
     else:
         made = load.scenario(scenario, changes, stick)
     setup = build.setup(made)

@@ -13,13 +13,13 @@ from cohelm.core.files import make_folder, unmade
 from cohelm.core.trace import Trace
 from cohelm.core.types import Progress
 from cohelm.drive.shown import reference_lines, zone_messages
+from cohelm.record.file import RECORD
 from cohelm.record.write import Recorder, RunScene
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup
 from cohelm.study.experiments import Run
 from cohelm.study.metrics import Metrics
 
-RECORD = "record.mcap"
 SCENARIO = "scenario.yaml"
 METRICS = "metrics.json"
 PICTURE = "run"
