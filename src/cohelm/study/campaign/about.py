@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
 
 from cohelm.robot.model import RobotModel
@@ -15,7 +15,7 @@ Part = str | tuple[str, ...]
 def about(suite: str, robot: RobotModel | None = None) -> Sequence[Part]:
     """Paragraphs and lists about a suite, plain text. robot: drives instead of the suite's own."""
     other = () if robot is None else (_OTHER_ROBOT.format(robot.name),)
-    return (*_ABOUT[suite](), *other)
+    return (*_ABOUT[suite], *other)
 
 
 _OTHER_ROBOT = (
@@ -35,18 +35,17 @@ def html(parts: Sequence[Part]) -> str:
     )
 
 
-def _lab() -> Sequence[Part]:
-    return (
+_DENSITIES = ", ".join(f"{n} ({name})" for name, n in movers.DENSITIES.items())
+
+_ABOUT: dict[str, Sequence[Part]] = {
+    "lab": (
         "The paper's lab, with the robot's real outline and wheels, without an operator. Both "
         "doors, the corridor and the pass between the two cones are on the way.",
         "Episode 0 is the shipped scenario lab-guard. In the others the robot starts up to 0.1 m "
         "and 0.2 rad off, and the moving obstacle sets off between 0 and 40 s at 0.1 to 0.4 m/s.",
         "Arrived: within 0.1 m of the end of the reference, within twice its time.",
-    )
-
-
-def _random() -> Sequence[Part]:
-    return (
+    ),
+    "random": (
         "Rooms with obstacles that rest and people who walk, from one wall to the opposite one:",
         (
             "a room of 10 to 13 m by 6 to 8 m with four walls; Sally drives from 1.2 m off the "
@@ -60,29 +59,22 @@ def _random() -> Sequence[Part]:
             "time, through resting obstacles too, and avoid nobody.",
         ),
         "Arrived: within 0.3 m of the goal, within 120 s.",
-    )
-
-
-def _movers() -> Sequence[Part]:
-    counts = ", ".join(f"{n} ({name})" for name, n in movers.DENSITIES.items())
-    return (
+    ),
+    "movers": (
         "Fields of big, fast discs on key frames, in the manner of DynaBARN:",
         (
             f"a hall of {movers.LENGTH:g} by {movers.WIDTH:g} m with four walls; Sally drives from "
             "0.8 m off the west wall to 0.8 m off the east wall, 1.5 m off the other two at least; "
             "the reference is a straight line at 0.8 m/s;",
-            f"{counts} discs of radius 0.25 to 0.5 m, the densities in turns;",
+            f"{_DENSITIES} discs of radius 0.25 to 0.5 m, the densities in turns;",
             "each moves straight from key frame to key frame, at least 2 m apart, from rest to "
             f"rest, on each way at another speed of 0.4 to {movers.FASTEST:g} m/s, and with "
             f"{movers.MAX_ACCELERATION:g} m/s²; it stays {movers.APRON:g} m off the west and the "
             "east wall. Discs move all the time, through each other too, and avoid nobody.",
         ),
         "Arrived: within 0.3 m of the goal, within 90 s.",
-    )
-
-
-def _barn() -> Sequence[Part]:
-    return (
+    ),
+    "barn": (
         "The worlds of the BARN challenge, judged by its rules: Jackal with 720 beams over 270 "
         "degrees, 30 scans a second, 1 cm of noise, and the given reference path. It sees the"
         " cylinders by its scans alone. The score is the challenge's since 2026.",
@@ -91,11 +83,8 @@ def _barn() -> Sequence[Part]:
         "is known exactly. The paper's law has no sensor in it: it is given the cylinders as they"
         " are.",
         "Arrived: within 1 m of the goal, within 100 s.",
-    )
-
-
-def _crowd() -> Sequence[Part]:
-    return (
+    ),
+    "crowd": (
         "Recorded pedestrians walk where Sally crosses the middle of the scene: 8 m straight on "
         "at 0.8 m/s, in any direction, at moments spread over the recording. They avoid nobody. At"
         " first nobody is within 1.5 m.",
@@ -108,11 +97,8 @@ def _crowd() -> Sequence[Part]:
         f"appear during a crossing within {crowd.REACH:g} m of the middle of the scene. "
         "Episode k is scene k modulo their number.",
         "Arrived: within 0.3 m of the goal, within 60 s.",
-    )
-
-
-def _adversary() -> Sequence[Part]:
-    return (
+    ),
+    "adversary": (
         "An operator tries to bring about a contact, alone with the filter. Sally or "
         "Jackal in turns, at rest at the origin of a field of 6 m, with 4 to 9 resting obstacles,"
         " 2 to 4 walls of 1 to 4 m and 10 stray points, none nearer than 5 cm; in every second "
@@ -129,21 +115,15 @@ def _adversary() -> Sequence[Part]:
             "smallest clearance; 2000 sequences are driven, and the worst is the episode.",
         ),
         "There is no goal.",
-    )
-
-
-def _hands() -> Sequence[Part]:
-    return (
+    ),
+    "hands": (
         "Recorded operators, whose stick was meant for another room, drive in the paper's lab. "
         "Every recording is played into the scenario lab-guard: first each from its beginning, "
         "then from anywhere in it. The controller leads whenever the stick is released.",
         "Arrived: within 0.1 m of the end of the reference, within three times its time; a "
         "stick held for long may well prevent that.",
-    )
-
-
-def _heights() -> Sequence[Part]:
-    return (
+    ),
+    "heights": (
         "Halls of 8 to 10 m by 6 to 7 m with stairs down, pits, lower ground and docks, table tops,"
         " hanging shelves and things lower than the LiDAR's plane, two to five of them. The robot, "
         f"{heights.ROBOT}, has a planar LiDAR at 20 cm and a depth camera that watches the floor "
@@ -162,10 +142,5 @@ def _heights() -> Sequence[Part]:
         "ground. An episode ends with the first fall or contact. Arrived: within 0.4 m of the goal,"
         " within 60 s; of those that have one. Nothing but the robot moves: standing contacts there"
         " are none.",
-    )
-
-
-_ABOUT: dict[str, Callable[[], Sequence[Part]]] = {
-    "lab": _lab, "random": _random, "movers": _movers, "barn": _barn, "crowd": _crowd,
-    "adversary": _adversary, "hands": _hands, "heights": _heights,
-}  # fmt: skip
+    ),
+}

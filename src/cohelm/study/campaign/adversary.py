@@ -1,19 +1,4 @@
-"""`adversary`: an operator who tries to bring about a contact, alone with the filter.
-
-The generator: Sally or Jackal in turns, at rest at the origin of a field of 6 m, with 4 to 9
-resting discs, 2 to 4 walls of 1 to 4 m and 10 stray points, none nearer than 5 cm; in every second
-episode also 1 to 3 walkers, 2 to 5 m away at first, that use the whole acceleration assumed of
-them, 1 m/s^2, at up to 1.3 m/s, half of the time straight at the robot. For ten seconds the stick
-is deflected by
-- *ram*: at the nearest obstacle, with fits of *bang* in between;
-- *bang*: full deflections at random;
-- *spin*: full turns and lunges, starting beside a wall;
-- *human*: a recorded operator, signs flipped on one axis or on both (where recordings are given);
-- *search*: CMA-ES over sequences of 20 deflections for the smallest clearance, of which the worst
-  found is the episode. Every 500th episode is one, and 2000 sequences are driven for it.
-
-There is no goal.
-"""
+"""`adversary`: an operator tries to bring about a contact, alone with the filter; see `about`."""
 
 from __future__ import annotations
 

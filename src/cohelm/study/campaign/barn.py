@@ -1,13 +1,4 @@
-"""`barn`: the BARN challenge's worlds on what the LiDAR sees, judged by its rules.
-
-Jackal with 720 beams over 270 degrees, 30 scans a second, 1 cm noise; the given reference path as
-input, nothing known of the cylinders but by scan; 100 s, and arrived within 1 m of the goal. The
-score is the challenge's since 2026. Episode k is world k modulo their number, in order of their
-numbers; every further round is another seed of the sensor's noise.
-
-Not the challenge's own simulation: no Gazebo, no physics, the pose is known exactly. The paper's
-law has no sensor in it: it is given the cylinders as they are.
-"""
+"""`barn`: the BARN challenge's worlds by the LiDAR alone, judged by its rules; see `about`."""
 
 from __future__ import annotations
 

@@ -1,15 +1,7 @@
 """`crowd`: recorded pedestrians, who avoid nobody, walk where the robot has to cross.
 
-The recordings give a place every 0.4 s, with the sway of steps and the annotators' error. Between
-and around the samples people walk on smoothing splines (penalty 0.05 on the squared acceleration),
-which stay within some 0.2 m of the samples; before the first and after the last sample they walk
-straight on for 10 s, so that none appears beside the robot. Left out and listed are those then
-faster than FASTEST or with more than MAX_ACCELERATION, those seen only once, and those that would
-even so appear during a crossing within REACH of the middle of the scene, where the robot may be.
-
-Sally crosses the middle of the scene, 8 m straight on at 0.8 m/s in any direction, at moments
-spread over the recording; at first nobody is within 1.5 m. Arrived: within 0.3 m of the goal,
-within 60 s. Episode k is scene k modulo their number.
+`about` describes the suite. The smoothing splines (penalty 0.05 on the squared acceleration) are
+for the sway of steps and the annotators' error.
 """
 
 from __future__ import annotations

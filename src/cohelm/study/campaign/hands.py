@@ -1,9 +1,4 @@
-"""`hands`: recorded operators, whose stick was meant for another room, drive in the paper's lab.
-
-Every recording is played into the scenario lab-guard: first each from its beginning, then from
-anywhere in it. The controller leads whenever the stick is released. Arrived: within 0.1 m of the
-end of the reference within three times its time; a stick held for long may well prevent that.
-"""
+"""`hands`: recorded operators of another room drive in the paper's lab; `about` describes it."""
 
 from __future__ import annotations
 

@@ -1,27 +1,16 @@
 """`heights`: stairs, pits, table tops and low things, by a planar LiDAR and a depth camera.
 
-The generator, which any number of episodes come from:
-- a hall of 8 to 10 m by 6 to 7 m with walls; the robot `sally-depth` from 1.3 m off its west wall
-  to 1.3 m off its east one, both anywhere across, the reference a straight line at 0.6 m/s;
-- 2 to 5 things of these kinds, in every fourth episode of one kind only:
-  *stair*: 3 to 6 steps down, 0.15 to 0.19 m each and 0.28 m long, 1 to 2.5 m wide; *pit*: 0.4 to
+`about` describes the suite. Its kinds, in every fourth episode one of them only:
+- *stair*: 3 to 6 steps down, 0.15 to 0.19 m each and 0.28 m long, 1 to 2.5 m wide; *pit*: 0.4 to
   1.5 m long and wide, 0.3 to 1.5 m deep, every third without a bottom; *kerb*: ground 0.1 to 0.2 m
   lower, 1 to 2.5 m by 0.5 to 1.5 m; *dock*: along all of the north or the south wall, 0.5 to 1.2 m
   wide and 0.6 to 1.2 m deep;
-  *table*: a top of 0.8 to 1.6 m by 0.6 to 0.9 m, 3 cm thick, 0.3 to 0.53 m high or, every third
+- *table*: a top of 0.8 to 1.6 m by 0.6 to 0.9 m, 3 cm thick, 0.3 to 0.53 m high or, every third
   one, above the robot, and legs of 3 to 5 cm; *shelf*: hangs from nothing that is seen, 0.5 to 2 m
   by 0.2 to 0.5 m, 4 to 12 cm thick, from 0.24 to 0.5 m up; *low*: 0.1 to 1 m long and wide, 0.08 to
-  0.17 m high, below the LiDAR's plane;
-- none nearer than CLEAR to start or goal, and a circle WAY across, or with a wider load more, can
-  be rolled between them and the walls from start to goal;
-- the load: brakes and delay somewhere between those that the robot's file states, which are the
-  worst, and twice the brakes and a third of the delay; drawn anew once within every second episode;
-  in every third one it is wider or longer than the robot, and the footprint is stated so;
-- the operator, in turns: none; one that pushes at the nearest edge for three seconds of five while
-  the controller drives; one alone for 15 s, that goes at the nearest edge ahead, or tail first,
-  with fits of full deflections, or spins and lunges;
-- fallen: any of six points on the floor (the wheels, and four castors) is above ground that is
-  lower. Arrived: within 0.4 m of the goal, within 60 s.
+  0.17 m high, below the LiDAR's plane.
+Brakes and delay lie between what the robot's file states, which is the worst, and twice the brakes
+and a third of the delay.
 """
 
 from __future__ import annotations
@@ -54,7 +43,7 @@ from cohelm.study.campaign.heights_camera import with_depth_camera
 
 ROBOT = "sally-depth"
 WAY, CLEAR = 1.6, 1.3
-"""See above [m]."""
+"""Width of the way from start to goal, and clearance of both [m]."""
 WHEELS: Floats = np.array(
     [[0.0, 0.25], [0.0, -0.25], [0.3, 0.22], [0.3, -0.22], [-0.3, 0.22], [-0.3, -0.22]]
 )

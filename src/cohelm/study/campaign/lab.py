@@ -1,10 +1,4 @@
-"""`lab`: the paper's lab with the robot's real outline and wheels, without an operator.
-
-Episode 0 is the shipped scenario lab-guard as it stands. In the others the robot starts up to 0.1 m
-and 0.2 rad off, and the moving obstacle sets off between 0 and 40 s at 0.1 to 0.4 m/s. Both doors,
-the corridor, and the pass between the two cones are on the way. Arrived: within 0.1 m of the end of
-the reference within twice its time.
-"""
+"""`lab`: the paper's lab with the robot's real outline and wheels; `about` describes it."""
 
 from __future__ import annotations
 

@@ -1,18 +1,4 @@
-"""`movers`: fields of big, fast discs on key frames, in the manner of DynaBARN.
-
-The generator, which any number of episodes come from:
-- a hall of LENGTH by WIDTH, four walls; Sally, from 0.8 m off the west wall to 0.8 m off the east
-  one, both anywhere across but for 1.5 m at either side, the reference a straight line at 0.8 m/s;
-- nothing that rests, and 4, 8 or 14 discs that move: easy, medium and hard, in turns;
-- discs of radius 0.25 to 0.5 m that move straight from key frame to key frame, at least 2 m apart,
-  on each leg at another speed of 0.4 to FASTEST, and with MAX_ACCELERATION from rest to rest. Their
-  outlines stay APRON off the west and the east wall and 0.1 m off the other two. They move all the
-  time, through each other too, and avoid nobody;
-- arrived: within 0.3 m of the goal, within 90 s.
-
-Another robot may drive. If it is larger than Sally, it starts and arrives as much farther from the
-walls; if it is slower than the reference, this is slowed down, and the time limit grows as much.
-"""
+"""`movers`: fields of big, fast discs on key frames, after DynaBARN; `about` describes them."""
 
 from __future__ import annotations
 
@@ -26,6 +12,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world
+from cohelm.study.campaign import rectangle
 from cohelm.study.campaign.episode import (
     DT,
     PAPER,
@@ -65,16 +52,13 @@ def case(seed: int, number: int, model: RobotModel | None = None) -> Episode:
     goal = np.array([LENGTH - off, rng.uniform(_SIDE, WIDTH - _SIDE)])
     heading = math.atan2(goal[1] - start[1], goal[0] - start[0])
     discs = [_disc(rng, model.reach, limit) for _ in range(DENSITIES[kind])]
-    walls = np.array(
-        [[0, 0, LENGTH, 0], [LENGTH, 0, LENGTH, WIDTH], [LENGTH, WIDTH, 0, WIDTH], [0, WIDTH, 0, 0]]
-    )
     setup = Setup(
         start=Pose(float(start[0]), float(start[1]), heading),
         reference=through(np.linspace(start, goal, 13), speed),
         outline=model.outline,
         limits=model.bounds(),
         gains=PAPER._replace(u_d=speed),
-        obstacles=world((discs, walls)),
+        obstacles=world((discs, rectangle.walls(LENGTH, WIDTH))),
         names=tuple(f"mover_{i}" for i in range(len(discs))),
         dt=DT,
         duration=limit,

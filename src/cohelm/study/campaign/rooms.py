@@ -1,19 +1,4 @@
-"""`random`: rooms with resting and walking discs, from one wall to the opposite one.
-
-The generator, which any number of episodes come from:
-- a room of 10 to 13 m by 6 to 8 m, four walls; Sally, from 1.2 m off the west wall to 1.2 m off
-  the east one, both anywhere across, the reference a straight line at 0.5 m/s that ignores
-  obstacles;
-- 6 to 14 resting discs of radius 0.1 to 0.5 m anywhere, but 0.9 m clear of start and goal, and so
-  that a circle of WAY across can be rolled from start to goal between discs and walls;
-- 2 to 5 walkers of radius 0.2 to 0.3 m on splines through random points of the room, at a mean
-  speed of 0.2 to 0.8 m/s, never above FASTEST nor MAX_ACCELERATION, 2 m off the start at first.
-  They walk all the time, through resting discs too, and avoid nobody;
-- arrived: within 0.3 m of the goal, within 120 s.
-
-Another robot may drive. If it is larger than Sally, way and distances at start and goal are as much
-larger; if it is slower than the reference, this is slowed down, and the time limit grows as much.
-"""
+"""`random`: rooms with resting and walking discs, from one wall to the other; see `about`."""
 
 from __future__ import annotations
 
@@ -47,8 +32,8 @@ _OFF, _CLEAR = 1.2, 0.9  # of start and goal from their walls, and from resting 
 def case(seed: int, number: int, model: RobotModel | None = None) -> Episode:
     """Room `number` of the campaign with this seed. model: drives instead of Sally."""
     rng = sequence(seed, "random", number)
-    model = model or sally()
-    larger = max(model.reach - sally().reach, 0.0)
+    model = model or robot("sally")
+    larger = max(model.reach - robot("sally").reach, 0.0)
     off, way, speed = _OFF + larger, WAY + 2.0 * larger, pace_of(model, SPEED)
     while True:
         length, width = rng.uniform(10.0, 13.0), rng.uniform(6.0, 8.0)
@@ -80,11 +65,6 @@ def case(seed: int, number: int, model: RobotModel | None = None) -> Episode:
     kind = f"{len(walkers)} walkers"
     there = EpisodeGoal(float(goal[0]), float(goal[1]), NEAR)
     return Episode("random", number, kind, setup, there, robot=model)
-
-
-def sally() -> RobotModel:
-    """The robot that drives here."""
-    return robot("sally")
 
 
 def _resting(
