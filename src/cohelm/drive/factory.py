@@ -12,7 +12,6 @@ from typing import Any, Protocol
 from cohelm.core.errors import CohelmError
 from cohelm.core.plugins import plugin
 from cohelm.core.types import Pose
-from cohelm.law.reference import desired
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot
 from cohelm.robot.model import RobotModel
@@ -64,21 +63,6 @@ class RobotFactory(Protocol):
         ...
 
 
-def described(site: Scenario) -> RobotModel:
-    """The robot of a self-contained site."""
-    if isinstance(site.robot, str):
-        raise TypeError("the robot is still a name")
-    return site.robot
-
-
-def beginning(site: Scenario) -> Pose:
-    """First pose of a site's robot: `start`, or the first pose of its route."""
-    if site.start is not None:
-        return Pose(site.start.x_m, site.start.y_m, site.start.heading_rad)
-    first = desired(site.reference.spline(), 0.0, False)
-    return Pose(first.x, first.y, first.psi)
-
-
 @dataclass(frozen=True)
 class OwnRobot:
     """A user's robot, at a site whose obstacles are real and not simulated."""
@@ -91,12 +75,12 @@ class OwnRobot:
     @property
     def model(self) -> RobotModel:
         """As its YAML file describes it."""
-        return described(self.scenario)
+        return self.scenario.described()
 
     @property
     def start(self) -> Pose:
         """Its first pose."""
-        return beginning(self.scenario)
+        return self.scenario.first_pose()
 
     def delay(self, period: float) -> float:
         """As measured, with lag; see docs/loop.md."""

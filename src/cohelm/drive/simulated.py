@@ -10,7 +10,6 @@ import numpy as np
 
 from cohelm.core.frames import compose
 from cohelm.core.types import Floats, Pose
-from cohelm.drive.factory import beginning, described
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.robot.model import RobotModel
 from cohelm.robot.pace import pace
@@ -39,12 +38,12 @@ class Simulated:
     @property
     def model(self) -> RobotModel:
         """The robot."""
-        return described(self.scenario)
+        return self.scenario.described()
 
     @property
     def start(self) -> Pose:
         """Its first pose."""
-        return beginning(self.scenario)
+        return self.scenario.first_pose()
 
     def delay(self, period: float) -> float:
         """From a command to its effect, as the guard must predict it [s]."""

@@ -10,7 +10,7 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.row import ROW
 from cohelm.core.types import VX, VY, Pose
-from cohelm.law.reference import Reference, desired, tabulate
+from cohelm.law.reference import Reference, tabulate
 from cohelm.link import stick as sticks
 from cohelm.perceive.track.tracker import TrackerParams
 from cohelm.pilot.pilot import Pilot
@@ -39,7 +39,7 @@ def setup(scenario: Scenario) -> Setup:
     be held in memory, or the stick file can not be used.
     """
     alone = standing_alone(scenario, Path())
-    robot = _robot(alone)
+    robot = alone.described()
     reference = alone.reference.spline()
     recorded_stick, alone = _recorded_stick(alone)
     operator = alone.stick.person() if isinstance(alone.stick, StickOperator) else OperatorModel()
@@ -48,7 +48,7 @@ def setup(scenario: Scenario) -> Setup:
     scenery = alone.scenery()
     bodies = alone.bodies(scenery)
     made = Setup(
-        start=_start(alone, reference), reference=reference, outline=robot.outline, limits=limits,
+        start=alone.first_pose(), reference=reference, outline=robot.outline, limits=limits,
         gains=gains, spline_speed=alone.reference.feed_forward == "spline",
         obstacles=alone.build_world(scenery),
         names=(*(obstacle.name for obstacle in alone.obstacles), *scenery.names),
@@ -57,7 +57,7 @@ def setup(scenario: Scenario) -> Setup:
         delay=alone.simulation.delay_s, seed=alone.simulation.seed, grid=scenery.grid,
         barred=alone.walls(Read()) if scenery.grid is not NO_GRID else None,
         near=alone.reference.arrive_m or REACHED,
-        pilot=_piloted(alone, robot, limits, bodies, reference), twin=_twinned(alone, robot),
+        pilot=_piloted(alone, robot, limits, bodies), twin=_twinned(alone, robot),
         scenario=dump(alone),
     )  # fmt: skip
     _check_length(made, alone)
@@ -72,7 +72,7 @@ def warnings(scenario: Scenario) -> list[str]:
     """
     alone = standing_alone(scenario, Path())
     reference = alone.reference.spline()
-    found = _beyond_limits(reference, _robot(alone))
+    found = _beyond_limits(reference, alone.described())
     found += [f"world: {note}" for note in alone.scenery().left_out]
     recorded_stick, _ = _recorded_stick(alone)
     if alone.simulation.plant == "twin" and not alone.simulation.wheel_limits:
@@ -89,7 +89,7 @@ def warnings(scenario: Scenario) -> list[str]:
 def pilot(scenario: Scenario) -> Pilot:
     """The scenario's law for a robot that is driven step by step, in real time or not."""
     alone = standing_alone(scenario, Path())
-    robot = _robot(alone)
+    robot = alone.described()
     limits = robot.bounds(enforced=alone.simulation.wheel_limits)
     law = alone.law
     return Pilot(
@@ -112,7 +112,7 @@ def _settings(alone: Scenario, robot: RobotModel, limits: Limits) -> Settings:
 
 
 def _piloted(
-    alone: Scenario, robot: RobotModel, limits: Limits, bodies: list[Body], reference: Reference
+    alone: Scenario, robot: RobotModel, limits: Limits, bodies: list[Body]
 ) -> Piloted | None:
     """What a run with the guard needs beyond the rest; None for the paper's law."""
     law = alone.law
@@ -139,21 +139,8 @@ def _piloted(
         path_params=law.path_params(),
         replan_params=law.replan_params(),
         period=law.plan.period_s,
-        zones=None if alone.zones is None else alone.zones.read(_start(alone, reference)),
+        zones=None if alone.zones is None else alone.zones.read(alone.first_pose()),
     )
-
-
-def _robot(alone: Scenario) -> RobotModel:
-    if isinstance(alone.robot, str):  # standing_alone has read it in
-        raise TypeError("the robot is still a name")
-    return alone.robot
-
-
-def _start(alone: Scenario, reference: Reference) -> Pose:
-    if alone.start is not None:
-        return Pose(alone.start.x_m, alone.start.y_m, alone.start.heading_rad)
-    first = desired(reference, 0.0, False)
-    return Pose(first.x, first.y, first.psi)
 
 
 def _recorded_stick(alone: Scenario) -> tuple[Replay, Scenario]:

@@ -15,9 +15,9 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Coordinate, Schema, refuse
-from cohelm.core.types import Floats
+from cohelm.core.types import Floats, Pose
 from cohelm.law.gains import Gains
-from cohelm.law.reference import Reference, through
+from cohelm.law.reference import Reference, desired, through
 from cohelm.link.bulk_messages import MOST_DOCKS
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.docks import DockModel
@@ -212,16 +212,18 @@ class Scenario(Schema):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         problems: list[tuple[str, str]] = []
-        seen: dict[str, int] = {}
-        for i, obstacle in enumerate(self.obstacles):
-            first = seen.setdefault(obstacle.name, i)
-            if first != i:
-                said = f"obstacle {first + 1} is called {obstacle.name!r} too; names must differ"
-                problems.append((f"obstacles.{i}.name", said))
+        for what, named in (("obstacle", self.obstacles), ("dock", self.docks)):
+            seen: dict[str, int] = {}
+            for i, one in enumerate(named):
+                first = seen.setdefault(one.name, i)
+                if first != i:
+                    said = f"{what} {first + 1} is called {one.name!r} too; names must differ"
+                    problems.append((f"{what}s.{i}.name", said))
         if isinstance(self.stick, StickOperator):
+            there = [obstacle.name for obstacle in self.obstacles]
             for i, name in enumerate(self.stick.minds or []):
-                if name not in seen:
-                    known = ", ".join(seen) or "none"
+                if name not in there:
+                    known = ", ".join(dict.fromkeys(there)) or "none"
                     said = f"no obstacle is called {name!r}; there are: {known}"
                     problems.append((f"stick.minds.{i}", said))
         for i, (x1, y1, x2, y2) in enumerate(self.walls_m):
@@ -230,24 +232,30 @@ class Scenario(Schema):
         if not self.reference.waypoints_m and not has_route(self.world):
             said = "is missing: way-points [x, y], at least two"
             problems.append(("reference.waypoints_m", said))
-        if self.senses == "lidar" and self.law.filter != "guard":
-            said = "the paper's law knows no LiDAR; set law.filter to guard, or senses to truth"
-            problems.append(("senses", said))
-        names: dict[str, int] = {}
-        for i, dock in enumerate(self.docks):
-            first = names.setdefault(dock.name, i)
-            if first != i:
-                said = f"dock {first + 1} is called {dock.name!r} too; names must differ"
-                problems.append((f"docks.{i}.name", said))
-        if self.docks and self.law.filter != "guard":
-            said = "the paper's law knows no docks; set law.filter to guard, or remove them"
-            problems.append(("docks", said))
-        if self.zones is not None and self.law.filter != "guard":
-            said = "the paper's law knows no zones; set law.filter to guard, or remove them"
-            problems.append(("zones", said))
+        for key, given, knows, instead in (
+            ("senses", self.senses == "lidar", "LiDAR", "senses to truth"),
+            ("docks", bool(self.docks), "docks", "remove them"),
+            ("zones", self.zones is not None, "zones", "remove them"),
+        ):
+            if given and self.law.filter != "guard":
+                said = f"the paper's law knows no {knows}; set law.filter to guard, or {instead}"
+                problems.append((key, said))
         if problems:
             refuse(*problems)
         return self
+
+    def described(self) -> RobotModel:
+        """The robot of a scenario that stands alone, see `load.standing_alone`."""
+        if isinstance(self.robot, str):
+            raise TypeError("the robot is still a name")
+        return self.robot
+
+    def first_pose(self) -> Pose:
+        """Where the robot starts: `start`, or on the first pose of the reference."""
+        if self.start is not None:
+            return Pose(self.start.x_m, self.start.y_m, self.start.heading_rad)
+        first = desired(self.reference.spline(), 0.0, False)
+        return Pose(first.x, first.y, first.psi)
 
     def scenery(self) -> Read:
         """What the world's file holds; nothing without one. CohelmError where it can not be used.
