@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
@@ -22,31 +21,6 @@ WITHIN = 5.0
 """A check that takes longer is given up [s]."""
 _AGAIN = 2.0  # after a process that failed, the next one is started so much later [s]
 _WARM = np.array([(1.0, 0.0), (2.0, 0.0)])
-
-
-class Checking(Protocol):
-    """One check at a time. All calls come from one thread and return at once."""
-
-    @property
-    def ready(self) -> bool:
-        """Whether a check can be begun."""
-        ...
-
-    def begin(self, now: float, points: Floats | Goal, pose: Pose) -> None:
-        """Begin a check, when it is ready. now: by a monotonic clock [s]."""
-        ...
-
-    def result(self, now: float) -> CheckedPath | None:
-        """The result, once; None: none yet."""
-        ...
-
-    def set_checker(self, judge: PathChecker) -> None:
-        """Use another checker from now on."""
-        ...
-
-    def close(self) -> None:
-        """No more checks."""
-        ...
 
 
 class InlineChecking:
@@ -154,6 +128,10 @@ class RemoteChecking:
                 made.end()
 
         self._jobs.do(again)
+
+
+Checking = InlineChecking | RemoteChecking
+"""One check at a time. All calls come from one thread and return at once."""
 
 
 def safely(

@@ -6,22 +6,9 @@ import logging
 import queue
 import threading
 from collections.abc import Callable
-from typing import Protocol
 
 Job = Callable[[], None]
 _log = logging.getLogger("cohelm.drive")
-
-
-class Jobs(Protocol):
-    """Runs jobs; the caller limits them to one of each kind at a time."""
-
-    def do(self, job: Job) -> None:
-        """Run a job some time later; it handles its own errors."""
-        ...
-
-    def close(self, within: float) -> bool:
-        """Begin no more jobs; returns whether the running one has ended within that time [s]."""
-        ...
 
 
 class InlineJobs:
@@ -63,6 +50,10 @@ class ThreadJobs:
                 job()
             except Exception:
                 _log.exception("a mistake in what was done beside the loop; it goes on")
+
+
+Jobs = InlineJobs | ThreadJobs
+"""Runs jobs; the caller limits them to one of each kind at a time."""
 
 
 def in_thread(what: Callable[[], None]) -> Callable[[], None]:

@@ -5,18 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from cohelm.core.types import Stick
 from cohelm.drive.playback import Playback
 from cohelm.link.bulk_messages import Checked
-from cohelm.link.messages import Answer, Ask, Device
-from cohelm.station.robot_link import News, PlaybackPosition, Quality
+from cohelm.link.messages import Answer, Ask
+from cohelm.station.robot_link import News, PlaybackPosition, Quality, RobotLink
 
 _PERIOD = 0.03
 _REFUSAL = "this is a record; nothing can be done to it any more"
 
 
-class Replaying:
-    """Plays a record, at first from its start; stops at its end."""
+class Replaying(RobotLink):
+    """Plays a record, at first from its start; stops at its end. It can not be steered."""
 
     def __init__(self, played: Playback, clock: Callable[[], float] = time.monotonic) -> None:
         self._played, self._clock = played, clock
@@ -80,11 +79,6 @@ class Replaying:
         before, self._shown[slot] = self._shown.get(slot), message
         return before is not message
 
-    def steer(
-        self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float
-    ) -> None:
-        """No effect: a record can not be steered."""
-
     def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
         """Refused."""
         self._number += 1
@@ -101,13 +95,7 @@ class Replaying:
         self._refused.append(News(Checked(answer, 65535), self.start, 0.0))
         return self._number
 
-    def fetch(self, name: str, offset: int = 0, size: int = 0) -> None:
-        """No effect: the record is here."""
-
     def quality(self) -> Quality:
         """There is no link."""
         nan = float("nan")
         return Quality(True, "a record", "", nan, nan, nan)
-
-    def close(self) -> None:
-        """Nothing to do."""

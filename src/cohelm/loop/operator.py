@@ -14,40 +14,27 @@ NO_INPUT = OperatorInput(0, "", None, math.nan, math.nan, ())
 
 
 class Operator(Protocol):
-    """Port of an operator; `link.robot_end.RobotEnd` is one. Calls return at once."""
+    """Port of an operator; `link.robot_end.RobotEnd` is one. Calls return at once.
+
+    A subclass that leaves a method out gives no command, or ignores what it is sent.
+    """
 
     def receive(self) -> OperatorInput:
         """The driver's newest command; each request is returned once."""
-        ...
-
-    def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
-        """Send the result of a request."""
-        ...
-
-    def send_status(self, status: Status) -> None:
-        """Send the robot's status."""
-        ...
-
-    def show(self, *parts: ScanPart | Discs) -> None:
-        """Send parts of a scan, or obstacles."""
-        ...
-
-
-class NullOperator:
-    """No operator."""
-
-    def receive(self) -> OperatorInput:
-        """No command, no requests."""
         return NO_INPUT
 
     def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
-        """Ignored."""
+        """Send the result of a request."""
 
     def send_status(self, status: Status) -> None:
-        """Ignored."""
+        """Send the robot's status."""
 
     def show(self, *parts: ScanPart | Discs) -> None:
-        """Ignored."""
+        """Send parts of a scan, or obstacles."""
+
+
+class NullOperator(Operator):
+    """No operator."""
 
 
 class Scripted(NullOperator):

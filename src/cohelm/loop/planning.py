@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Protocol
 
 from cohelm.pilot.pilot import Planner
 from cohelm.pilot.replanning import Plan, Task
@@ -13,35 +12,6 @@ MAX_PLAN_AGE = 2.0
 """A plan that takes longer is not used [s]. Plans take 0.04 s, ten times that on a busy machine; in
 this time the robot travels a metre, as far as plans look ahead."""
 _POLL_GAP = 0.1  # a longer gap between two polls does not count as waiting [s]
-
-
-class Planning(Protocol):
-    """Takes a task, and returns a plan some periods later."""
-
-    @property
-    def broken(self) -> bool:
-        """Whether there will be no more plans: the course stays as it is."""
-        ...
-
-    late: bool
-    """Whether plans come too late, for now, so that none is used."""
-
-    @property
-    def busy(self) -> bool:
-        """Whether a plan is being made, or has not been collected."""
-        ...
-
-    def offer(self, now: float, task: Task) -> bool:
-        """Start planning; False where the previous plan is not done."""
-        ...
-
-    def plan(self, now: float) -> Plan | None:
-        """The plan, once, when it is ready."""
-        ...
-
-    def close(self) -> None:
-        """No more plans."""
-        ...
 
 
 class InProcessPlanner:
@@ -124,3 +94,7 @@ class RemotePlanner:
     def close(self) -> None:
         """End the process."""
         self._child.end(1.0)
+
+
+Planning = InProcessPlanner | RemotePlanner
+"""Takes a task, and returns a plan some periods later."""

@@ -7,15 +7,12 @@ import json
 import math
 from typing import IO, NamedTuple
 
-import numpy as np
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
-from numpy.typing import NDArray
 
 from cohelm import __version__
 from cohelm.core.types import Floats
 from cohelm.record import period
-from cohelm.record.period import NO_DISCS, NO_H
 from cohelm.record.topics import NO_WALLS, RecordTopics, definitions
 from cohelm.robot.model import RobotModel
 
@@ -69,19 +66,9 @@ class RecordWriter:
             schema = self._mcap.register_schema(name, SchemaEncoding.ROS2, text.encode())
             channel = self._mcap.register_channel(topic, MessageEncoding.CDR, schema)
             self._channels[topic] = channel
-        self._topics = RecordTopics(about.epoch, self._put, robot)
-        self._topics.begin(outline, walls)
-
-    def write(self, message: object) -> None:
-        """One message, as `Topics.write` takes them."""
-        self._topics.write(message)
-
-    def period(
-        self, row: NDArray[np.void], h: Floats = NO_H, discs: Floats = NO_DISCS, beside: bool = True
-    ) -> None:
-        """One period: a row of ROW, shape (), of a run with h_i and the discs. beside: whether
-        to write standard ROS 2 messages too."""
-        self._topics.period(row, h, discs, beside)
+        topics = RecordTopics(about.epoch, self._put, robot)
+        topics.begin(outline, walls)
+        self.write, self.period = topics.write, topics.period
 
     def stopped(self, by: str) -> None:
         """The run was stopped before its end."""

@@ -38,7 +38,10 @@ class Quality(NamedTuple):
 
 
 class RobotLink(Protocol):
-    """One operator's link to the robot. Calls return at once."""
+    """One operator's link to the robot. Calls return at once.
+
+    A subclass need not take commands, nor have records.
+    """
 
     def news(self) -> list[News]:
         """New messages since the last call; of replaceable ones the newest."""
@@ -48,7 +51,6 @@ class RobotLink(Protocol):
         self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float
     ) -> None:
         """Send the operator's command; the newest wins. To be called at 50 Hz."""
-        ...
 
     def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
         """Make a request; returns the number of its answer.
@@ -68,7 +70,6 @@ class RobotLink(Protocol):
     def fetch(self, name: str, offset: int = 0, size: int = 0) -> None:
         """Have `size` bytes of a record sent in pieces; 0: its size and hash. An empty name asks
         for the list."""
-        ...
 
     def quality(self) -> Quality:
         """The link's quality."""
@@ -76,7 +77,6 @@ class RobotLink(Protocol):
 
     def close(self) -> None:
         """Close the link."""
-        ...
 
 
 class PlaybackPosition(NamedTuple):

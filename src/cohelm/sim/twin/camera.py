@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import threading
-from typing import Any, Literal, NamedTuple, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, Literal, NamedTuple
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
@@ -24,21 +21,7 @@ OUTSIDE = (*INSIDE, mjcf.ROBOT)
 """What is drawn as seen by the robot, and from outside."""
 
 
-class TwinCamera(Protocol):
-    """What can draw a simulation."""
-
-    @property
-    def renderer(self) -> str:
-        """The renderer's name, for the user."""
-        ...
-
-    def draw(self, data: Any) -> NDArray[np.uint8]:
-        """(height, width, 3) RGB."""
-        ...
-
-    def close(self) -> None:
-        """Let go of what it holds."""
-        ...
+TwinCamera = GlCamera | RayCamera
 
 
 class Shot(NamedTuple):
