@@ -1,6 +1,6 @@
 # Every target sets up what it needs: a Python >= 3.11 and a network, the first time, are enough.
 .DEFAULT_GOAL := help
-.PHONY: help run reproduce test test-quick test-all test-python warm rewritten wheel package docs lint bench coverage clean
+.PHONY: help run reproduce test test-quick test-all test-python warm warm-more rewritten wheel package docs lint bench coverage clean
 
 # The tests start hundreds of processes: none shall compile Python that another has compiled.
 unexport PYTHONDONTWRITEBYTECODE
@@ -24,11 +24,14 @@ reproduce: $(READY) ## run the paper's three experiments and draw its figures
 	@echo "The figures are in out/reproduce (PNG and SVG)."
 
 test: $(WEB) $(GL) $(BROWSER) $(FASTDDS) ## lint, then the tests
-	@$(MAKE) --no-print-directory -j2 --output-sync=target lint warm rewritten
+	@$(MAKE) --no-print-directory -j2 --output-sync=target lint warm rewritten warm-more
 	$(BIN)/pytest -n auto --dist loadgroup
 
 warm: $(READY)   # compile once what every worker of the tests would compile for itself
 	@$(BIN)/python -m tests.warm
+
+warm-more: $(READY) # and what some of them would, on the core that lint leaves
+	@$(BIN)/python -m tests.warm more
 
 test-quick: $(READY) ## the tests of law, gate, scenarios and API, in less than a minute
 	$(BIN)/pytest -m quick
@@ -39,6 +42,7 @@ test-all: test   ## all tests, also those that take more than a minute each
 test-python: $(WEB) $(GL) $(BROWSER) ## the tests on another Python that is here: PYTHON=3.13
 	UV_PROJECT_ENVIRONMENT=.venv-$(PYTHON) $(BIN)/uv sync --frozen --quiet --python $(PYTHON) --all-extras --no-extra peers
 	.venv-$(PYTHON)/bin/python -m tests.warm
+	.venv-$(PYTHON)/bin/python -m tests.warm more
 	.venv-$(PYTHON)/bin/pytest -n auto --dist loadgroup
 
 rewritten: $(READY) # once what every worker would do to the tests' assertions, where lint has ended

@@ -46,8 +46,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.quick)
 
 
-FIRST = "gw0"
-"""The worker that runs what watches the clock."""
+FIRST, SECOND = "gw0", "gw1"
+"""The worker that runs what watches the clock; and the one that helps it at the end."""
+REALTIME, STATION = "realtime", "tests/station/"
 
 
 @pytest.hookimpl(optionalhook=True)  # the mutants are run without xdist
@@ -58,8 +59,8 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
 
 def pytest_configure(config: pytest.Config) -> None:
     """The other workers take what the first one leaves of the cores."""
-    if getattr(config, "workerinput", {"workerid": FIRST})["workerid"] != FIRST:
-        os.nice(10)
+    worker = getattr(config, "workerinput", {"workerid": FIRST})["workerid"]
+    os.nice({FIRST: 0, SECOND: 5}.get(worker, 10))
 
 
 GROUP = r'xdist_group\("(\w+)"\)'
@@ -71,18 +72,35 @@ class ByFile(LoadScopeScheduling):
     """Each file to one worker, with those of its group; tests that are marked by themselves, with
     theirs; what watches the clock, to the first one.
 
+    One after another, those that watch the clock take longer than all others: file by file (those
+    of the station together, which share a robot and a browser) the second worker takes of them as
+    soon as nothing else is left, and so nothing else needs its core.
+
     pytest-xdist 3.8 tells groups by a name of tests that pytest 9.2 reads no more.
     """
 
     def _assign_work_unit(self, node: WorkerController) -> None:
-        if "realtime" in self.workqueue:
-            self.workqueue.move_to_end("realtime", last=node.gateway.id != FIRST)
+        first = node.gateway.id == FIRST
+        self.workqueue.move_to_end(
+            min(self.workqueue, key=lambda unit: unit.startswith(REALTIME) != first), last=False
+        )
         super()._assign_work_unit(node)
+
+    def _reschedule(self, node: WorkerController) -> None:
+        watching = all(unit.startswith(REALTIME) for unit in self.workqueue)
+        there = {one.gateway.id for one in self.nodes} & {FIRST, SECOND}
+        if not watching or not there or node.gateway.id in there:
+            super()._reschedule(node)
+        elif not node.shutting_down:
+            node.shutdown()  # when it has ended what it has
 
     def _split_scope(self, nodeid: str) -> str:
         file, _, test = nodeid.partition("::")
         whole, own = self._groups(file)
-        return own.get(test.partition("[")[0], whole)
+        group = own.get(test.partition("[")[0], whole)
+        if group != REALTIME:
+            return group
+        return f"{REALTIME} {STATION if file.startswith(STATION) else file}"
 
     @functools.cache  # noqa: B019  there is one, for the whole run
     def _groups(self, file: str) -> tuple[str, dict[str, str]]:
