@@ -9,6 +9,7 @@ from cohelm.perceive.pipeline import rehearse
 from cohelm.robot.pace import AsFast
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
+from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign import suites
 from cohelm.study.campaign.episode import Law, Plant
 from cohelm.study.campaign.worker import chunk
@@ -31,3 +32,4 @@ if __name__ == "__main__":
         driven("adversary", "guard")
         driven("random", "none")
         Kinematic(robot("sally"), pace=AsFast()).read()
+        Twin(robot("sally"), pace=AsFast()).picture(32, 24, kind="rays")
