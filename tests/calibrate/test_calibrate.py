@@ -7,20 +7,25 @@ import gc
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from cohelm.calibrate.excitation import excitation
-from cohelm.calibrate.mount import mount
+from cohelm.calibrate.mount import _matched, mount
 from cohelm.calibrate.response import response
 from cohelm.calibrate.rewrite import rewritten
-from cohelm.calibrate.ride import PERIOD, ride
+from cohelm.calibrate.ride import PERIOD, Rest, ride, slowed
 from cohelm.calibrate.verdict import findings
 from cohelm.core.errors import CohelmError
+from cohelm.core.frames import compose
+from cohelm.core.types import Pose
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules, standing
 from cohelm.robot.model import shipped_path
 from cohelm.scenario.load import load_robot
-from tests.calibrate.hidden import Gyro, Hidden, drawn, ridden
+from cohelm.sim.grid import NO_GRID
+from cohelm.sim.lidar import scan
+from tests.calibrate.hidden import WALLS, Gyro, Hidden, drawn, ridden
 
 
 def shorter(plan):
@@ -68,6 +73,37 @@ def test_a_hidden_robot_is_measured(seed, kind, of):
 @pytest.mark.parametrize("kind", ["kinematic", "twin"])
 def test_many_hidden_robots_are_measured(kind, seed):
     held(errors(seed, kind, Hidden if seed < 1714 else Gyro))
+
+
+@pytest.mark.parametrize(
+    ("reason", "cure"),
+    [
+        ("collision monitor: something 0.20 m ahead", "more free floor is needed"),
+        ("the scans show a way 3 deg beside that of the wheels: is the LiDAR mounted as described?",
+         "give lidar.mount_yaw_deg in the robot's file to 2 degrees, and measure again"),
+        ("the scan is 5 times as noisy as its sensor", "mend that, and measure again"),
+    ],
+)  # fmt: skip
+def test_a_ride_that_is_slowed_down_says_what_to_do(reason, cure):
+    assert slowed(reason) == f"the robot was slowed down ({reason}): {cure}"
+
+
+def test_matched_places_do_not_depend_on_what_was_expected():
+    """Walls as thick as the noise hold a match wherever it begins: each place was drawn towards
+    where odometry and the file's mount expected it, and with it all later ones, by 42 mm here."""
+    model = load_robot("sally")
+    lidar, here = model.lidar.lidar(), Pose(0.0, 0.0, 0.0)
+    rests, reported = [], []
+    for k in range(24):
+        scans = np.empty((5, model.lidar.beams))
+        for number, ranges in enumerate(scans, 5 * k):
+            scan(here, lidar, np.empty((0, 6)), WALLS, NO_GRID, 4, number, ranges)
+        rests.append(Rest(float(k), k + 0.5, list(scans)))
+        way = 0.5 if k % 2 == 0 else -0.5
+        here = compose(here, Pose(way, 0.0, 0.0))
+        reported.append(np.array([[1.04 * way, 0.0]]))  # 4 % too far
+    for k, place in enumerate(_matched(lidar, rests, reported)):
+        assert (place.x, place.y) == pytest.approx((0.5 * (k % 2), 0.0), abs=0.008), k
 
 
 class Silent(Hidden):

@@ -30,6 +30,7 @@ from cohelm.robot.sensors import Lidar
 
 _CELL = 0.02  # of the index of surfaces [m]
 _REACH = 0.5  # a match is looked for so far from where it is expected [m]
+_NEIGHBOURS, _NEAR, _SAME_WAY = 8, 0.15, 0.95  # to either side; nearer than [m]; cosine
 _LEAST = 0.5  # of the points, so many have to lie on what was seen before
 _NOTHING = np.diag([1e-2, 1e-2, 1e-2])  # information of a guess that is worth little
 
@@ -134,49 +135,56 @@ def _matched(lidar: Lidar, rests: list[Rest], moves: list[Floats]) -> list[Pose]
     seen, reported = 0.0, 0.0
     at = Pose(0.0, 0.0, 0.0)
     for number, rest in enumerate(rests):
+        flat = _flat(lidar, _at_rest(rest))
         if number:
             heading = seen / reported if reported > 0.5 else 1.0
             body = _integrated(moves[number - 1], 1.0, heading)
             step = compose(inverse(lidar.mount), compose(body, lidar.mount))
             guess = compose(poses[-1], step)
-            found: list[Pose] = []
-            for ranges in rest.scans:
-                if known is None:
-                    break
-                p, n = _flat(lidar, ranges)
-                fit = align(known, p, n, guess, _NOTHING, params)
-                if fit.share > _LEAST and len(p) > 20:
-                    found.append(fit.pose)
-            if not found:
+            fit = None if known is None else align(known, *flat, guess, _NOTHING, params)
+            if fit is None or not (fit.share > _LEAST and len(flat[0]) > 20):
                 raise CohelmError(
                     "the scans can not be matched with each other: the LiDAR needs walls within "
                     "its range that stay, and its mount known to some 10 cm and 5 degrees"
                 )
-            at = _mean(found)
+            at = fit.pose
             small = between(poses[-1], at).psi
             turned = float(moves[number - 1][:, 1].sum())
             if 0.1 < abs(turned) < 1.5:
                 seen, reported = seen + small * math.copysign(1.0, turned), reported + abs(turned)
         poses.append(at)
-        for ranges in rest.scans[:2]:
-            p, n = _flat(lidar, ranges)
-            p, n = moved(at, p, True), moved(at, facing(p, n, 0.0, 0.0), False)
-            points, across = np.vstack((points, p)), np.vstack((across, n))
-        points, across = thinned(points, across, _CELL)
-        known = surfaces(points, across, 2.0 * _CELL, _REACH)
+        p, n = flat
+        p, n = moved(at, p, True), moved(at, facing(p, n, 0.0, 0.0), False)
+        points, across = np.vstack((points, p)), np.vstack((across, n))
+        known = surfaces(*thinned(points, across, _CELL), 2.0 * _CELL, _REACH)
     return poses
+
+
+def _at_rest(rest: Rest) -> Floats:
+    """Of each beam the median of its ranges while the robot stood; inf where half had none."""
+    return np.median(np.where(np.isfinite(rest.scans), rest.scans, math.inf), axis=0)
 
 
 def _flat(lidar: Lidar, ranges: Floats) -> tuple[Floats, Floats]:
     """Points on something flat, and the directions across it, in the sensor's frame."""
     points = body_points(ranges, lidar.beams, (0.0, 0.0, 0.0))
-    return normals(points, np.flatnonzero(np.isfinite(ranges)), lidar.step)
+    points, across = normals(points, np.flatnonzero(np.isfinite(ranges)), lidar.step)
+    return _smoothed(points, across), across
 
 
-def _mean(poses: list[Pose]) -> Pose:
-    x, y = (float(np.median([p[i] for p in poses])) for i in range(2))
-    first = poses[0].psi
-    return Pose(x, y, wrap(first + float(np.median([wrap(p.psi - first) for p in poses]))))
+def _smoothed(points: Floats, across: Floats) -> Floats:
+    """Each moved along its normal onto the middle of its neighbours. Walls as thick as the noise
+    would hold a match wherever it begins: there is a point near enough to everything."""
+    away, count = np.zeros(len(points)), np.ones(len(points))
+    for shift in range(1, _NEIGHBOURS + 1):
+        for a, b in ((slice(shift, None), slice(None, -shift)),
+                     (slice(None, -shift), slice(shift, None))):  # fmt: skip
+            d = points[b] - points[a]
+            near = np.hypot(d[:, 0], d[:, 1]) < _NEAR
+            near &= np.abs(np.sum(across[a] * across[b], axis=1)) > _SAME_WAY
+            away[a] += np.where(near, np.sum(d * across[a], axis=1), 0.0)
+            count[a] += near
+    return points + (away / count)[:, None] * across
 
 
 def _noise(rests: list[Rest]) -> float:

@@ -230,7 +230,7 @@ class _Rider:
         if gate.mode == GateMode.FAULTED or (latched(gate.mode) and not stopped):
             raise _EndedError(f"the robot was stopped: {gate.reason}")
         if twist != _STILL and reason not in _USUAL:
-            raise _EndedError(f"the robot was slowed down ({reason}): more free floor is needed")
+            raise _EndedError(slowed(reason))
         self._over_now()
         return odometry
 
@@ -252,3 +252,13 @@ class _Rider:
 def _wrapped(angle: float) -> float:
     """Within half a turn [rad]. Not compiled: while a robot drives, nothing may be loaded."""
     return math.remainder(angle, math.tau)
+
+
+def slowed(reason: str) -> str:
+    """That a ride ends where the gate or a monitor limits it, and what to do."""
+    cure = "mend that, and measure again"
+    if "mounted" in reason:
+        cure = "give lidar.mount_yaw_deg in the robot's file to 2 degrees, and measure again"
+    elif reason.startswith("collision monitor"):
+        cure = "more free floor is needed"
+    return f"the robot was slowed down ({reason}): {cure}"
