@@ -1,6 +1,7 @@
 """Every mistake in a scenario is told: where it stands, what stands there, what may."""
 
 import os
+import tracemalloc
 from contextlib import suppress
 
 import pytest
@@ -249,3 +250,16 @@ def test_no_override_whatever_brings_more_than_a_sentence(key, value):
     for path in (key, "law.barrier.k_cbf", "obstacles.0", "stick.kind"):
         with suppress(CohelmError):
             parsed(GOOD, f"{path}={value}")
+
+
+def test_of_what_is_far_too_large_no_more_is_read_than_a_file_may_have(tmp_path):
+    """2 GB were read whole, and took 4 GB, only to see whether they describe a robot."""
+    large = tmp_path / "large.yaml"
+    with large.open("wb") as file:
+        file.truncate(500_000_000)
+    tracemalloc.start()
+    try:
+        assert not load.is_robot_file(large)
+        assert tracemalloc.get_traced_memory()[1] < 120_000_000
+    finally:
+        tracemalloc.stop()

@@ -10,8 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import yaml
-
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.drive.factory import OwnRobot, RobotFactory, own_robot
@@ -76,7 +74,7 @@ class DriveOptions(NamedTuple):
 def robot_factory(options: DriveOptions) -> RobotFactory:
     """The robot of these options: of a scenario, or a robot's file in another scenario."""
     name, changes = options.name, list(options.changes)
-    described = _is_robot(Path(name)) or name in SHIPPED
+    described = load.is_robot_file(Path(name)) or name in SHIPPED
     if not described and options.scenario not in (SITE, name):
         raise CohelmError(
             f"--scenario is where a robot is driven, and {name} is none: give {options.scenario} "
@@ -161,17 +159,6 @@ def _on_ros2(where: Ros2Config, site: str, model: str | None, changes: list[str]
     finally:
         transport.close()
     return own_robot(Ros2Make(found), site, found.model, changes)
-
-
-def _is_robot(path: Path) -> bool:
-    """Whether a file describes a robot, not a scenario; a file of neither fails when it is read."""
-    if not path.is_file():
-        return False
-    try:
-        data: Any = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
-    except (yaml.YAMLError, OSError, UnicodeDecodeError):
-        return False
-    return load.describes_robot(data)
 
 
 class ScenarioStick(Scripted):

@@ -75,7 +75,15 @@ def parse(text: str, model: type[Model], source: str, overrides: Sequence[str] =
     return made
 
 
-def describes_robot(data: Any) -> bool:
+def is_robot_file(path: Path) -> bool:
+    """Whether a file describes a robot, not a scenario; a file of neither fails when it is read."""
+    try:
+        return path.is_file() and _describes_robot(plain(tree_of(path), []))
+    except CohelmError:
+        return False
+
+
+def _describes_robot(data: Any) -> bool:
     """Whether YAML is a robot's, not a scenario's; also where one of its keys is mistyped."""
     mine, others = RobotModel.model_fields.keys(), Scenario.model_fields.keys()
     return isinstance(data, dict) and len(mine & data.keys()) > len(others & data.keys())
@@ -85,7 +93,7 @@ def _check_kind(data: Any, model: type[Schema], source: str) -> None:
     """CohelmError where a robot's file is given for a scenario, or the reverse."""
     if not isinstance(data, dict):
         return
-    robots, sites = describes_robot(data), "reference" in data
+    robots, sites = _describes_robot(data), "reference" in data
     if robots and not sites and model is Scenario:
         raise CohelmError(
             f"{source} describes a robot, not a scenario: name it in one, with `robot: {source}`, "
