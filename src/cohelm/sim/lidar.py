@@ -72,27 +72,6 @@ def noise_seed(seed: int, number: int) -> int:
 
 
 @jit
-def hits(lidar: Lidar, ranges: Floats) -> Floats:
-    """Where a scan's beams ended, in the body frame, (m, 2) [m], in the order of the beams.
-
-    Beams without a return (inf, NaN) are left out. A surface too near to be measured (-inf) is put
-    at range_min: it must not be forgotten.
-    """
-    points = np.empty((len(ranges), 2))
-    c, s = math.cos(lidar.mount.psi), math.sin(lidar.mount.psi)
-    m = 0
-    for i in range(len(ranges)):
-        if not ranges[i] < math.inf:
-            continue
-        distance = lidar.range_min if ranges[i] == -math.inf else ranges[i]
-        px, py = distance * lidar.beams[i, 0], distance * lidar.beams[i, 1]
-        points[m, 0] = lidar.mount.x + c * px - s * py
-        points[m, 1] = lidar.mount.y + s * px + c * py
-        m += 1
-    return points[:m]
-
-
-@jit
 def _see_disc(lidar: Lidar, x: float, y: float, radius: float, ranges: Floats) -> None:
     """Shorten the beams that meet a disc; (x, y) in the sensor frame."""
     square = x * x + y * y
