@@ -19,6 +19,7 @@ from cohelm.robot.pace import AsFast, Pace, Paced
 from cohelm.robot.port import Health, Readings, Scan, untouched
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID, Grid, borders
+from cohelm.sim.kinematic import after, ticks
 from cohelm.sim.lidar import measure, noise_seed
 from cohelm.sim.odometer import Odometer
 from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
@@ -158,7 +159,7 @@ class Twin(Paced):
         self._orders: deque[tuple[int, float, float]] = deque()
         self._odometer = Odometer(model.odometry, seed)
         self._odometry = self._odometer.start(0.0)
-        self._next_odometry = self._at(model.odometry.rate_hz, 1)
+        self._next_odometry = ticks(model.odometry.rate_hz, 1, step)
         self._scanners = [
             TwinScanner(lidar, noise_seed(seed, i), self._steps(lidar.sweep_s))
             for i, lidar in enumerate(model.lidars)
@@ -279,10 +280,6 @@ class Twin(Paced):
     def _steps(self, seconds: float) -> int:
         return round(seconds / self._step)
 
-    def _at(self, rate: float, number: int) -> int:
-        """The step of reading `number` of a sensor that gives `rate` a second, number 0 at 0."""
-        return math.ceil(number / (rate * self._step) - 1e-6)
-
     def _catch_up(self) -> None:
         """Move the world on to now."""
         self._open()
@@ -314,14 +311,14 @@ class Twin(Paced):
                 step * self._step, dt, float(s["left"]), float(s["right"]), float(s["yaw"])
             )
             s["left"] = s["right"] = s["yaw"] = 0.0
-            self._next_odometry = self._after(step, rate)
+            self._next_odometry = after(step, rate, self._step)
         for scanner in self._scanners:
             if step >= scanner.next:
                 self._scan(step, scanner)
         if self._eye is not None and self._model.camera is not None and step >= self._next_frame:
             self._eye.offer(self._shot())
             self._frames += 1
-            self._next_frame = self._after(step, self._model.camera.rate_hz)
+            self._next_frame = after(step, self._model.camera.rate_hz, self._step)
 
     def _scan(self, step: int, scanner: TwinScanner) -> None:
         """The scan whose last beam is measured at this step."""
@@ -340,18 +337,13 @@ class Twin(Paced):
         made = Scan(stamp, number, ranges, length, model.name)
         scanner.coming.append((step + self._steps(model.latency_s), made))
         scanner.number += 1
-        scanner.next = scanner.sweep + self._after(began, model.rate_hz)
+        scanner.next = scanner.sweep + after(began, model.rate_hz, self._step)
 
     def _shot(self) -> Shot:
         return Shot(
             int(self._state[0]["step"]) * self._step, self._frames, self.data.qpos.copy(),
             self.data.mocap_pos.copy(),
         )  # fmt: skip
-
-    def _after(self, step: int, rate: float) -> int:
-        """The first reading's step after this one."""
-        number = math.floor(step * self._step * rate + 1e-6) + 1
-        return max(self._at(rate, number), step + 1)
 
     def _health(self) -> Health:
         s = self._state[0]
