@@ -162,3 +162,10 @@ def test_damaged_certificates_are_said(tmp_path, home):
     (home / "robot" / "robot.pem").write_text("damaged")
     with pytest.raises(CohelmError, match="pair again"):
         keys.robot()
+
+
+def test_a_folder_in_which_no_key_can_be_kept_is_told_with_the_cure(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "file" / "keys"))
+    with pytest.raises(CohelmError, match="name another folder with the variable COHELM_KEYS"):
+        keys.robot("sally")

@@ -104,6 +104,25 @@ def test_a_limit_is_a_positive_number(key, value):
         RobotModel.model_validate(SQUARE | {"limits": {key: value}})
 
 
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("speed_mps", 1000.0), ("acceleration_mps2", 1500.0), ("wheel_acceleration_mps2", 1500.0),
+        ("yaw_rate_radps", 90.0), ("yaw_acceleration_radps2", 180.0),
+    ],
+)  # fmt: skip
+def test_a_limit_in_millimetres_or_degrees_is_refused(key, value):
+    """With brakes that the robot does not have, the filter would stop too late."""
+    with pytest.raises(ValidationError, match=key):
+        RobotModel.model_validate(SQUARE | {"limits": {key: value}})
+
+
+@pytest.mark.parametrize(("key", "value"), [("track_m", 500.0), ("wheel_radius_m", 75.0)])
+def test_wheels_in_millimetres_are_refused(key, value):
+    with pytest.raises(ValidationError, match=key):
+        RobotModel.model_validate(SQUARE | {key: value})
+
+
 def test_an_unknown_key_is_refused():
     with pytest.raises(ValidationError, match="wheel_base_m"):
         RobotModel.model_validate(SQUARE | {"wheel_base_m": 0.5})

@@ -226,7 +226,7 @@ def test_a_robot_that_is_not_there_or_not_whole_is_told(tmp_path):
         ("jakal", f"{mine}: robot: no robot is called 'jakal'"),
         ("jakal", "did you mean jackal?"),
         ("rove.yaml", "rove.yaml: no such file; did you mean rover.yaml?"),
-        ("rover.yaml", f"{rover}:3: wheel_radius_m: must be > 0 m, got 0"),
+        ("rover.yaml", f"{rover}:3: wheel_radius_m: must be > 0 and <= 5 m, got 0"),
     ]:
         mine.write_text(GOOD + f"robot: {robot}\n")
         with pytest.raises(CohelmError, match=r".") as caught:

@@ -255,7 +255,9 @@ def write(path: Path, content: bytes, fresh: bool = False) -> None:
     except FileExistsError:
         raise CohelmError(f"{path} is there already: name another file") from None
     except OSError as error:
-        raise CohelmError(f"{path} can not be written: {error.strerror}") from None
+        kept = path.is_relative_to(home())
+        mend = "; name another folder with the variable COHELM_KEYS" if kept else ""
+        raise CohelmError(f"{path} can not be written ({error.strerror}){mend}") from None
 
 
 def read(path: Path) -> bytes:

@@ -19,6 +19,8 @@ from cohelm.robot.limits import Limits, checked_limits, unlimited
 from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel, of_sensor
 
 Positive = Annotated[float, Field(gt=0.0)]
+UpTo100 = Annotated[float, Field(gt=0.0, le=100.0)]
+"""More is millimetres, or degrees a second squared: a filter would count on such brakes."""
 Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
@@ -29,17 +31,17 @@ BEYOND = 1.0
 class LimitsModel(Schema):
     """What drives and wheels can do; leave out what is not limited."""
 
-    speed_mps: Positive | None = None
+    speed_mps: UpTo100 | None = None
     """Largest forward or backward speed."""
-    acceleration_mps2: Positive | None = None
+    acceleration_mps2: UpTo100 | None = None
     """Largest change of speed."""
-    yaw_rate_radps: Positive | None = None
+    yaw_rate_radps: Annotated[float, Field(gt=0.0, le=30.0)] | None = None
     """Largest yaw rate."""
-    yaw_acceleration_radps2: Positive | None = None
+    yaw_acceleration_radps2: UpTo100 | None = None
     """Largest change of yaw rate."""
-    wheel_speed_mps: Positive | None = None
+    wheel_speed_mps: UpTo100 | None = None
     """Largest speed of a wheel's rim."""
-    wheel_acceleration_mps2: Positive | None = None
+    wheel_acceleration_mps2: UpTo100 | None = None
     """Largest acceleration of a wheel's rim."""
 
 
@@ -57,9 +59,9 @@ class RobotModel(Schema):
     footprint_m: Annotated[list[Corner], Field(min_length=3)]
     """Corners [x, y] of the convex outline in their order, x forward and y left; kept
     counter-clockwise."""
-    track_m: Positive
+    track_m: Annotated[float, Field(gt=0.0, le=20.0)]
     """Distance between the two driven wheels."""
-    wheel_radius_m: Positive
+    wheel_radius_m: Annotated[float, Field(gt=0.0, le=5.0)]
     """Radius of the driven wheels."""
     axle_x_m: Annotated[float, Field(ge=-2.0, le=2.0)] = 0.0
     """Where the middle of the wheel axle is in the frame that ROS calls the base."""
