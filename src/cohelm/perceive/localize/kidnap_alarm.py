@@ -36,6 +36,8 @@ class KidnapAlarm:
         self._older: tuple[Keyframe, Pose] | None = None  # the one before, and its pose
         self._sound: tuple[Keyframe, Pose] | None = None  # from before scans were odd on the map
         self._odd = 0  # scans in a row that are odd on the map
+        self._log = 0.0  # log likelihood on the map: of the newest scan,
+        self._keyframe_log = self._sound_log = 0.0  # of the keyframe, and before scans were odd
         self._reference: tuple[Keyframe, Pose] | None = None  # both as they were before the alarm
         self._left = 0  # scans for which the alarm lasts
         self._jolts = 0  # scans in a row that contradict the keyframe
@@ -72,7 +74,7 @@ class KidnapAlarm:
             self._jolts = self._jolts + 1 if log < c.contradicted else 0
             if not self._left and self._jolts >= c.jolts:
                 # the pose of a lost robot is unknown, so its keyframe is no reference
-                self._reference = None if lost else self._before_all_this(key)
+                self._reference = None if lost else self._before_the_fall(key)
             elif not self._left and not lost:
                 self._reference = None
             self._left = c.alarmed if self._jolts >= c.jolts else max(self._left - 1, 0)
@@ -87,13 +89,12 @@ class KidnapAlarm:
             self._keyframe_pose = compose(pose, moved_by)
             self._jolts = self._aged = 0
 
-    def _before_all_this(self, key: Keyframe) -> tuple[Keyframe, Pose] | None:
-        """The keyframe that contradicting scans are compared with. Where scans had been odd on the
-        map before they contradicted this one, and it is as new, it may show where the robot was
-        moved to: along a corridor, that contradicts nothing at first."""
-        c = self.caution
-        odd_first = self._jolts <= self._odd < c.alarmed
-        if odd_first and self._aged < self._odd + c.patience and self._sound is not None:
+    def _before_the_fall(self, key: Keyframe) -> tuple[Keyframe, Pose] | None:
+        """The keyframe from before the alarm. Where scans became odd on the map before one
+        contradicted the newest, and most of the fall was before that was taken, it shows where the
+        robot was moved to: along a corridor, that contradicts nothing at first."""
+        before, since = self._sound_log - self._keyframe_log, self._keyframe_log - self._log
+        if self._odd >= self._jolts and before > since and self._sound is not None:
             return self._sound
         return key, self._keyframe_pose
 
@@ -114,7 +115,11 @@ class KidnapAlarm:
         key = self._keyframe
         settled = (key, self._keyframe_pose) if key and self._aged > c.patience else self._older
         self._odd = self._odd + 1 if odd else 0
-        self._sound = self._sound if odd else settled
+        self._log = log
+        if self._aged == 0:
+            self._keyframe_log = log
+        if not odd:
+            self._sound, self._sound_log = settled, log
         least = self._usual_log - c.margin * (0.5 if self._usual_log > c.odd else 2.0)
         self._unlikely = self._unlikely + 1 if log < least else 0
         if self._unlikely > c.patience or self._usual_log == -math.inf:
