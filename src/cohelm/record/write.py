@@ -59,11 +59,10 @@ class Recorder:
     Raises CohelmError if the file can not be created or grown; it never changes an existing file.
     """
 
-    def __init__(self, path: Path, scene: RunScene | None = None, epoch: int = EPOCH) -> None:
-        """Create the file at `path`. epoch: time stamp of t = 0 [ns]."""
+    def __init__(self, path: Path, scene: RunScene | None = None) -> None:
+        """Create the file at `path`."""
         self.path = path
         self._scene = RunScene() if scene is None else scene
-        self._epoch = epoch
         self._steps = 0
         self._broken = False
         self._record: RecordWriter | None = None
@@ -116,7 +115,7 @@ class Recorder:
                     self.path.unlink(missing_ok=True)
 
     def _begin(self, piece: Trace) -> RecordWriter:
-        about = About("run", self._epoch, piece.scenario, piece.names, piece.dt)
+        about = About("run", EPOCH, piece.scenario, piece.names, piece.dt)
         scene, t = self._scene, float(piece.rows["t"][0])
         self._record = RecordWriter(self._file, about, outline=scene.outline, walls=scene.walls)
         route = [line.points for line in scene.lines if line.what is LineKind.REFERENCE]
