@@ -252,9 +252,9 @@ def write(path: Path, content: bytes, fresh: bool = False) -> None:
         with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
             file.write(content)
         part.replace(path)
-    except FileExistsError:
-        raise CohelmError(f"{path} is there already: name another file") from None
     except OSError as error:
+        if isinstance(error, FileExistsError) and path.exists():
+            raise CohelmError(f"{path} is there already: name another file") from None
         kept = path.is_relative_to(home())
         mend = "; name another folder with the variable COHELM_KEYS" if kept else ""
         raise CohelmError(f"{path} can not be written ({error.strerror}){mend}") from None
