@@ -9,7 +9,7 @@ import cohelm
 HERE = Path(cohelm.__file__).parent
 SHOWN = "station/messages.py"
 """What the page is told is called as what it shows; one writes `page.Docks` there."""
-CLASS = re.compile(r"^ *class ([A-Za-z]\w*)\b.*:(?: *#.*)?$|^ *class ([A-Za-z]\w*)\($", re.MULTILINE)
+CLASS = re.compile(r"(?m)^ *class ([A-Za-z]\w*)\b.*:(?: *#.*)?$|^ *class ([A-Za-z]\w*)\($")
 
 
 def test_no_public_class_is_called_like_another():
