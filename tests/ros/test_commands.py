@@ -116,7 +116,8 @@ def test_all_of_cohelm_sets_off_in_the_lab_on_physics_behind_ros_topics_and_kill
     ("robot", "time"), [("sally", "wall"), ("sally", "simulated"), ("sally-depth", "wall")]
 )
 def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(robot, time):
-    """Loop, plan and gate on one side of DDS, the simulated robot on the other."""
+    """Loop, plan and gate on one side of DDS, the simulated robot on the other. A camera that sees
+    76 degrees may be held up at both doors: 53 s as a rule, some 95 s then."""
     alone()
     own = ["--sim-time"] if time == "simulated" else []
     rviz, placed = DdsTransport("rviz"), dict[float, Pose]()
@@ -132,9 +133,9 @@ def test_all_of_cohelm_drives_a_site_with_a_robot_behind_ros_topics(robot, time)
     there = (robot, "--scenario", "lab-guard", "--json")
     with cohelm("base", *there, *own) as base:
         try:
-            asked = "--ros2 --mode automatic --arrive --for 90"
+            asked = "--ros2 --mode automatic --arrive --for 180"
             with cohelm("robot", *there, *asked.split()) as process:
-                out, said = process.communicate(timeout=400.0)
+                out, said = process.communicate(timeout=600.0)  # it may compile first
         finally:
             base.send_signal(signal.SIGINT)
             truth = json.loads(base.communicate(timeout=30.0)[0])
