@@ -114,7 +114,7 @@ def station_guard(robot: Robot, browser: Browser, take_it: Callable[[Page], None
     with opened(robot, browser) as (page, _, _):
         drive(page)
         page.keyboard.down("ArrowUp")
-        held = re.compile("held back|braking|standing: no")
+        held = re.compile("limited|braking|standing: no")
         still = re.compile(r"applied\s*0\.0\d m/s")
         expect(page.locator(".why.abnormal")).to_have_text(held, timeout=90_000)
         expect(given(page)).to_contain_text(still, timeout=60_000)
@@ -158,8 +158,8 @@ def station_asked(robot: Robot, browser: Browser, take_it: Callable[[Page], None
         other = browser.new_context()
         second = other.new_page()
         second.goto(address)
-        asks = page.get_by_role("alert").filter(has_text="asks for the robot")
-        until(lambda: expect(asks).to_be_visible(timeout=4000), press(second, "Ask for it"))
+        asks = page.get_by_role("alert").filter(has_text="requests control")
+        until(lambda: expect(asks).to_be_visible(timeout=4000), press(second, "Request control"))
         take_it(page)
         other.close()
 
@@ -204,7 +204,7 @@ def station_replay(robot: Robot, browser: Browser, take_it: Callable[[Page], Non
     with served(lambda _: Replaying(shown)) as cinema:
         page = browser.new_context(viewport=SCREEN).new_page()  # type: ignore[arg-type]
         page.goto(cinema.address)
-        place = page.get_by_role("slider", name="Place in the record, seconds")
+        place = page.get_by_role("slider", name="Position in the record, seconds")
         expect(place).to_be_visible()
         place.fill(f"{shown.duration - 7.0:.2f}")
         page.wait_for_timeout(4500)
@@ -221,7 +221,7 @@ def station_login(robot: Robot, browser: Browser, take_it: Callable[[Page], None
         page = context.new_page()
         page.goto(f"{server.origin}/")
         page.get_by_label("Token").fill("guess")
-        page.get_by_role("button", name="Enter").click()
+        page.get_by_role("button", name="Log in").click()
         expect(page.get_by_role("alert")).to_contain_text("not the token")
         take_it(page)
         context.close()
@@ -334,7 +334,7 @@ def station_lost(robot: Robot, browser: Browser, take_it: Callable[[Page], None]
                 drive(page, "Shared")
                 page.wait_for_timeout(1500)
                 when.touch()
-                lost = "The robot does not know where it is"
+                lost = "Localization is lost"
                 expect(alarms(page)).to_contain_text(lost, timeout=60_000)
                 page.wait_for_timeout(1500)
                 take_it(page)

@@ -78,7 +78,7 @@ def take(page: Page) -> None:
 
 def free(page: Page) -> None:
     """Have the robot let go of a stop."""
-    until(lambda: expect(stopped(page)).to_be_hidden(timeout=SOON), press(page, "Let it drive"))
+    until(lambda: expect(stopped(page)).to_be_hidden(timeout=SOON), press(page, "Reset"))
 
 
 def choose(page: Page, mode: str) -> None:
@@ -102,7 +102,7 @@ def lead(page: Page, key: str, seen: re.Pattern[str]) -> None:
 
     def again() -> None:
         page.keyboard.up(key)
-        press(page, "Let it drive")()
+        press(page, "Reset")()
         choose(page, "Manual")
         page.keyboard.down(key)
 
@@ -111,6 +111,6 @@ def lead(page: Page, key: str, seen: re.Pattern[str]) -> None:
 
 def release(page: Page) -> None:
     until(
-        lambda: expect(who(page)).to_contain_text("Nobody drives", timeout=SOON),
+        lambda: expect(who(page)).to_contain_text("No driver", timeout=SOON),
         press(page, "Release"),
     )

@@ -150,7 +150,7 @@ def take(page: Page) -> None:
 
     def ask() -> None:
         press(page, "Take over")()
-        press(page, "Ask for it")()
+        press(page, "Request control")()
 
     until(lambda: expect(who(page)).to_contain_text("You drive", timeout=SOON), ask)
 

@@ -30,7 +30,7 @@ def server(bare: Bare) -> Iterator[Server]:
 
 
 def inside(page: Page) -> None:
-    expect(who(page)).to_contain_text("Nobody drives")
+    expect(who(page)).to_contain_text("No driver")
 
 
 def test_the_token_is_asked_for_and_the_printed_address_has_it(
@@ -40,7 +40,7 @@ def test_the_token_is_asked_for_and_the_printed_address_has_it(
     page.goto(f"{server.origin}/")
     for typed, wrong in (("guess", True), (server.address, True), (server.token, False)):
         page.get_by_label("Token").fill(typed + "x" * wrong)
-        page.get_by_role("button", name="Enter").click()
+        page.get_by_role("button", name="Log in").click()
         if wrong:
             expect(page.get_by_role("alert")).to_contain_text("not the token")
     inside(page)

@@ -61,7 +61,7 @@ GO_ON = """((looks) => {
   }
   return done
 })"""
-"""What comes of looks at the go-on button: when, what it would do, whether it is down."""
+"""What comes of looks at the resume button: when, what it would do, whether it is down."""
 
 
 def looks(*spans: tuple[int, int, str, bool], every: int = 20) -> str:
@@ -95,7 +95,7 @@ def test_only_a_go_on_button_that_is_held_a_second_and_let_go_drives_on(asked) -
             (3600, 3700, "shared", False),
         ),
     }  # fmt: skip
-    found = asked("input/goOn.ts", *(f"{GO_ON}({case})" for case in cases.values()))
+    found = asked("input/resume.ts", *(f"{GO_ON}({case})" for case in cases.values()))
     assert dict(zip(cases, found, strict=True)) == {case: [] for case in cases} | {
         "held and let go": [["reset", 1240]],
         "one press for each step": [["reset", 1240], ["shared", 3600]],
@@ -104,7 +104,7 @@ def test_only_a_go_on_button_that_is_held_a_second_and_let_go_drives_on(asked) -
 
 def test_the_go_on_button_lets_go_of_a_stop_and_then_goes_on_in_the_mode_of_before(asked) -> None:
     assert asked(
-        "input/goOn.ts",
+        "input/resume.ts",
         "m.next(false, true, 'hold', 'shared')", "m.next(true, true, 'hold', 'shared')",
         "m.next(true, false, 'hold', 'shared')", "m.next(true, false, 'hold', '')",
         "m.next(true, false, 'manual', 'shared')",
@@ -118,9 +118,9 @@ def test_who_deflects_a_stick_that_does_not_steer_is_told_what_to_do_first(asked
         "m.needed(true, false, 'hold')", "m.needed(true, false, 'automatic')",
         "m.needed(true, false, 'shared')", "m.needed(true, false, 'manual')",
     ) == [
-        "press Take over first", "press Let it drive first",
-        "the robot holds; choose Shared or Manual",
-        "the controller drives alone; choose Shared or Manual", "", "",
+        "press Take over first", "press Reset first",
+        "mode is Hold; choose Shared or Manual",
+        "mode is Auto; choose Shared or Manual", "", "",
     ]  # fmt: skip
 
 
@@ -130,10 +130,10 @@ def test_alarms_that_say_the_same_are_one_with_one_button_and_over_once_all_are(
         return json.dumps(told | {"acknowledged": False})
 
     def shown(*alarms: str) -> str:
-        return f"m.once([{','.join(alarms)}]).map(a => [a.text, a.active, a.all])"
+        return f"m.mergeAlarms([{','.join(alarms)}]).map(a => [a.text, a.active, a.all])"
 
     assert asked(
-        "panels/once.ts", shown(alarm(1, False), alarm(2, True)),
+        "panels/mergeAlarms.ts", shown(alarm(1, False), alarm(2, True)),
         shown(alarm(1, False), alarm(2, False)), shown(alarm(1, True), alarm(2, True, "bump")),
     ) == [
         [["the stick is lost", True, [1, 2]]], [["the stick is lost", False, [1, 2]]],
@@ -147,8 +147,8 @@ def test_a_pad_is_silent_when_no_value_and_no_timestamp_changes_while_it_is_defl
     pad = "{index: 0, timestamp: %s, axes: [0, %s], buttons: [{value: 0}]}"
 
     def silence(first: tuple[float, float], then: tuple[float, float], fore: float, at: int) -> str:
-        before = f"m.heardOf(m.NOTHING, {pad % first}, 1000)"
-        return f"m.silentFor(m.heardOf({before}, {pad % then}, {at}), {fore}, 0, {at})"
+        before = f"m.lastChange(m.NO_CHANGE, {pad % first}, 1000)"
+        return f"m.silentFor(m.lastChange({before}, {pad % then}, {at}), {fore}, 0, {at})"
 
     assert asked(
         "input/silent.ts",
@@ -156,7 +156,7 @@ def test_a_pad_is_silent_when_no_value_and_no_timestamp_changes_while_it_is_defl
         silence((5, 0.5), (6, 0.5), 0.5, 9000), silence((0, 0.5), (0, 0.51), 0.51, 9000),
         silence((5, 0), (5, 0), 0, 99000),  # centred: nothing depends on it
         silence((5, 1), (5, 1), 1, 10900), silence((5, -1), (5, -1), -1, 11600),
-        "m.silentFor(m.heardOf({at: 0, said: 'x'}, null, 5000), 0.5, 0, 5000)",
+        "m.silentFor(m.lastChange({at: 0, said: 'x'}, null, 5000), 0.5, 0, 5000)",
     ) == [0, 3, 0, 0, 0, 0, 10, 5]  # fmt: skip
 
 
@@ -197,7 +197,7 @@ def test_pixels_and_metres_go_there_and_back(asked) -> None:
         "m.toWorld({x: 1, y: 2, scale: 50}, {width: 400, height: 300}, [250, 100])",
         "m.toPixel(m.zoomed({x: 1, y: 2, scale: 50}, {width: 400, height: 300}, [250, 100], 2),"
         " {width: 400, height: 300}, [2, 3])",
-        "m.seenFrom([1, 1, Math.PI / 2], m.placed([1, 1, Math.PI / 2], [0.5, 0.25]))",
+        "m.toBody([1, 1, Math.PI / 2], m.fromBody([1, 1, Math.PI / 2], [0.5, 0.25]))",
     )
     assert there == pytest.approx([250, 100])
     assert back == pytest.approx([2, 3])
@@ -265,7 +265,7 @@ def test_zones_come_as_bytes_and_out_of_one_leads_the_shortest_way(asked) -> Non
         "binary.ts",
         f"(z => ({{...z, cells: [...z.cells]}}))({read})",
         f"m.within({zone}, [1.7, 1.9])", f"m.within({zone}, [2.3, 1.1])",
-        f"m.wayOut({zone}, [1.7, 1.5])", f"m.wayOut({zone}, [2.3, 1.1])",
+        f"m.nearestExit({zone}, [1.7, 1.5])", f"m.nearestExit({zone}, [2.3, 1.1])",
     )  # fmt: skip
     assert (got["what"], got["resolution"], got["usual"]) == ("speed", 0.05, 0.5)
     assert got["origin"] == [2.0, 1.0, math.pi / 2]
@@ -281,13 +281,13 @@ def test_what_the_robots_own_limits_shaped_is_not_said_to_be_held_back_for_somet
             f"limiting: {limiting}, clearance_m: {clearance}}})"
         )
 
-    own, near = "as fast as the robot may", "held back: something is near"
+    own, near = "at its speed or acceleration limit", "limited: obstacle near"
     assert asked(
         "panels/why.ts", shaped("null", 0.9), shaped("null", 0.2), shaped("[1, 0]", 0.9),
     ) == [own, near, near]  # fmt: skip
 
 
 def test_the_way_to_a_dock_comes_along_its_line(asked) -> None:
-    (way,) = asked("map/view.ts", "m.wayTo({pose: [4, 1, Math.PI / 2], approach_m: 1.3})")
+    (way,) = asked("map/view.ts", "m.routeTo({pose: [4, 1, Math.PI / 2], approach_m: 1.3})")
     assert way[0] == pytest.approx([4.0, -1.0])
     assert way[1] == pytest.approx([4.0, -0.3])

@@ -49,10 +49,10 @@ def test_while_the_robot_starts_the_page_says_so_and_nothing_that_is_not_known(
     with served(lambda _: PendingLink(lambda: None, lambda: starting)) as server:
         page = context.new_page()
         page.goto(server.address)
-        expect(alarms(page)).to_contain_text(f"There is no robot yet: {starting}.")
+        expect(alarms(page)).to_contain_text(f"Not connected to a robot yet: {starting}.")
         expect(page.get_by_label("Camera")).to_have_text("No picture yet.")
         rows = page.get_by_label("Link to the robot").locator("th").all_text_contents()
-        assert rows[:3] == ["robot", "position", "speed cap"]  # a low screen has no room for all
+        assert rows[:3] == ["robot", "localization", "speed limit"]  # a low screen has no room for all
 
 
 @pytest.mark.slow
@@ -64,16 +64,16 @@ def test_a_second_browser_asks_the_driver_who_keeps_it_then_hands_it_over(
     other = open_page(context, server)
     expect(who(other)).to_contain_text("operator")
     expect(who(other)).to_contain_text("drives")
-    question = page.get_by_role("alert").filter(has_text="asks for the robot")
-    until(lambda: expect(question).to_be_visible(timeout=SOON), press(other, "Ask for it"))
+    question = page.get_by_role("alert").filter(has_text="requests control")
+    until(lambda: expect(question).to_be_visible(timeout=SOON), press(other, "Request control"))
     until(lambda: expect(question).to_be_hidden(timeout=SOON), press(page, "Keep"))
-    expect(other.get_by_role("button", name="Ask for it")).to_be_visible()
-    until(lambda: expect(question).to_be_visible(timeout=SOON), press(other, "Ask for it"))
+    expect(other.get_by_role("button", name="Request control")).to_be_visible()
+    until(lambda: expect(question).to_be_visible(timeout=SOON), press(other, "Request control"))
     until(
         lambda: expect(who(other)).to_contain_text("You drive", timeout=SOON),
         press(page, "Hand over"),
     )
-    expect(page.get_by_role("button", name="Ask for it")).to_be_visible()
+    expect(page.get_by_role("button", name="Request control")).to_be_visible()
     # who watches may stop, but not choose a mode
     expect(page.get_by_role("radio", name="Manual")).to_be_disabled()
     page.keyboard.press("Space")
@@ -89,7 +89,7 @@ def test_two_tabs_are_two_operators_and_a_reload_is_the_same_one(
     monkeypatch.setattr(app, "GRACE", 60.0)
     drive(page)
     second = open_page(context, server)
-    expect(second.get_by_role("button", name="Ask for it")).to_be_visible()
+    expect(second.get_by_role("button", name="Request control")).to_be_visible()
     lead(page, "ArrowLeft", LEFT)
     page.goto("about:blank")  # a reload that takes its time
     expect(stopped(second)).to_contain_text("the stick is lost: the stick vanished")
@@ -195,7 +195,7 @@ def _noted(route: Route, asked: list[str]) -> None:
 
 @pytest.mark.slow
 def test_all_can_be_done_with_the_keyboard_alone(page: Page) -> None:
-    expect(who(page)).to_contain_text("Nobody drives")
+    expect(who(page)).to_contain_text("No driver")
     for _ in range(60):
         page.keyboard.press("Tab")
         if page.evaluate("document.activeElement.textContent") == "Take over":
@@ -234,14 +234,14 @@ def test_a_record_is_shown_with_a_timeline_at_any_speed(
     page = context.new_page()
     page.goto(cinema.address)
     bar = page.get_by_role("contentinfo", name="Replay")
-    place = bar.get_by_role("slider", name="Place in the record, seconds")
+    place = bar.get_by_role("slider", name="Position in the record, seconds")
     expect(place).to_be_visible()
     expect(page.get_by_role("button", name="Stop the robot")).to_be_hidden()
     bar.get_by_role("button", name="Pause").click()
     place.fill("44")
     expect(bar).to_contain_text("0:44")
     # the person leads there (Fig. 11)
-    share = page.get_by_role("meter", name="Share of the person in the command")
+    share = page.get_by_role("meter", name="Operator's share of the command")
     expect(share).not_to_have_attribute("aria-valuenow", "0")
     place.fill("20")
     expect(share).to_have_attribute("aria-valuenow", "0")

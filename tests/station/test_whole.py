@@ -65,7 +65,7 @@ def test_a_drive_is_recorded_from_the_screen_fetched_and_shown_again(
     choose(page, "Shared")
     expect(given(page)).not_to_contain_text("0.00 m/s")
     page.keyboard.down("ArrowLeft")
-    share = page.get_by_role("meter", name="Share of the person in the command")
+    share = page.get_by_role("meter", name="Operator's share of the command")
     expect(share).not_to_have_attribute("aria-valuenow", "0")
     page.keyboard.up("ArrowLeft")
     page.keyboard.press("Space")
@@ -87,7 +87,7 @@ def test_a_drive_is_recorded_from_the_screen_fetched_and_shown_again(
         replay.goto(cinema.address)
         bar = replay.get_by_role("contentinfo", name="Replay")
         bar.get_by_role("button", name="Pause").click()
-        place = bar.get_by_role("slider", name="Place in the record, seconds")
+        place = bar.get_by_role("slider", name="Position in the record, seconds")
         head = replay.get_by_role("group", name="Replay of a record")
         place.fill(f"{led - shown.start + 0.005:.2f}")
         expect(replay.get_by_role("meter")).not_to_have_attribute("aria-valuenow", "0")
@@ -117,4 +117,4 @@ def test_the_robot_stops_when_its_station_dies_in_the_middle_of_a_drive(
         page.goto(second.address)  # another station is another token
         expect(stopped(page)).to_contain_text("is lost:")
         expect(given(page)).to_contain_text(STILL)
-        expect(who(page)).to_contain_text("Nobody drives")
+        expect(who(page)).to_contain_text("No driver")

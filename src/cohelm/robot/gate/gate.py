@@ -73,7 +73,7 @@ class Passed(NamedTuple):
 
 
 def propose(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> tuple[Gate, Passed]:
-    """Check a proposal; returns the new state and what the wheels get."""
+    """Check a proposal; returns the new state and the command at the wheels."""
     gate = _check_watchdog(gate, now, rules)
     wrong = _fault_in(proposal, now, rules)
     if wrong:

@@ -1,4 +1,4 @@
-// The whole screen.
+// The page.
 import { signal } from '@preact/signals'
 import { MapPanel } from './map/MapPanel'
 import { Alarms } from './panels/Alarms'
@@ -25,7 +25,7 @@ export function App() {
   return (
     <div class={`station tab-${tab.value.toLowerCase()} ${stale ? 'stale' : ''} ${s.youDrive.value ? 'driving' : ''}`}>
       <header>
-        {/* above all that comes and goes: STOP stays where it is */}
+        {/* above everything that appears and disappears, so that STOP keeps its position */}
         <div class="head">
           <Driver />
           <Record />
@@ -59,7 +59,7 @@ const SHOWN_MS = 6000
 
 function Refused() {
   void s.clock.value
-  const said = s.refused.value
-  const shown = said !== null && performance.now() - said.at < SHOWN_MS
-  return <div class="refused" role="status">{shown && said.text}</div>
+  const refusal = s.refused.value
+  const shown = refusal !== null && performance.now() - refusal.at < SHOWN_MS
+  return <div class="refused" role="status">{shown && refusal.text}</div>
 }

@@ -1,4 +1,4 @@
-// What comes as bytes; the layouts are those of src/cohelm/station/binary.py.
+// Decodes the binary messages; the layouts are those of src/cohelm/station/binary.py.
 
 export type Pose = [number, number, number]
 
@@ -54,7 +54,7 @@ export interface ZonePart {
   what: 'keep_out' | 'speed'
   origin: Pose
   resolution: number
-  /** Speed of which cells are percents [m/s], or NaN. */
+  /** Speed that the cells' percentages refer to [m/s], or NaN. */
   usual: number
   columns: number
   rows: number
@@ -72,7 +72,7 @@ export interface Zones {
   cells: Uint8Array
   /** As a picture, row 0 at the top. */
   picture: HTMLCanvasElement
-  /** Where a speed stands, in the map, and which. */
+  /** Label of each speed zone, and its position in the map. */
   labels: Array<{ at: [number, number]; text: string }>
 }
 
@@ -124,7 +124,7 @@ async function inflated(bytes: Uint8Array<ArrayBuffer>): Promise<Uint8Array> {
 
 const UNKNOWN = 255
 
-/** A part drawn into the map it belongs to; a new map where it belongs to none yet. */
+/** The map with this part drawn in; a new map for the first part. */
 export async function painted(before: Grid | null, part: MapPart): Promise<Grid> {
   const cells = await inflated(part.cells)
   const same = before !== null && before.number === part.number && before.width === part.width
@@ -151,7 +151,7 @@ export async function painted(before: Grid | null, part: MapPart): Promise<Grid>
   }
 }
 
-/** Colour of a cell, 0xAABBGGRR: free is light, occupied dark, unknown in between. */
+/** Color of a cell, 0xAABBGGRR: free light, occupied dark, unknown in between. */
 export function shade(cell: number): number {
   if (cell === UNKNOWN) return 0xffc8c6c4
   const grey = Math.round(240 - (Math.min(cell, 100) / 100) * 185)
@@ -161,7 +161,7 @@ export function shade(cell: number): number {
 const STRIPES = 8
 const [RED, DARK_RED, AMBER] = [0x3c2020c0, 0x902020c0, 0x4000a0e8] // 0xAABBGGRR
 
-/** Zones as they are drawn: keep-out hatched, speed zones tinted, each with its speed. */
+/** The picture of zones: keep-out hatched, speed zones tinted, each with its speed. */
 export async function zoned(part: ZonePart): Promise<Zones> {
   const { columns, rows, what } = part
   const cells = await inflated(part.cells)
@@ -186,7 +186,7 @@ export async function zoned(part: ZonePart): Promise<Zones> {
   return { what, origin, resolution, columns, rows, cells, picture, labels }
 }
 
-/** One for each connected zone of one speed, on its cell that is nearest to its middle. */
+/** One label for each connected zone of one speed, on its cell nearest to its center. */
 function labelled(part: ZonePart, cells: Uint8Array): Zones['labels'] {
   const { columns, rows } = part
   const seen = new Uint8Array(cells.length)
@@ -228,7 +228,7 @@ function onMap(zones: { origin: Pose; resolution: number }, i: number, j: number
   return [x + side * (c * i - s * j), y + side * (s * i + c * j)]
 }
 
-/** Whether a point of the map is in one. */
+/** Whether a point of the map is in a zone. */
 export function within(zones: Zones, [px, py]: [number, number]): boolean {
   const [x, y, psi] = zones.origin
   const [c, s] = [Math.cos(psi), Math.sin(psi)]
@@ -238,8 +238,8 @@ export function within(zones: Zones, [px, py]: [number, number]): boolean {
   return (zones.cells[j * zones.columns + i] ?? 0) > 0
 }
 
-/** The nearest place outside a zone that a point is in, looked for along rays; null: not in one. */
-export function wayOut(zones: Zones, from: [number, number]): [number, number] | null {
+/** The nearest point outside the zone that a point is in, searched along rays; null: not in one. */
+export function nearestExit(zones: Zones, from: [number, number]): [number, number] | null {
   if (!within(zones, from)) return null
   const farthest = zones.resolution * Math.hypot(zones.columns, zones.rows)
   for (let r = zones.resolution; r <= farthest; r += zones.resolution) {

@@ -1,7 +1,7 @@
-// The session: what this page got for the token, and shows with every request.
+// The session that the login gave, sent with every request.
 //
-// It is kept where only pages of this very origin, port included, can read it. A cookie would be
-// sent to every port of this machine, and along with what other pages ask for.
+// It is stored where only pages of the same origin, port included, can read it. A cookie would be
+// sent to every port of this machine, and with requests of other sites.
 const KEY = 'cohelm.session'
 let known: string | null = null
 
@@ -9,7 +9,7 @@ export function session(): string | null {
   try {
     return localStorage.getItem(KEY) ?? known
   } catch {
-    return known // a browser that keeps nothing: until the page is loaded again
+    return known // without storage it lasts until the page is reloaded
   }
 }
 
@@ -22,13 +22,13 @@ function keep(given: string): void {
   }
 }
 
-/** The same as fetch, with the session. */
-export function ask(path: string, options: RequestInit = {}): Promise<Response> {
+/** `fetch` with the session. */
+export function authorizedFetch(path: string, options: RequestInit = {}): Promise<Response> {
   return fetch(path, { ...options, cache: 'no-store', headers: { authorization: `Bearer ${session() ?? ''}` } })
 }
 
-/** Show the token; what is wrong, or nothing. */
-export async function enter(token: string): Promise<string> {
+/** Log in with the token; returns an error, or empty. */
+export async function logIn(token: string): Promise<string> {
   let answer: Response
   try {
     answer = await fetch('./session', { method: 'POST', body: token })
@@ -39,11 +39,11 @@ export async function enter(token: string): Promise<string> {
     keep(await answer.text())
     return ''
   }
-  return answer.status === 429 ? 'Too many wrong tokens.' : 'That is not the token.'
+  return answer.status === 429 ? 'Too many wrong tokens.' : 'Wrong token.'
 }
 
-/** Told when another tab of this browser has come in. */
-export function onEntered(then: () => void): void {
+/** Calls back when another tab of this browser has logged in. */
+export function onLogIn(then: () => void): void {
   addEventListener('storage', (event) => {
     if (event.key === KEY && event.newValue !== null) then()
   })

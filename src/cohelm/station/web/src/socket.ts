@@ -1,40 +1,39 @@
-// The one WebSocket to the station: opens it again when it is lost, and knows when it is silent.
+// The WebSocket to the station: reconnects it when it is lost, and detects silence.
 import { batch } from '@preact/signals'
 import { decode, painted, zoned, type MapPart, type ZonePart } from './binary'
 import type { Do, FromPage, ToPage } from './messages'
-import { ask, onEntered, session } from './session'
+import { authorizedFetch, onLogIn, session } from './session'
 import * as s from './state'
 
 const KEY = 'cohelm.key'
 const FIRST_WAIT_MS = 250
 const LONGEST_WAIT_MS = 2000
-/** A socket that has been silent for so long is given up, if that is much for this station; a new
- * one may find a way. */
+/** A socket that is silent for so long is replaced, or after twice the station's limit if longer. */
 const GIVE_UP_MS = 1500
-/** More waiting to be sent than this means that nothing gets through: say no more. */
+/** With more bytes waiting to be sent, nothing gets through: send no more. */
 const FULL = 8192
 
 let socket: WebSocket | null = null
-let lastHeard = 0
+let lastReceived = 0
 let wait = FIRST_WAIT_MS
 let parts: Promise<unknown> = Promise.resolve()
 
 /** `at_ms` of the newest beat. */
-export let heardMs = 0
+export let newestBeatMs = 0
 
-/** What a panel sends; what is to be done once is stamped here. */
-type Said = Exclude<FromPage, Do> | Omit<Do, 'heard_ms'>
+/** A message from a panel; requests are stamped here. */
+type Outgoing = Exclude<FromPage, Do> | Omit<Do, 'heard_ms'>
 
-export function send(message: Said): boolean {
+export function send(message: Outgoing): boolean {
   if (socket?.readyState !== WebSocket.OPEN || socket.bufferedAmount > FULL) return false
-  // what is to be done once says when it was asked for, by the station's clock
-  socket.send(JSON.stringify(message.type === 'do' ? { ...message, heard_ms: heardMs } : message))
+  // a request carries the time it was made, by the station's clock
+  socket.send(JSON.stringify(message.type === 'do' ? { ...message, heard_ms: newestBeatMs } : message))
   return true
 }
 
 export function start(): void {
-  void again()
-  onEntered(() => {
+  void reconnect()
+  onLogIn(() => {
     if (s.connection.value === 'login') void retry()
   })
   setInterval(watch, 50)
@@ -43,10 +42,10 @@ export function start(): void {
 
 function watch(): void {
   if (socket?.readyState !== WebSocket.OPEN) return
-  const silent = performance.now() - lastHeard
+  const silent = performance.now() - lastReceived
   const stale = (s.welcome.value?.stale_s ?? 0.25) * 1000
   if (silent > Math.max(GIVE_UP_MS, 2 * stale)) {
-    lost(socket)
+    dropSocket(socket)
   } else if (silent > stale) {
     if (s.connection.value === 'open') s.connection.value = 'silent'
   } else if (s.connection.value === 'silent') {
@@ -58,52 +57,52 @@ async function connect(): Promise<void> {
   const url = new URL('./ws', location.href)
   url.protocol = location.protocol === 'https:' ? 'wss:' : 'ws:'
   url.hash = ''
-  const key = kept()
+  const key = storedKey()
   if (key !== null) url.searchParams.set('key', key)
   const opened = new WebSocket(url, ['cohelm', session() ?? 'none'])
   socket = opened
   opened.binaryType = 'arraybuffer'
   opened.onopen = () => {
-    if (opened === socket) lastHeard = performance.now() // it is silent from now on, not before
+    if (opened === socket) lastReceived = performance.now() // silence counts from now on
   }
   opened.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
-    if (opened === socket) heard(event.data)
+    if (opened === socket) receive(event.data)
   }
-  opened.onclose = () => lost(opened)
+  opened.onclose = () => dropSocket(opened)
 }
 
-function lost(of: WebSocket): void {
+function dropSocket(of: WebSocket): void {
   if (of !== socket) return
   of.onclose = null
   of.close()
   socket = null
   s.connection.value = 'closed'
-  setTimeout(() => void again(), wait)
+  setTimeout(() => void reconnect(), wait)
   wait = Math.min(wait * 2, LONGEST_WAIT_MS)
 }
 
-async function again(): Promise<void> {
+async function reconnect(): Promise<void> {
   try {
-    // a refused WebSocket does not say why; this does
-    const answer = await ask('./session')
+    // a refused WebSocket gives no reason; this request does
+    const answer = await authorizedFetch('./session')
     if (answer.status === 401) {
       s.connection.value = 'login'
       return
     }
   } catch {
-    // not there at all: try again below
+    // the station is not there: try again below
   }
   s.connection.value = 'connecting'
   await connect()
 }
 
-/** Try once more, now: after a login. */
+/** Try again at once, after a login. */
 export async function retry(): Promise<void> {
   wait = FIRST_WAIT_MS
-  await again()
+  await reconnect()
 }
 
-function kept(): string | null {
+function storedKey(): string | null {
   try {
     return sessionStorage.getItem(KEY)
   } catch {
@@ -111,14 +110,14 @@ function kept(): string | null {
   }
 }
 
-function heard(data: string | ArrayBuffer): void {
-  lastHeard = performance.now()
+function receive(data: string | ArrayBuffer): void {
+  lastReceived = performance.now()
   if (typeof data !== 'string') {
     bytes(data)
     return
   }
   const message = JSON.parse(data) as ToPage
-  batch(() => take(message))
+  batch(() => dispatch(message))
 }
 
 function bytes(data: ArrayBuffer): void {
@@ -133,7 +132,7 @@ function bytes(data: ArrayBuffer): void {
     s.scans.value = [...s.scans.value.filter((one) => one.lidar !== lidar), got.scan]
     send({ type: 'got', stream: 'scan' })
   } else {
-    s.frame.value = got.frame // credited when it has been drawn
+    s.frame.value = got.frame // acknowledged when it has been drawn
   }
 }
 
@@ -150,10 +149,10 @@ function refuse(text: string): void {
   s.refused.value = { text, at: performance.now() }
 }
 
-function take(message: ToPage): void {
+function dispatch(message: ToPage): void {
   switch (message.type) {
     case 'beat':
-      heardMs = message.at_ms
+      newestBeatMs = message.at_ms
       s.pageMs.value = message.page_ms
       break
     case 'welcome':
@@ -163,7 +162,7 @@ function take(message: ToPage): void {
       try {
         sessionStorage.setItem(KEY, message.key)
       } catch {
-        // a browser that keeps nothing: a reload makes a new operator
+        // without storage a reload makes a new operator
       }
       break
     case 'robot':

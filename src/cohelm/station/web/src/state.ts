@@ -1,9 +1,9 @@
-// What the page knows, as signals: the socket writes them, the panels read them.
+// The page's state as signals: written by the socket, read by the panels.
 import { computed, signal } from '@preact/signals'
 import type { Frame, Grid, Scan, Zones } from './binary'
 import type * as m from './messages'
 
-/** How the page stands to the station. */
+/** State of the connection to the station. */
 export type Connection = 'connecting' | 'open' | 'silent' | 'closed' | 'login'
 
 export const connection = signal<Connection>('connecting')
@@ -28,15 +28,15 @@ export const zones = signal<Zones[]>([])
 export const scans = signal<Scan[]>([])
 export const frame = signal<Frame | null>(null)
 
-/** When the newest state came [ms, performance.now()]; its age is counted on from there. */
+/** When the newest state was received [ms, performance.now()]; its age is counted from there. */
 export const stateAt = signal(0)
-/** Ticks four times a second, for what ages while nothing comes. */
+/** Ticks four times a second, for what ages without a message. */
 export const clock = signal(0)
 
 export const isReplay = computed(() => welcome.value?.replay_s != null)
 export const youDrive = computed(() => who.value?.you_drive === true && connection.value === 'open')
 
-/** How old what is shown is [ms]. */
+/** Age of the displayed state [ms]. */
 export function stateAge(now: number): number {
   const s = state.value
   return s === null ? Infinity : s.age_ms + (now - stateAt.value)

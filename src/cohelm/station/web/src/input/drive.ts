@@ -1,53 +1,53 @@
-// Fifty times a second: which stick is in hand, where it is, and whether it is to be believed.
+// At 50 Hz: selects the device, reads its deflection, arms it, and sends it.
 import { computed, signal } from '@preact/signals'
-import { heardMs, send } from '../socket'
+import { newestBeatMs, send } from '../socket'
 import * as s from '../state'
 import { arm, centred, needed, type Arming } from './arm'
-import { goOnName, padGoesOn, padStops, readPad, rumble } from './gamepad'
-import { due, hint, next, NO_PRESS, pressed } from './goOn'
-import { keysHeld, letGoOfKeys, listenToKeys, readKeys, typing } from './keyboard'
+import { padResumes, padStops, readPad, resumeButtonName, rumble } from './gamepad'
+import { due, hint, next, NO_PRESS, pressed } from './resume'
+import { keysHeld, listenToKeys, readKeys, releaseKeys, typing } from './keyboard'
 import type { Do } from '../messages'
-import { modeName } from '../panels/words'
+import { modeName } from '../panels/format'
 import type { Device, Reading } from './source'
-import { letGoOfPads, readTouch, touched } from './touch'
+import { readTouch, releasePads, touched } from './touch'
 
 const PERIOD_MS = 20
 const IN_USE = 0.1
 
-export interface Hand extends Reading {
+export interface StickState extends Reading {
   device: Device
   arming: Arming
   /** Why it is not armed, in words; empty when it is. */
   why: string
 }
 
-export const hand = signal<Hand>({
+export const stick = signal<StickState>({
   device: 'none', present: false, x: 0, psi: 0, arming: 'absent', why: 'no stick in use',
 })
 export const speedScale = signal(1)
 
-/** Why what the hand does would not steer, or empty: both this page and the robot saw it centred. */
-export const idle = computed(() => {
-  const { arming, why } = hand.value
+/** Why the stick is not armed; empty: armed here and, if we drive, on the robot. */
+export const notArmedReason = computed(() => {
+  const { arming, why } = stick.value
   if (arming !== 'armed') return why
   if (!s.youDrive.value) return ''
-  // the newest wins on the way: the robot need not have heard the moment in the centre
+  // only the newest command is used: the robot may have missed the centred one
   switch (s.state.value?.arming) {
     case 'armed': return ''
     case 'waiting': return 'waiting for your stick to be centred'
-    default: return 'the robot does not hear it yet'
+    default: return 'not received by the robot yet'
   }
 })
 
-/** Why a stick that is deflected now comes to nothing, whoever drives; empty: it does not. */
-export const useless = computed(() => {
+/** Why the stick's present deflection has no effect; empty: it has, or there is none. */
+export const noEffectReason = computed(() => {
   const state = s.state.value
-  if (state === null || !hand.value.present || !deflected(hand.value)) return ''
+  if (state === null || !stick.value.present || !deflected(stick.value)) return ''
   return needed(s.youDrive.value, state.stopped !== '', state.mode)
 })
 
-/** How to drive on from the gamepad; empty: there is nothing to go on from, or no gamepad in hand. */
-export const goOn = signal('')
+/** How to continue from the gamepad; empty: nothing to continue, or no gamepad in use. */
+export const resumeHint = signal('')
 
 let n = 0
 let device: Device = 'none'
@@ -68,23 +68,23 @@ export function startDriving(): void {
   addEventListener('keyup', (event) => {
     if (event.code === 'Space' && !typing(event.target)) event.preventDefault()
   })
-  // a browser shows a pad when a button of it is pressed: somebody wants to use it
+  // a browser reports a gamepad when one of its buttons is pressed: the operator wants to use it
   addEventListener('gamepadconnected', () => {
-    if (hand.value.present && deflected(hand.value)) return
+    if (stick.value.present && deflected(stick.value)) return
     choose('gamepad')
   })
-  setInterval(() => turn(performance.now()), PERIOD_MS)
-  addEventListener('blur', away)
-  document.addEventListener('visibilitychange', away)
+  setInterval(() => poll(performance.now()), PERIOD_MS)
+  addEventListener('blur', onFocusChange)
+  document.addEventListener('visibilitychange', onFocusChange)
 }
 
-/** What is held while nobody can see the page is let go, and must be taken in hand again. */
-function away(): void {
-  if (elsewhere() !== '') {
-    letGoOfKeys()
-    letGoOfPads()
+/** Keys and pads held while the page is inactive count as released, and must be pressed again. */
+function onFocusChange(): void {
+  if (inactiveReason() !== '') {
+    releaseKeys()
+    releasePads()
   }
-  turn(performance.now())
+  poll(performance.now())
 }
 
 export function stop(): void {
@@ -97,7 +97,7 @@ export function choose(which: Device): void {
   arming = 'absent'
 }
 
-function turn(now: number): void {
+function poll(now: number): void {
   const readings: Record<Device, Reading> = {
     none: { present: false, x: 0, psi: 0 },
     keyboard: readKeys(now),
@@ -107,59 +107,59 @@ function turn(now: number): void {
   if (padStops()) stop()
   pick(readings)
   const reading = readings[device]
-  const away = elsewhere()
+  const inactive = inactiveReason()
   const drives = s.youDrive.value
   // a new driver starts from the centre, whatever was held before
   if (drives && !drove) arming = 'absent'
   drove = drives
-  const present = reading.present && away === ''
+  const present = reading.present && inactive === ''
   arming = arm(arming, present, reading.x, reading.psi, centre())
-  const why = device === 'none' ? 'no stick in use' : away || reason(reading)
-  hand.value = { ...reading, present, device, arming, why }
+  const why = device === 'none' ? 'no stick in use' : inactive || reason(reading)
+  stick.value = { ...reading, present, device, arming, why }
   send({
-    type: 'stick', n: ++n, heard_ms: heardMs, x: present ? reading.x : 0,
+    type: 'stick', n: ++n, heard_ms: newestBeatMs, x: present ? reading.x : 0,
     psi: present ? reading.psi : 0, valid: present, armed: arming === 'armed',
     device, speed_scale: speedScale.value,
   })
-  goOnFromPad(drives, now)
-  const leads = drives && device === 'gamepad' && deflected(hand.value)
+  resumeFromPad(drives, now)
+  const leads = drives && device === 'gamepad' && deflected(stick.value)
   if (leads) rumble(s.state.value?.clearance_m ?? null, now)
 }
 
-/** Each step by a press of its own, as with the mouse: let it drive, and then on in the mode of before. */
-function goOnFromPad(drives: boolean, now: number): void {
+/** Each step by a press of its own, as with the mouse: reset, then the mode from before. */
+function resumeFromPad(drives: boolean, now: number): void {
   const state = s.state.value
   const { mode, stopped } = state ?? { mode: 'hold', stopped: '' }
   if (!drives) lastMode = ''
   else if (stopped === '' && mode !== 'hold') lastMode = mode
-  const held = hand.value.device === 'gamepad' && hand.value.arming === 'armed' && centred(hand.value.x, hand.value.psi, centre())
+  const held = stick.value.device === 'gamepad' && stick.value.arming === 'armed' && centred(stick.value.x, stick.value.psi, centre())
   const what = held && state !== null ? next(drives, stopped !== '', mode, lastMode) : ''
-  const down = padGoesOn()
+  const down = padResumes()
   const wanted = due(press, what, down, now)
   press = pressed(press, what, down, now)
   if (wanted !== '') send({ type: 'do', what: wanted as Do['what'], value: 0 })
-  goOn.value = hint(press, goOnName(), what === 'reset' ? 'it may drive' : `on in ${modeName(what)}`)
+  resumeHint.value = hint(press, resumeButtonName(), what === 'reset' ? 'resets the stop' : `continues in ${modeName(what)}`)
 }
 
 function reason(reading: Reading): string {
-  if (!reading.present) return reading.why || (device === 'gamepad' ? 'the gamepad is gone' : 'gone')
-  return arming === 'waiting' ? 'let it go to the centre first' : ''
+  if (!reading.present) return reading.why || (device === 'gamepad' ? 'the gamepad is disconnected' : 'disconnected')
+  return arming === 'waiting' ? 'release it to the centre first' : ''
 }
 
-/** Up to where a stick is centred, as the robot has it; without a station none steers. */
+/** The robot's threshold for a centred stick; 0 without a station, so none is armed. */
 function centre(): number {
   return s.welcome.value?.centre ?? 0
 }
 
-/** Why no stick counts just now, or empty. */
-function elsewhere(): string {
+/** Why no stick can be used now; empty: it can. */
+function inactiveReason(): string {
   if (document.visibilityState === 'hidden') return 'this tab is hidden'
   if (!document.hasFocus()) return 'this window is not in front'
   if (s.connection.value !== 'open') return 'no connection to the station'
   return ''
 }
 
-/** The device that a person just began to use; the present one as long as it is deflected. */
+/** Select the device that the operator began to use; the present one is kept while deflected. */
 function pick(readings: Record<Device, Reading>): void {
   const now = readings[device]
   if (now.present && deflected(now)) return
@@ -169,7 +169,7 @@ function pick(readings: Record<Device, Reading>): void {
   else if (device === 'none') begin(first(readings))
 }
 
-/** Before anything was touched: what is most likely meant. */
+/** The default device, before any is used. */
 function first(readings: Record<Device, Reading>): Device {
   if (readings.gamepad.present) return 'gamepad'
   return matchMedia('(pointer: coarse)').matches ? 'touch' : 'keyboard'
@@ -177,7 +177,7 @@ function first(readings: Record<Device, Reading>): Device {
 
 function begin(which: Device): void {
   if (which === device) return
-  // keys and pads rest in the centre until they are used: they are armed by that
+  // keys and touch pads were centred until they were used: they are armed at once
   arming = which === 'gamepad' ? 'absent' : 'armed'
   device = which
 }

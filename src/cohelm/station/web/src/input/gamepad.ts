@@ -1,11 +1,11 @@
 // A gamepad or joystick of the browser.
 import { settings } from './settings'
 import { shaped } from './shape'
-import { heardOf, NOTHING, silentFor, type Heard } from './silent'
+import { lastChange, NO_CHANGE, silentFor, type LastChange } from './silent'
 import type { Reading } from './source'
 
 let stopHeld = false
-let heard: Heard = NOTHING
+let changed: LastChange = NO_CHANGE
 
 /** The first pad that is plugged in, or null. */
 export function pad(): Gamepad | null {
@@ -13,24 +13,24 @@ export function pad(): Gamepad | null {
   return null
 }
 
-/** now: [ms]. A pad that stays deflected and says nothing new is not one that somebody holds. */
+/** now: [ms]. A gamepad that stays deflected without any change counts as disconnected. */
 export function readPad(now: number): Reading {
   const one = pad()
   const set = settings.value
   const fore = one?.axes[set.foreAft]
   const left = one?.axes[set.leftRight]
-  heard = heardOf(heard, one, now)
+  changed = lastChange(changed, one, now)
   if (one === null || fore === undefined || left === undefined) {
     return { present: false, x: 0, psi: 0 }
   }
   const x = shaped(set.foreAftTurned ? -fore : fore, set)
   const psi = shaped(set.leftRightTurned ? -left : left, set)
-  const silent = silentFor(heard, x !== 0 ? fore : 0, psi !== 0 ? left : 0, now)
+  const silent = silentFor(changed, x !== 0 ? fore : 0, psi !== 0 ? left : 0, now)
   const why = silent > 0 ? `the gamepad has sent nothing new for ${silent} s: centre its stick` : ''
   return { present: Number.isFinite(fore) && Number.isFinite(left) && why === '', x, psi, why }
 }
 
-/** Whether the pad's stop button went down since the last call. */
+/** Whether the gamepad's stop button was pressed since the last call. */
 export function padStops(): boolean {
   const held = pad()?.buttons[settings.value.stopButton]?.pressed ?? false
   const pressed = held && !stopHeld
@@ -38,14 +38,14 @@ export function padStops(): boolean {
   return pressed
 }
 
-/** Whether the pad's go-on button is held. */
-export function padGoesOn(): boolean {
+/** Whether the pad's resume button is held. */
+export function padResumes(): boolean {
   const { goOnButton, stopButton } = settings.value
   return goOnButton !== stopButton && (pad()?.buttons[goOnButton]?.pressed ?? false)
 }
 
-/** What that button is called. */
-export function goOnName(): string {
+/** Name of that button. */
+export function resumeButtonName(): string {
   const number = settings.value.goOnButton
   return number === 0 && pad()?.mapping === 'standard' ? 'A or ✕ of the gamepad' : `button ${number} of the gamepad`
 }
@@ -54,11 +54,11 @@ const NEAR_M = 0.3
 const RUMBLE_MS = 200
 let rumbledAt = 0
 
-/** Shake where something is near: the nearer, the stronger. */
-export function rumble(gap: number | null, now: number): void {
-  if (gap === null || gap >= NEAR_M || !settings.value.rumble || now - rumbledAt < RUMBLE_MS) return
+/** Rumble near an obstacle: the nearer, the stronger. */
+export function rumble(clearance: number | null, now: number): void {
+  if (clearance === null || clearance >= NEAR_M || !settings.value.rumble || now - rumbledAt < RUMBLE_MS) return
   rumbledAt = now
-  const strength = Math.min(1, 1 - Math.max(gap, 0) / NEAR_M)
+  const strength = Math.min(1, 1 - Math.max(clearance, 0) / NEAR_M)
   void pad()
     ?.vibrationActuator?.playEffect('dual-rumble', {
       duration: RUMBLE_MS, strongMagnitude: strength, weakMagnitude: strength * 0.5,

@@ -13,7 +13,7 @@ let x = 0
 let psi = 0
 let before = 0
 
-/** Whether keys belong to a control that has the focus, and not to the stick. */
+/** Whether the focused control takes the keys, and not the stick. */
 export function typing(target: EventTarget | null): boolean {
   if (!(target instanceof HTMLElement)) return false
   return target.matches('input, select, textarea, [contenteditable], [data-keys]')
@@ -22,20 +22,20 @@ export function typing(target: EventTarget | null): boolean {
 export function listenToKeys(): void {
   addEventListener('keydown', (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) {
-      letGoOfKeys() // with such a key down, some systems do not tell when another comes up
+      releaseKeys() // with such a key down, some systems do not report the release of another
       return
     }
     if (KEYS[event.code] === undefined || typing(event.target)) return
     event.preventDefault()
-    // a key that was let go of here, and is held down still, must be pressed again
+    // a key that was released by us and is still held must be pressed again
     if (!event.repeat) held.add(event.code)
   })
   addEventListener('keyup', (event) => held.delete(event.code))
-  addEventListener('blur', letGoOfKeys)
+  addEventListener('blur', releaseKeys)
 }
 
 /** As if no key were down. */
-export function letGoOfKeys(): void {
+export function releaseKeys(): void {
   held.clear()
 }
 
@@ -51,7 +51,7 @@ function direction(plus: string, minus: string): number {
 export function readKeys(now: number): Reading {
   const step = Math.min((now - before) / 1000, 0.1) / settings.value.ramp
   before = now
-  // back to the centre faster than away from it, as a spring would
+  // returns to the centre faster than it leaves it, as with a spring
   const to = (value: number, goal: number) => towards(value, goal, goal === 0 ? 2 * step : step)
   x = to(x, direction('fore', 'aft'))
   psi = to(psi, direction('left', 'right'))

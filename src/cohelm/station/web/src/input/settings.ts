@@ -1,9 +1,9 @@
-// How the person likes the stick, remembered by the browser.
+// The operator's stick settings, stored by the browser.
 import { signal } from '@preact/signals'
 import { clamp } from './shape'
 
 export interface Settings {
-  /** Axis numbers of the pad, and whether they are turned round. */
+  /** Axis numbers of the gamepad, and whether they are inverted. */
   foreAft: number
   leftRight: number
   foreAftTurned: boolean
@@ -13,9 +13,9 @@ export interface Settings {
   rumble: boolean
   /** Seconds from centre to full deflection on the keyboard. */
   ramp: number
-  /** Button of the pad that stops. */
+  /** Stop button of the gamepad. */
   stopButton: number
-  /** Button of the pad that drives on after a stop; none where it is the one that stops. */
+  /** Resume button of the gamepad; none if it is the stop button. */
   goOnButton: number
 }
 
@@ -27,7 +27,7 @@ export const DEFAULTS: Settings = {
 
 const KEY = 'cohelm.stick'
 
-/** What was kept, where it makes sense, else the default. */
+/** The stored settings, with the default for each that is not valid. */
 export function sound(kept: unknown): Settings {
   if (typeof kept !== 'object' || kept === null) return DEFAULTS
   const k = kept as Record<string, unknown>
@@ -68,6 +68,6 @@ export function change(part: Partial<Settings>): void {
   try {
     localStorage.setItem(KEY, JSON.stringify(settings.value))
   } catch {
-    // not remembered, but used
+    // used, but not stored
   }
 }

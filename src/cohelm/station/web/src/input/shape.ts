@@ -1,4 +1,4 @@
-// From raw deflection to what is asked: dead band and curve. Pure, so that it can be tested.
+// Dead band and expo curve of a raw deflection. Pure, so that it can be tested.
 
 export interface Shape {
   /** Deflections up to this are none, [0, 0.5]. */
@@ -11,7 +11,7 @@ export function clamp(value: number, low: number, high: number): number {
   return Math.min(Math.max(value, low), high)
 }
 
-/** Odd, continuous, 0 inside the dead band, ±1 at the ends. NaN is no deflection to go by. */
+/** Odd, continuous, 0 inside the dead band, ±1 at the ends. NaN stays NaN. */
 export function shaped(raw: number, { deadBand, curve }: Shape): number {
   const size = clamp(Math.abs(raw), 0, 1)
   if (size <= deadBand) return 0

@@ -1,13 +1,13 @@
-// What every device says when asked.
+// The reading of a device.
 
 export interface Reading {
-  /** False where the device is gone; not the same as centred. */
+  /** False if the device is disconnected; not the same as centred. */
   present: boolean
   /** Fore-aft, forward positive, [-1, 1]. */
   x: number
   /** Left-right, left positive, [-1, 1]. */
   psi: number
-  /** Why it is not present, where the device itself knows. */
+  /** Why it is not present, if the device knows. */
   why?: string
 }
 

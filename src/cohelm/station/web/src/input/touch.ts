@@ -1,4 +1,4 @@
-// Two pads for the thumbs, one for each axis; let go, they are centred.
+// Two touch pads for the thumbs, one for each axis; released, they are centred.
 import { signal } from '@preact/signals'
 import type { Reading } from './source'
 
@@ -15,11 +15,11 @@ export function touch(part: { x?: number; psi?: number }): void {
   touched.value = { ...touched.value, ...part }
 }
 
-/** Counts how often all pads were let go of: a finger that was down before does not count after. */
-export let grip = 0
+/** Count of `releasePads`: a finger that was down before does not count afterwards. */
+export let releases = 0
 
 /** As if no finger were down. */
-export function letGoOfPads(): void {
-  grip += 1
+export function releasePads(): void {
+  releases += 1
   touched.value = { x: 0, psi: 0 }
 }

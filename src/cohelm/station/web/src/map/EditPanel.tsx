@@ -1,10 +1,10 @@
-// Waypoints as a list: for the keyboard, for numbers, and for the robot's answer.
+// The waypoints as a list, with coordinates, and the robot's answer.
 import { useState } from 'preact/hooks'
 import { useEscape } from '../panels/escape'
 import * as s from '../state'
 import * as edit from './edit'
 
-/** Keeps what is being typed as it was typed, whatever is drawn meanwhile. */
+/** An input that keeps the typed text while the panel is redrawn. */
 function Coordinate({ i, axis, value }: { i: number; axis: 0 | 1; value: number }) {
   const [typed, setTyped] = useState<string | null>(null)
   return (
@@ -53,14 +53,14 @@ export function EditPanel({ onAdd }: { onAdd: () => void }) {
         {answer === null || points.length === 0
           ? ' '
           : answer.ok
-            ? sent ? 'The robot took the new route.' : 'The robot can follow this route.'
+            ? sent ? 'The robot accepted the new route.' : 'The robot can follow this route.'
             : `Refused: ${answer.why}`}
       </p>
       <div class="row">
         <button type="button" onClick={onAdd}>Add in the middle</button>
         <button type="button" onClick={() => { edit.draft.value = []; edit.chosen.value = null }}>Clear</button>
         <button type="button" disabled={points.length === 0 || !s.youDrive.value} onClick={edit.submit}>
-          {s.youDrive.value ? 'Send' : 'Send (you do not drive)'}
+          {s.youDrive.value ? 'Send' : 'Send (you are not the driver)'}
         </button>
         <button type="button" onClick={edit.leave}>Close</button>
       </div>

@@ -1,4 +1,4 @@
-// The map, and the person's fingers on it.
+// The map: drawing, panning, zooming and waypoint editing.
 import { effect, signal } from '@preact/signals'
 import { useEffect, useRef } from 'preact/hooks'
 import * as s from '../state'
@@ -9,15 +9,15 @@ import { ghost } from './ghost'
 import { points } from './points'
 import { trail } from './trail'
 import { EditPanel } from './EditPanel'
-import { around, moved, toPixel, toWorld, zoomed, type Point, type Size, type View } from './view'
+import { moved, toPixel, toWorld, viewOf, zoomed, type Point, type Size, type View } from './view'
 
 export const follow = signal(true)
 const view = signal<View>({ x: 0, y: 0, scale: 45 })
 const size: Size = { width: 0, height: 0 }
-/** Frames drawn in the last second, for the tests and the curious. */
+/** Times of the frames drawn in the last second; the tests read their count. */
 const drawn: number[] = []
 
-/** Whether anything has changed since the last frame: who paints what is there already takes half a core. */
+/** Whether anything has changed since the last frame: painting always would take half a core. */
 let dirty = true
 let seen: { scans: unknown; points: Float64Array } = { scans: null, points: new Float64Array() }
 
@@ -47,7 +47,7 @@ function scene(now: number): Scene {
   }
 }
 
-// whatever a scene reads; and four times a second, for what ages while nothing comes
+// on a change of anything the scene reads, and four times a second for ages
 effect(() => {
   void [s.clock.value, view.value, follow.value]
   scene(performance.now())
@@ -83,7 +83,7 @@ function down(event: PointerEvent): void {
   held.set(event.pointerId, at(event))
   pressed = { at: at(event), moved: false }
   if (!edit.editing.value) return
-  dragged = edit.under(at(event), edit.draft.value.map((p) => toPixel(view.value, size, p)))
+  dragged = edit.waypointAt(at(event), edit.draft.value.map((p) => toPixel(view.value, size, p)))
   if (dragged !== null) edit.chosen.value = dragged
 }
 
@@ -130,7 +130,7 @@ function showAll(): void {
   const all: Point[] = [...(s.lines.value.reference ?? [])]
   const pose = s.state.value?.pose
   if (pose !== undefined) all.push([pose[0], pose[1]])
-  view.value = around(all, size) ?? view.value
+  view.value = viewOf(all, size) ?? view.value
 }
 
 /** Where a way-point goes that was not pointed at: a metre ahead of the last, or of the robot. */
@@ -176,8 +176,8 @@ export function MapPanel() {
         onPointerDown={down} onPointerMove={move} onPointerUp={up} onPointerCancel={up}
       />
       <div class="map-buttons" role="toolbar" aria-label="Map view">
-        <button type="button" aria-label="Nearer" onClick={() => zoom(1.4)}>+</button>
-        <button type="button" aria-label="Farther" onClick={() => zoom(1 / 1.4)}>−</button>
+        <button type="button" aria-label="Zoom in" onClick={() => zoom(1.4)}>+</button>
+        <button type="button" aria-label="Zoom out" onClick={() => zoom(1 / 1.4)}>−</button>
         <button type="button" aria-pressed={follow.value} onClick={() => (follow.value = !follow.value)}>
           Follow
         </button>
@@ -191,14 +191,14 @@ export function MapPanel() {
   )
 }
 
-/** For those who cannot see it. */
+/** Text alternative of the map. */
 function described(): string {
   const state = s.state.value
   if (state === null) return 'Map; no data from the robot yet'
   const [x, y, psi] = state.pose
   const degrees = Math.round((psi * 180) / Math.PI)
-  const gap = state.clearance_m === null ? '' : `, nearest thing ${state.clearance_m.toFixed(1)} m away`
+  const clearance = state.clearance_m === null ? '' : `, clearance ${state.clearance_m.toFixed(1)} m`
   const kept = s.zones.value.find((one) => one.what === 'keep_out')
   const zone = kept !== undefined && within(kept, [x, y]) ? ', in a keep-out zone' : ''
-  return `Map; robot at ${x.toFixed(1)}, ${y.toFixed(1)} metres, heading ${degrees} degrees${zone}${gap}`
+  return `Map; robot at ${x.toFixed(1)}, ${y.toFixed(1)} metres, heading ${degrees} degrees${zone}${clearance}`
 }

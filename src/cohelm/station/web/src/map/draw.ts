@@ -1,8 +1,8 @@
-// Draws everything on the map, from the ground up.
-import { wayOut, type Grid, type Pose, type Zones } from '../binary'
+// Draws the map and all on it, from bottom to top.
+import { nearestExit, type Grid, type Pose, type Zones } from '../binary'
 import * as colour from '../colours'
 import type { Discs, Dock, Robot, State } from '../messages'
-import { placed, toPixel, type Point, type Size, type View } from './view'
+import { fromBody, toPixel, type Point, type Size, type View } from './view'
 
 export interface Scene {
   grid: Grid | null
@@ -14,7 +14,7 @@ export interface Scene {
   detour: Point[]
   trail: Point[]
   waypoints: Point[]
-  /** Number of the way-point that was refused. */
+  /** Index of the waypoint that was refused. */
   worst: number | null
   chosen: number | null
   editing: boolean
@@ -40,7 +40,7 @@ export function draw(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   drawDiscs(ctx, v, size, scene.discs)
   drawScan(ctx, v, size, scene.scan)
   if (scene.state !== null && scene.robot !== null) drawRobot(ctx, v, size, scene)
-  if (scene.state !== null && !scene.lost) drawWayOut(ctx, v, size, scene)
+  if (scene.state !== null && !scene.lost) drawExit(ctx, v, size, scene)
   drawWaypoints(ctx, v, size, scene)
 }
 
@@ -49,7 +49,7 @@ function drawGrid(ctx: Ctx, v: View, size: Size, grid: Grid): void {
     if (grid.origin[2] !== 0) {
       ctx.drawImage(grid.picture, 0, -grid.height * cell, grid.width * cell, grid.height * cell)
     } else {
-      drawSeenPart(ctx, size, grid, px, py, cell)
+      drawVisiblePart(ctx, size, grid, px, py, cell)
     }
   })
 }
@@ -71,7 +71,7 @@ function onCells(
 }
 
 /** Only what is on the screen: software rendering pays for every pixel of the source. */
-function drawSeenPart(
+function drawVisiblePart(
   ctx: Ctx, size: Size, grid: Grid, px: number, py: number, cell: number,
 ): void {
   const top = py - grid.height * cell
@@ -91,13 +91,13 @@ function drawZones(ctx: Ctx, v: View, size: Size, zones: Zones): void {
   })
 }
 
-/** The robot as it would stand there, the straight way to it, and its name beyond the bow. */
+/** The outline of the docked robot, its straight approach, and the dock's name in front of it. */
 function drawDock(ctx: Ctx, v: View, size: Size, dock: Dock, robot: Robot | null): void {
   const pose: Pose = dock.pose
-  line(ctx, v, size, [placed(pose, [-dock.approach_m, 0]), [pose[0], pose[1]]], {
+  line(ctx, v, size, [fromBody(pose, [-dock.approach_m, 0]), [pose[0], pose[1]]], {
     stroke: colour.faint, width: 1.5, dash: [2, 3],
   })
-  const [bx, by] = toPixel(v, size, placed(pose, [-dock.approach_m, 0]))
+  const [bx, by] = toPixel(v, size, fromBody(pose, [-dock.approach_m, 0]))
   circle(ctx, bx, by, 4)
   ctx.stroke()
   if (robot === null) return
@@ -108,7 +108,7 @@ function drawDock(ctx: Ctx, v: View, size: Size, dock: Dock, robot: Robot | null
   ctx.stroke()
   ctx.setLineDash([])
   const front = Math.max(...robot.outline.map((c) => c[0]))
-  const [x, y] = toPixel(v, size, placed(pose, [front, 0]))
+  const [x, y] = toPixel(v, size, fromBody(pose, [front, 0]))
   ctx.font = 'bold 12px system-ui, sans-serif'
   ctx.textAlign = 'center'
   const text = `dock ${dock.name}`
@@ -136,13 +136,13 @@ function drawSpeeds(ctx: Ctx, v: View, size: Size, zones: Zones): void {
   ctx.textAlign = 'start'
 }
 
-/** From the middle of a robot that is in a keep-out zone to the nearest place outside. */
-function drawWayOut(ctx: Ctx, v: View, size: Size, scene: Scene): void {
+/** An arrow from a robot inside a keep-out zone to the nearest exit. */
+function drawExit(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   const { state, zones } = scene
   const kept = zones.find((one) => one.what === 'keep_out')
   if (state === null || kept === undefined) return
   const from: Point = [state.pose[0], state.pose[1]]
-  const to = wayOut(kept, from)
+  const to = nearestExit(kept, from)
   if (to === null) return
   line(ctx, v, size, [from, to], { stroke: '#0a7a3c', width: 4 })
   const [x, y] = toPixel(v, size, to)
@@ -158,7 +158,7 @@ function drawWayOut(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   ctx.fill()
   ctx.restore()
   ctx.font = 'bold 12px system-ui, sans-serif'
-  ctx.fillText('way out', x + 14, y - 8)
+  ctx.fillText('nearest exit', x + 14, y - 8)
 }
 
 function drawScale(ctx: Ctx, v: View, size: Size): void {
@@ -233,7 +233,7 @@ function drawScan(ctx: Ctx, v: View, size: Size, scan: Float64Array): void {
 
 function drawWaypoints(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   if (scene.editing) {
-    line(ctx, v, size, scene.waypoints, { stroke: colour.person, width: 2, dash: [4, 4] })
+    line(ctx, v, size, scene.waypoints, { stroke: colour.operator, width: 2, dash: [4, 4] })
   }
   for (const [i, point] of scene.waypoints.entries()) {
     const [x, y] = toPixel(v, size, point)
@@ -242,7 +242,7 @@ function drawWaypoints(ctx: Ctx, v: View, size: Size, scene: Scene): void {
     ctx.fillStyle = scene.editing ? '#fff' : colour.path
     ctx.fill()
     if (!scene.editing) continue
-    ctx.strokeStyle = bad ? colour.danger : colour.person
+    ctx.strokeStyle = bad ? colour.danger : colour.operator
     ctx.lineWidth = scene.chosen === i ? 4 : 2
     ctx.stroke()
     ctx.fillStyle = bad ? colour.danger : colour.ink
@@ -256,7 +256,7 @@ function drawWaypoints(ctx: Ctx, v: View, size: Size, scene: Scene): void {
 function outline(ctx: Ctx, v: View, size: Size, pose: Pose, corners: Point[]): void {
   ctx.beginPath()
   for (const [i, corner] of corners.entries()) {
-    const [x, y] = toPixel(v, size, placed(pose, corner))
+    const [x, y] = toPixel(v, size, fromBody(pose, corner))
     if (i === 0) ctx.moveTo(x, y)
     else ctx.lineTo(x, y)
   }
@@ -267,12 +267,12 @@ function drawRobot(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   const { state, robot, ghost } = scene
   if (state === null || robot === null) return
   line(ctx, v, size, [[state.pose[0], state.pose[1]], ...state.ahead], {
-    stroke: colour.person, width: 3,
+    stroke: colour.operator, width: 3,
   })
   if (state.reference !== null) drawReference(ctx, v, size, state.reference)
   if (ghost !== null) {
     outline(ctx, v, size, ghost, robot.outline)
-    ctx.strokeStyle = colour.person
+    ctx.strokeStyle = colour.operator
     ctx.lineWidth = 1.5
     ctx.setLineDash([4, 3])
     ctx.stroke()

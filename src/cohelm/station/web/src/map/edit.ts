@@ -1,4 +1,4 @@
-// Way-points in the person's hand: added, dragged, removed, checked by the robot, sent to it.
+// Editing waypoints: add, drag, remove, have the robot check them, send them.
 import { signal } from '@preact/signals'
 import { send } from '../socket'
 import * as s from '../state'
@@ -34,7 +34,7 @@ function changed(points: Point[], choose: number | null): void {
   check()
 }
 
-/** Ask the robot what it thinks, not more often than it can be bothered with. */
+/** Have the robot check the draft, at a limited rate. */
 function check(): void {
   clearTimeout(later)
   const wait = checkedAt + CHECK_EVERY_MS - performance.now()
@@ -47,7 +47,7 @@ function check(): void {
   send({ type: 'waypoints', points: draft.value, only_check: true })
 }
 
-/** A new one after the chosen one, or at the end. */
+/** Add one after the selected one, or at the end. */
 export function add(point: Point): void {
   const at = chosen.value === null ? draft.value.length : chosen.value + 1
   changed([...draft.value.slice(0, at), point, ...draft.value.slice(at)], at)
@@ -67,8 +67,8 @@ export function submit(): void {
   waiting.value = send({ type: 'waypoints', points: draft.value, only_check: false })
 }
 
-/** The way-point under a pixel, or null. */
-export function under(at: Point, pixels: Point[]): number | null {
+/** The way-point waypointAt a pixel, or null. */
+export function waypointAt(at: Point, pixels: Point[]): number | null {
   let best: number | null = null
   let least = 16
   for (const [i, p] of pixels.entries()) {

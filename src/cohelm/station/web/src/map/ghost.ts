@@ -1,4 +1,4 @@
-// Where the robot will be: by now, and by the time that what the person does now reaches it. Pure.
+// The predicted pose when the operator's present command reaches the robot. Pure.
 import type { Pose } from '../binary'
 import type { State } from '../messages'
 
@@ -17,11 +17,11 @@ export function arc(pose: Pose, [v, omega]: [number, number], t: number): Pose {
   ]
 }
 
-/** The pose `delay` seconds after the state was true, along the robot's own prediction if it tells one. */
+/** The pose `delay` seconds after the state, along the robot's predicted path if there is one. */
 export function ghost(s: State, delay: number): Pose {
   const path = s.ahead
   if (path.length < 2 || s.ahead_step_s <= 0) return arc(s.pose, s.applied, delay)
-  // point 0 is one step ahead or the place itself: the robot says "from now on"
+  // point 0 is the present position or one step ahead of it
   const at = Math.min(delay / s.ahead_step_s, path.length - 1)
   const i = Math.min(Math.floor(at), path.length - 2)
   const [a, b] = [path[i], path[i + 1]]

@@ -1,6 +1,6 @@
-// How near things are, all round the robot: one number a sector. Pure.
+// Clearance by direction: one number for each sector around the robot. Pure.
 import type { Pose } from '../binary'
-import { seenFrom, type Point } from './view'
+import { toBody, type Point } from './view'
 
 export const SECTORS = 24
 
@@ -24,19 +24,19 @@ export function reach(outline: Point[], bearing: number): number {
   return Number.isFinite(least) ? least : 0
 }
 
-/** Gap from the outline to the nearest thing in each sector, sector 0 around straight ahead,
+/** Clearance from the outline to the nearest obstacle in each sector; sector 0 is ahead,
  * counter-clockwise [m]. */
-export function gaps(
+export function clearances(
   pose: Pose, outline: Point[], seen: Float64Array, discs: Array<[number, number, number]>,
 ): number[] {
   const out = new Array<number>(SECTORS).fill(Infinity)
   const width = (2 * Math.PI) / SECTORS
   const near = (px: number, py: number, radius: number) => {
-    const [x, y] = seenFrom(pose, [px, py])
+    const [x, y] = toBody(pose, [px, py])
     const bearing = Math.atan2(y, x)
-    const gap = Math.max(Math.hypot(x, y) - radius - reach(outline, bearing), 0)
+    const clearance = Math.max(Math.hypot(x, y) - radius - reach(outline, bearing), 0)
     const sector = ((Math.round(bearing / width) % SECTORS) + SECTORS) % SECTORS
-    out[sector] = Math.min(out[sector] ?? Infinity, gap)
+    out[sector] = Math.min(out[sector] ?? Infinity, clearance)
   }
   for (let i = 0; i + 1 < seen.length; i += 2) near(seen[i] ?? 0, seen[i + 1] ?? 0, 0)
   for (const [x, y, radius] of discs) near(x, y, radius)

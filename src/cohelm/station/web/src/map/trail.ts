@@ -1,4 +1,4 @@
-// Where the robot has been, as far as this page saw it.
+// The robot's past path, as far as this page received it.
 import { effect, signal } from '@preact/signals'
 import * as s from '../state'
 import type { Point } from './view'
@@ -16,6 +16,6 @@ effect(() => {
   const here: Point = [now.pose[0], now.pose[1]]
   const far = last === undefined ? Infinity : Math.hypot(here[0] - last[0], here[1] - last[1])
   if (far < STEP_M) return
-  // a jump is no way: a replay was moved, or the robot found itself
+  // a jump is not a path: the replay was moved, or the robot relocalized
   trail.value = far > 2 && last !== undefined ? [here] : [...before.slice(1 - MOST), here]
 })

@@ -1,4 +1,4 @@
-// Where the map is looked at from: world metres to canvas pixels and back. Pure.
+// The map's view: map frame [m] to canvas pixels and back. Pure.
 import type { Pose } from '../binary'
 
 export interface View {
@@ -27,7 +27,7 @@ export function toWorld(v: View, s: Size, [px, py]: Point): Point {
   return [v.x + (px - s.width / 2) / v.scale, v.y - (py - s.height / 2) / v.scale]
 }
 
-/** Nearer by `factor`, the world point under the pixel staying where it is. */
+/** Zoomed in by `factor`; the map point under the pixel stays where it is. */
 export function zoomed(v: View, s: Size, at: Point, factor: number): View {
   const scale = Math.min(Math.max(v.scale * factor, LEAST), MOST)
   const [x, y] = toWorld(v, s, at)
@@ -42,8 +42,8 @@ export function moved(v: View, dx: number, dy: number): View {
   return { ...v, x: v.x - dx / v.scale, y: v.y + dy / v.scale }
 }
 
-/** A view that holds all points, with a margin. */
-export function around(points: Point[], s: Size): View | null {
+/** A view that contains all points, with a margin. */
+export function viewOf(points: Point[], s: Size): View | null {
   if (points.length === 0 || s.width === 0) return null
   const xs = points.map((p) => p[0])
   const ys = points.map((p) => p[1])
@@ -53,15 +53,15 @@ export function around(points: Point[], s: Size): View | null {
   return { x: (x1 + x2) / 2, y: (y1 + y2) / 2, scale: Math.min(Math.max(scale, LEAST), MOST) }
 }
 
-/** A point of the body frame, in the world. */
-export function placed(pose: Pose, [x, y]: Point): Point {
+/** A point from the body frame to the map frame. */
+export function fromBody(pose: Pose, [x, y]: Point): Point {
   const c = Math.cos(pose[2])
   const s = Math.sin(pose[2])
   return [pose[0] + c * x - s * y, pose[1] + s * x + c * y]
 }
 
-/** A point of the world, in the body frame. */
-export function seenFrom(pose: Pose, [x, y]: Point): Point {
+/** A point from the map frame to the body frame. */
+export function toBody(pose: Pose, [x, y]: Point): Point {
   const c = Math.cos(pose[2])
   const s = Math.sin(pose[2])
   const dx = x - pose[0]
@@ -69,7 +69,7 @@ export function seenFrom(pose: Pose, [x, y]: Point): Point {
   return [c * dx + s * dy, -s * dx + c * dy]
 }
 
-/** Way-points to where docking begins, so that the robot comes there along the dock's line. */
-export function wayTo(dock: { pose: Pose; approach_m: number }): Point[] {
-  return [0.7, 0].map((before) => placed(dock.pose, [-dock.approach_m - before, 0]))
+/** Waypoints to the start of a dock's approach, reached along the dock's axis. */
+export function routeTo(dock: { pose: Pose; approach_m: number }): Point[] {
+  return [0.7, 0].map((before) => fromBody(dock.pose, [-dock.approach_m - before, 0]))
 }

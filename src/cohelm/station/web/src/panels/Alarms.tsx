@@ -1,37 +1,37 @@
-// The top line: what is wrong, the worst first, and a button to say that it was seen.
+// The alarms, the worst first, each with a button to acknowledge it.
 import type { Alarm } from '../messages'
 import { send } from '../socket'
 import * as s from '../state'
-import { once, type Shown } from './once'
-import { goOn, idle, useless } from '../input/drive'
+import { mergeAlarms, type ShownAlarm } from './mergeAlarms'
+import { resumeHint, notArmedReason, noEffectReason } from '../input/drive'
 
 const MARK = { alarm: '▲', warning: '◆', notice: '●' } as const
 
-function ours(): Shown[] {
-  const out: Shown[] = []
-  const say = (severity: Alarm['severity'], text: string) =>
+function localAlarms(): ShownAlarm[] {
+  const out: ShownAlarm[] = []
+  const add = (severity: Alarm['severity'], text: string) =>
     out.push({ number: -1 - out.length, severity, text, active: true, acknowledged: true, local: true, all: [] })
   const c = s.connection.value
   const why = s.link.value === null || s.link.value.why === '' ? '' : ` (${s.link.value.why})`
   if (c === 'closed' || c === 'connecting') {
-    if (s.welcome.value !== null) say('alarm', `No connection to the station${why}. What you see is old. The robot stops by itself.`)
-  } else if (c === 'silent') say('alarm', 'The station is silent. What you see is old.')
+    if (s.welcome.value !== null) add('alarm', `No connection to the station${why}. The display is stale. The robot stops by itself.`)
+  } else if (c === 'silent') add('alarm', 'No data from the station. The display is stale.')
   else if (s.link.value !== null && !s.link.value.connected && s.robot.value === null) {
-    say('notice', `There is no robot yet${s.link.value.why === '' ? '' : `: ${s.link.value.why}`}.`)
+    add('notice', `Not connected to a robot yet${s.link.value.why === '' ? '' : `: ${s.link.value.why}`}.`)
   } else if (s.link.value !== null && !s.link.value.connected) {
-    say('alarm', `No link to the robot${why}. What you see is old. The robot stops by itself.`)
+    add('alarm', `No link to the robot${why}. The display is stale. The robot stops by itself.`)
   }
-  const idly = useless.value || (s.youDrive.value ? idle.value : '')
-  if (idly !== '') say('warning', `Your stick does not steer: ${idly}.`)
-  if (goOn.value !== '') say('notice', `To drive on: ${goOn.value}.`)
-  const where = s.state.value?.localised
-  if (where === 'lost') say('alarm', 'The robot does not know where it is. Drive it on a little by hand: it crawls, and what it then sees may tell.')
-  else if (where === 'poor') say('warning', 'The robot is not sure where it is.')
+  const reason = noEffectReason.value || (s.youDrive.value ? notArmedReason.value : '')
+  if (reason !== '') add('warning', `Your stick does not steer: ${reason}.`)
+  if (resumeHint.value !== '') add('notice', `To continue: ${resumeHint.value}.`)
+  const localised = s.state.value?.localised
+  if (localised === 'lost') add('alarm', 'Localization is lost. Drive on a little by hand (speed is limited), so that it can localize again.')
+  else if (localised === 'poor') add('warning', 'Localization is uncertain.')
   return out
 }
 
 export function Alarms() {
-  const all: Shown[] = [...ours(), ...once(s.alarms.value)]
+  const all: ShownAlarm[] = [...localAlarms(), ...mergeAlarms(s.alarms.value)]
   const order = { alarm: 0, warning: 1, notice: 2 }
   all.sort((a, b) => order[a.severity] - order[b.severity])
   if (all.length === 0) return <div class="alarms" role="status" aria-label="Alarms">No alarms</div>
@@ -42,7 +42,7 @@ export function Alarms() {
           <span aria-hidden="true">{MARK[alarm.severity]}</span>
           <span>
             {alarm.text}
-            {!alarm.active && ' (over)'}
+            {!alarm.active && ' (cleared)'}
           </span>
           {!alarm.local && !alarm.acknowledged && (
             <button type="button" onClick={() => alarm.all.forEach((value) => send({ type: 'do', what: 'acknowledge', value }))}>

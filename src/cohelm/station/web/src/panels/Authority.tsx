@@ -1,13 +1,13 @@
-// Person and controller: who leads, the nominal command, the applied one, and why they differ.
+// Authority of operator and controller, nominal and applied command, and why they differ.
 import { useEffect, useRef } from 'preact/hooks'
 import * as colour from '../colours'
-import { hand, idle } from '../input/drive'
+import { stick, notArmedReason } from '../input/drive'
 import { DEVICE_NAMES } from '../input/source'
 import { points } from '../map/points'
-import { gaps, SECTORS } from '../map/ring'
+import { clearances, SECTORS } from '../map/ring'
 import * as s from '../state'
 import { abnormal, CLOSE_M, why } from './why'
-import { metres, speed, yaw } from './words'
+import { metres, speed, yaw } from './format'
 
 const NEAR_M = 0.7
 
@@ -17,10 +17,10 @@ export function Authority() {
   const applied = state?.applied ?? [0, 0]
   const nominal = state?.nominal ?? [0, 0]
   return (
-    <section class="authority" aria-label="Person and controller">
+    <section class="authority" aria-label="Operator and controller">
       <Dial />
       <div class="facts">
-        <div class="share" role="meter" aria-label="Share of the person in the command" aria-valuemin={0}
+        <div class="share" role="meter" aria-label="Operator's share of the command" aria-valuemin={0}
           aria-valuemax={100} aria-valuenow={authority === null ? 0 : Math.round((1 - authority) * 100)}>
           <span>you</span>
           <div class="bar"><i style={{ width: `${(1 - (authority ?? 1)) * 100}%` }} /></div>
@@ -28,17 +28,17 @@ export function Authority() {
         </div>
         <table>
           <tbody>
-            <tr class="nominal" title="what you and the controller want together">
+            <tr class="nominal" title="the operator's command and the controller's, blended, before the safety filter">
               <th scope="row">nominal</th><td>{speed(nominal[0])}</td><td>{yaw(nominal[1])}</td>
             </tr>
-            <tr title="what the wheels get">
+            <tr title="the command at the wheels">
               <th scope="row">applied</th><td>{speed(applied[0])}</td><td>{yaw(applied[1])}</td>
             </tr>
           </tbody>
         </table>
         <p class={`why ${abnormal(state) ? 'abnormal' : ''}`} role="status">{why(state)}</p>
         <p class="nearest">
-          nearest <b class={near(state?.clearance_m ?? null)}>{metres(state?.clearance_m)}</b>
+          clearance <b class={near(state?.clearance_m ?? null)}>{metres(state?.clearance_m)}</b>
         </p>
         {!s.isReplay.value && <Stick />}
       </div>
@@ -46,19 +46,19 @@ export function Authority() {
   )
 }
 
-function near(gap: number | null): string {
-  return gap !== null && gap < CLOSE_M ? 'abnormal' : ''
+function near(clearance: number | null): string {
+  return clearance !== null && clearance < CLOSE_M ? 'abnormal' : ''
 }
 
 function Stick() {
   return (
     <p class="device">
-      {DEVICE_NAMES[hand.value.device]}: <b>{idle.value || 'ready'}</b>
+      {DEVICE_NAMES[stick.value.device]}: <b>{notArmedReason.value || 'ready'}</b>
     </p>
   )
 }
 
-/** The stick's dot inside a ring that shows how near things are all round. */
+/** The stick's dot inside a ring of clearances by direction. */
 function Dial() {
   const ref = useRef<HTMLCanvasElement>(null)
   useEffect(() => {
@@ -67,7 +67,7 @@ function Dial() {
   }, [])
   return (
     <canvas ref={ref} class="dial" width={320} height={320} role="img"
-      aria-label="Stick, and how near things are around the robot; forward is up" />
+      aria-label="Stick, and clearance around the robot; forward is up" />
   )
 }
 
@@ -82,16 +82,16 @@ function drawDial(canvas: HTMLCanvasElement): void {
   const bodies = s.discs.value.map((d): [number, number, number] => [d[0], d[1], d[4]])
   const all = state === null || robot === null
     ? new Array<number>(SECTORS).fill(Infinity)
-    : gaps(state.pose, robot.outline, seen, bodies)
-  for (const [i, gap] of all.entries()) {
+    : clearances(state.pose, robot.outline, seen, bodies)
+  for (const [i, clearance] of all.entries()) {
     const middle = -Math.PI / 2 - (i * 2 * Math.PI) / SECTORS
     const half = Math.PI / SECTORS - 0.02
     // nearer is thicker as well as another colour
-    const width = gap < CLOSE_M ? 34 : gap < NEAR_M ? 22 : 8
+    const width = clearance < CLOSE_M ? 34 : clearance < NEAR_M ? 22 : 8
     ctx.beginPath()
     ctx.arc(0, 0, 154 - width / 2, middle - half, middle + half)
     ctx.lineWidth = width
-    ctx.strokeStyle = gap < CLOSE_M ? colour.danger : gap < NEAR_M ? colour.warning : '#a5aaae'
+    ctx.strokeStyle = clearance < CLOSE_M ? colour.danger : clearance < NEAR_M ? colour.warning : '#a5aaae'
     ctx.stroke()
   }
   ctx.strokeStyle = '#a5aaae'
@@ -103,18 +103,18 @@ function drawDial(canvas: HTMLCanvasElement): void {
   ctx.moveTo(0, -80)
   ctx.lineTo(0, 80)
   ctx.stroke()
-  const h = hand.value
+  const h = stick.value
   const [x, psi] = s.isReplay.value ? (state?.stick ?? [0, 0]) : [h.x, h.psi]
   ctx.beginPath()
   ctx.arc(-psi * 80, -x * 80, 14, 0, 2 * Math.PI)
   ctx.lineWidth = 5
   ctx.strokeStyle = colour.ink
   ctx.stroke()
-  // filled where the robot really uses it
+  // filled: the deflection that the robot uses
   if (state !== null && (s.isReplay.value || s.youDrive.value)) {
     ctx.beginPath()
     ctx.arc(-state.stick[1] * 80, -state.stick[0] * 80, 8, 0, 2 * Math.PI)
-    ctx.fillStyle = colour.person
+    ctx.fillStyle = colour.operator
     ctx.fill()
   }
   ctx.setTransform(1, 0, 0, 1, 0, 0)

@@ -1,12 +1,12 @@
-// The newest picture, how old it is, and the way the robot will go drawn into it.
+// The newest picture, its age, and the predicted path drawn into it.
 import { useEffect, useRef } from 'preact/hooks'
 import * as colour from '../colours'
-import { seenFrom, type Point } from '../map/view'
+import { toBody, type Point } from '../map/view'
 import type { Camera as Lens } from '../messages'
 import { send } from '../socket'
 import * as s from '../state'
 import { project } from './project'
-import { ms } from './words'
+import { ms } from './format'
 
 const OLD_MS = 500
 
@@ -49,7 +49,7 @@ async function show(canvas: HTMLCanvasElement): Promise<void> {
     if (ctx !== null) {
       ctx.drawImage(picture, 0, 0)
       const lens = s.robot.value?.camera
-      if (lens != null) drawWay(ctx, canvas, lens, frame.pose)
+      if (lens != null) drawPredictedPath(ctx, canvas, lens, frame.pose)
       canvas.dataset.number = String(frame.number)
       canvas.dataset.ageMs = String(Math.round(frame.ageMs + performance.now() - frame.at))
     }
@@ -62,8 +62,8 @@ async function show(canvas: HTMLCanvasElement): Promise<void> {
   }
 }
 
-/** Both edges of the strip that the robot will sweep, on the floor. */
-function drawWay(
+/** Both edges of the predicted path on the floor. */
+function drawPredictedPath(
   ctx: CanvasRenderingContext2D, size: { width: number; height: number }, lens: Lens,
   pose: [number, number, number],
 ): void {
@@ -72,12 +72,12 @@ function drawWay(
   if (state === null || state.ahead.length < 2) return
   const half = Math.max(...outline.map((c) => Math.abs(c[1])))
   ctx.lineWidth = Math.max(2, size.width / 200)
-  ctx.strokeStyle = colour.person
+  ctx.strokeStyle = colour.operator
   for (const side of [-half, half]) {
     ctx.beginPath()
     let drawing = false
-    for (const point of beside(state.ahead, side)) {
-      const at = project(lens, size, seenFrom(pose, point))
+    for (const point of offset(state.ahead, side)) {
+      const at = project(lens, size, toBody(pose, point))
       if (at === null) continue
       if (drawing) ctx.lineTo(at[0], at[1])
       else ctx.moveTo(at[0], at[1])
@@ -88,7 +88,7 @@ function drawWay(
 }
 
 /** The path moved sideways by `d`. */
-function beside(path: Point[], d: number): Point[] {
+function offset(path: Point[], d: number): Point[] {
   return path.map((p, i) => {
     const a = path[Math.max(i - 1, 0)] ?? p
     const b = path[Math.min(i + 1, path.length - 1)] ?? p

@@ -1,24 +1,24 @@
-// Who drives, and the ways to change it.
+// The driver, and the requests to change it.
 import { send } from '../socket'
 import * as s from '../state'
 import type { Do } from '../messages'
-import { modeName } from './words'
+import { modeName } from './format'
 
-function ask(what: Do['what'], value = 0): void {
+function request(what: Do['what'], value = 0): void {
   send({ type: 'do', what, value })
 }
 
 const HOLD_WITHIN_MS = 1000
 
-/** Have it hold first: a robot that is let go in the middle of a drive stops with an alarm. */
+/** Hold first: a moving robot whose lease is released stops with an alarm. */
 function release(): void {
-  if (drives()) ask('hold')
+  if (drives()) request('hold')
   const since = performance.now()
-  const give = () => {
-    if (drives() && performance.now() - since < HOLD_WITHIN_MS) setTimeout(give, 20)
-    else ask('give')
+  const handBack = () => {
+    if (drives() && performance.now() - since < HOLD_WITHIN_MS) setTimeout(handBack, 20)
+    else request('give')
   }
-  give()
+  handBack()
 }
 
 function drives(): boolean {
@@ -34,27 +34,27 @@ export function Driver() {
   return (
     <div class="driver" role="group" aria-label="Who drives">
       <span role="status">
-        {who.you_drive ? <strong>You drive</strong> : who.driver === null ? 'Nobody drives' : `${who.driver} drives`}
-        {who.operators.length > 1 && <small> · {who.operators.length} here</small>}
+        {who.you_drive ? <strong>You drive</strong> : who.driver === null ? 'No driver' : `${who.driver} drives`}
+        {who.operators.length > 1 && <small> · {who.operators.length} connected</small>}
       </span>
       {who.you_drive && who.asking === null && <button type="button" onClick={() => release()}>Release</button>}
       {who.you_drive && who.asking !== null && (
         <span class="asking" role="alert">
-          {who.asking} asks for the robot{left}
-          <button type="button" onClick={() => ask('give', who.asking_client)}>Hand over</button>
-          <button type="button" onClick={() => ask('refuse')}>Keep</button>
+          {who.asking} requests control{left}
+          <button type="button" onClick={() => request('give', who.asking_client)}>Hand over</button>
+          <button type="button" onClick={() => request('refuse')}>Keep</button>
         </span>
       )}
-      {!who.you_drive && who.driver === null && <button type="button" onClick={() => ask('take')}>Take over</button>}
+      {!who.you_drive && who.driver === null && <button type="button" onClick={() => request('take')}>Take over</button>}
       {!who.you_drive && who.driver !== null && !who.you_ask && (
-        <button type="button" onClick={() => ask('take')}>Ask for it</button>
+        <button type="button" onClick={() => request('take')}>Request control</button>
       )}
       {who.you_ask && <span role="status">requested{left}</span>}
     </div>
   )
 }
 
-/** Who drove then, how, and why the robot was stopped: nothing of it can be changed any more. */
+/** Driver, mode and stop reason of a record; read-only. */
 function Replay() {
   const now = s.state.value
   const driver = s.who.value?.driver

@@ -1,6 +1,6 @@
-// How the robot fares, then how well station and robot hear each other; what is out of the ordinary stands out.
+// State of the robot and of the link; values out of the normal range are marked.
 import * as s from '../state'
-import { ms, percent, speed } from './words'
+import { ms, percent, speed } from './format'
 
 function Row({ name, value, odd = false }: { name: string; value: string; odd?: boolean }) {
   return (
@@ -24,19 +24,19 @@ export function LinkPanel() {
       <table>
         <tbody>
           <Row name="robot" value={s.robot.value?.name ?? '–'} />
-          <Row name="position" value={state === null ? '–' : where(state.localised, state.sigma_m)} odd={state?.localised === 'poor' || state?.localised === 'lost'} />
-          <Row name="speed cap" value={cap === null ? 'none' : `${speed(cap)} · ${state?.cap_reason ?? ''}`} odd={cap !== null} />
+          <Row name="localization" value={state === null ? '–' : where(state.localised, state.sigma_m)} odd={state?.localised === 'poor' || state?.localised === 'lost'} />
+          <Row name="speed limit" value={cap === null ? 'none' : `${speed(cap)} · ${state?.cap_reason ?? ''}`} odd={cap !== null} />
           {q?.battery != null && <Row name="battery" value={percent(q.battery)} odd={q.battery < 0.2} />}
           {q?.faults.map((fault) => <Row key={fault} name="fault" value={fault} odd />)}
           {!s.isReplay.value && <>
             <Row name="link" value={q?.connected ? q.name : 'not connected'} odd={!q?.connected} />
             <Row name="round trip" value={ms(q?.round_trip_ms)} odd={over(q?.round_trip_ms, 200)} />
-            <Row name="lost" value={percent(q?.loss)} odd={over(q?.loss, 0.05)} />
+            <Row name="packet loss" value={percent(q?.loss)} odd={over(q?.loss, 0.05)} />
             <Row name="command age" value={ms(q?.command_age_ms)} odd={over(q?.command_age_ms, 150)} />
-            <Row name="what you see" value={age === Infinity ? '–' : `${ms(age)} old`} odd={!(age < 300)} />
-            <Row name="page to station" value={ms(s.pageMs.value)} odd={over(s.pageMs.value, 150)} />
+            <Row name="display age" value={age === Infinity ? '–' : `${ms(age)} old`} odd={!(age < 300)} />
+            <Row name="page round trip" value={ms(s.pageMs.value)} odd={over(s.pageMs.value, 150)} />
             <Row name="clock offset" value={ms(q?.offset_ms)} />
-            <Row name="robot late by" value={ms(q?.late_ms)} odd={over(q?.late_ms, 20)} />
+            <Row name="control loop late by" value={ms(q?.late_ms)} odd={over(q?.late_ms, 20)} />
           </>}
         </tbody>
       </table>

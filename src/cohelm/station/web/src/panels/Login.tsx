@@ -1,13 +1,13 @@
-// The token that the station printed when it was started.
+// Login with the token that the station printed at its start.
 import { signal } from '@preact/signals'
-import { enter } from '../session'
+import { logIn } from '../session'
 import { retry } from '../socket'
 
 const wrong = signal('')
 
 /** typed: the token, or all of the address it is in. */
 async function login(typed: string): Promise<void> {
-  wrong.value = await enter(typed.trim().replace(/^.*token=/, ''))
+  wrong.value = await logIn(typed.trim().replace(/^.*token=/, ''))
   if (wrong.value === '') await retry()
 }
 
@@ -25,7 +25,7 @@ export function Login() {
       <label>Token<input name="token" type="password" autocomplete="off" autofocus required /></label>
       <p>It is in the address that the station printed when it started: open that address, or copy it here.</p>
       <p role="alert" class="abnormal">{wrong.value}</p>
-      <button type="submit">Enter</button>
+      <button type="submit">Log in</button>
     </form>
   )
 }

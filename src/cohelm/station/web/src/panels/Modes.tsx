@@ -1,17 +1,17 @@
-// Mode, speed, and the settings of the stick.
+// Mode, speed and stick settings.
 import { signal } from '@preact/signals'
-import { choose, hand, speedScale } from '../input/drive'
+import { choose, speedScale, stick } from '../input/drive'
 import { pad } from '../input/gamepad'
 import { change, DEFAULTS, settings } from '../input/settings'
 import { DEVICE_NAMES, type Device } from '../input/source'
-import { wayTo } from '../map/view'
+import { routeTo } from '../map/view'
 import { send } from '../socket'
 import * as s from '../state'
 import { useEscape } from './escape'
-import { MODES, percent } from './words'
+import { MODES, percent } from './format'
 
 const open = signal(false)
-const MOST_WAYS = 4
+const MAX_ROUTES = 4
 
 export function Modes() {
   if (s.isReplay.value) return null
@@ -41,38 +41,38 @@ export function Modes() {
   )
 }
 
-/** What the robot does at a dock, and what it could do; where it is at none, the ways to them. */
+/** State and actions at a dock; elsewhere, the routes to the docks. */
 function Docks() {
   const now = s.state.value
   if (now === null) return null
   const name = s.docks.value[now.dock - 1]?.name
-  if (name === undefined) return <WaysToDocks />
+  if (name === undefined) return <RoutesToDocks />
   const at = now.docking
-  const ask = (what: 'dock' | 'undock') => send({ type: 'do', what, value: now.dock })
+  const request = (what: 'dock' | 'undock') => send({ type: 'do', what, value: now.dock })
   return (
     <div class="row docks" role="group" aria-label="Dock">
       {at === 'docking' && <span role="status">docking at {name} …</span>}
       {at === 'undocking' && <span role="status">undocking from {name} …</span>}
       {at === 'docked' && <span role="status">docked at {name}</span>}
       {(at === 'staged' || at === 'between') && (
-        <button type="button" disabled={!s.youDrive.value} onClick={() => ask('dock')}>Dock at {name}</button>
+        <button type="button" disabled={!s.youDrive.value} onClick={() => request('dock')}>Dock at {name}</button>
       )}
       {(at === 'docked' || at === 'between') && (
-        <button type="button" disabled={!s.youDrive.value} onClick={() => ask('undock')}>Undock</button>
+        <button type="button" disabled={!s.youDrive.value} onClick={() => request('undock')}>Undock</button>
       )}
     </div>
   )
 }
 
-/** To follow in a mode that is chosen then; the robot says why where it can not. */
-function WaysToDocks() {
+/** Routes to follow once a mode is chosen; the robot refuses with a reason. */
+function RoutesToDocks() {
   if (s.docks.value.length === 0) return null
   return (
     <div class="row docks" role="group" aria-label="Dock">
-      {s.docks.value.slice(0, MOST_WAYS).map((dock) => (
+      {s.docks.value.slice(0, MAX_ROUTES).map((dock) => (
         <button key={dock.name} type="button" disabled={!s.youDrive.value}
-          title="A route to where docking begins; then choose Auto or Shared"
-          onClick={() => send({ type: 'waypoints', points: wayTo(dock), only_check: false })}>
+          title="Route to the start of the dock's approach; then choose Auto or Shared"
+          onClick={() => send({ type: 'waypoints', points: routeTo(dock), only_check: false })}>
           Route to {dock.name}
         </button>
       ))}
@@ -103,20 +103,20 @@ function StickSettings() {
   return (
     <div class="settings" role="dialog" aria-label="Stick settings">
       <label>device
-        <select value={hand.value.device} onChange={(e) => choose(e.currentTarget.value as Device)}>
+        <select value={stick.value.device} onChange={(e) => choose(e.currentTarget.value as Device)}>
           {(['keyboard', 'gamepad', 'touch'] as const).map((d) => <option key={d} value={d}>{DEVICE_NAMES[d]}</option>)}
         </select>
       </label>
       <p>{pad()?.id ?? 'No gamepad; plug one in and press a button on it.'}</p>
       {axis('foreAft', 'fore-aft')}{tick('foreAftTurned', 'inverted')}
       {axis('leftRight', 'left-right')}{tick('leftRightTurned', 'inverted')}
-      {slide('deadBand', 'dead band', 0, 0.5)}{slide('curve', 'fine near the centre', 0, 1)}
-      {slide('ramp', 'keyboard: seconds to full', 0.05, 2)}
+      {slide('deadBand', 'dead band', 0, 0.5)}{slide('curve', 'expo (fine near the centre)', 0, 1)}
+      {slide('ramp', 'keyboard: seconds to full deflection', 0.05, 2)}
       {tick('rumble', 'rumble near obstacles')}
       <label>stop button
         <input type="number" min="0" max="31" value={set.stopButton} onChange={(e) => change({ stopButton: e.currentTarget.valueAsNumber })} />
       </label>
-      <label>go-on button
+      <label>resume button
         <input type="number" min="0" max="31" value={set.goOnButton} onChange={(e) => change({ goOnButton: e.currentTarget.valueAsNumber })} />
       </label>
       <div class="row">

@@ -1,4 +1,4 @@
-// The last half minute of what matters.
+// Plots of the last half minute.
 import { useEffect, useRef } from 'preact/hooks'
 import uPlot from 'uplot'
 import 'uplot/dist/uPlot.min.css'
@@ -21,7 +21,7 @@ interface Curve {
 interface Chart {
   title: string
   curves: Curve[]
-  /** Least and greatest value that are always shown. */
+  /** Range that is always shown. */
   shown: [number, number]
 }
 
@@ -71,7 +71,7 @@ function data(chart: Chart): uPlot.AlignedData {
 
 const MOST = 3
 
-/** The range to draw; far outliers are cut, so that what matters stays readable. */
+/** The range to draw; far outliers are cut. */
 function within([least, most]: [number, number], low: number | null, high: number | null): [number, number] {
   const bottom = Math.min(least, low ?? least)
   const top = Math.max(most, high ?? most)

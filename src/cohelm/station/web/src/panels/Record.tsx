@@ -1,36 +1,36 @@
 // Recording, on the robot's side.
 import { signal } from '@preact/signals'
-import { ask } from '../session'
+import { authorizedFetch } from '../session'
 import { send } from '../socket'
 import * as s from '../state'
 import { useEscape } from './escape'
-import { bytes } from './words'
+import { bytes } from './format'
 
 const open = signal(false)
-type About = { text: string; hash: string }
-/** What became of a download, by the name of the record. */
-const said = signal<{ [name: string]: About }>({})
+type Status = { text: string; hash: string }
+/** Status of each download, by the record's name. */
+const statuses = signal<{ [name: string]: Status }>({})
 
 function path(name: string): string {
   return `./records/${encodeURIComponent(name)}`
 }
 
-function say(name: string, text: string, hash = ''): void {
-  said.value = { ...said.value, [name]: { text, hash } }
+function setStatus(name: string, text: string, hash = ''): void {
+  statuses.value = { ...statuses.value, [name]: { text, hash } }
 }
 
-/** A link can show no session, so it gets a ticket for this one record. */
+/** A plain link can not send the session, so it gets a ticket for this record. */
 async function download(name: string): Promise<void> {
-  say(name, 'the robot works out its hash …')
+  setStatus(name, 'the robot computes its SHA-256 …')
   let answer: Response
   try {
-    answer = await ask(path(name), { method: 'POST' })
+    answer = await authorizedFetch(path(name), { method: 'POST' })
   } catch {
-    return say(name, 'the station does not answer')
+    return setStatus(name, 'the station does not answer')
   }
-  if (!answer.ok) return say(name, await answer.text())
+  if (!answer.ok) return setStatus(name, await answer.text())
   const { ticket, sha256 } = (await answer.json()) as { ticket: string; sha256: string }
-  say(name, '', sha256)
+  setStatus(name, '', sha256)
   const link = document.createElement('a')
   link.href = `${path(name)}?ticket=${ticket}`
   link.download = name
@@ -68,7 +68,7 @@ export function Record() {
                 {file.name}
               </a>{' '}
               {bytes(file.bytes)}
-              <Said of={said.value[file.name]} />
+              <DownloadStatus of={statuses.value[file.name]} />
             </li>
           ))}
         </ul>
@@ -77,7 +77,7 @@ export function Record() {
   )
 }
 
-function Said({ of }: { of: About | undefined }) {
+function DownloadStatus({ of }: { of: Status | undefined }) {
   if (of === undefined) return null
   return (
     <small role="status">

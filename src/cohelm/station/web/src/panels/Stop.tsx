@@ -1,4 +1,4 @@
-// STOP: always there, for everybody. It is software, and says so.
+// The STOP button: always visible, for every operator. A software stop, and labelled so.
 import { send } from '../socket'
 import * as s from '../state'
 import { stop } from '../input/drive'
@@ -12,7 +12,7 @@ export function Stop() {
         <div class="stopped" role="status">
           <span><b>Stopped:</b> {why}</span>
           <button type="button" disabled={!s.youDrive.value} onClick={() => send({ type: 'do', what: 'reset', value: 0 })}>
-            Let it drive
+            Reset
           </button>
         </div>
       )}

@@ -1,7 +1,7 @@
-// Where in the record we are, and how fast it goes on.
+// Position in the record, and playback speed.
 import { send } from '../socket'
 import * as s from '../state'
-import { minutes } from './words'
+import { minutes } from './format'
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16]
 
@@ -17,7 +17,7 @@ export function Timeline() {
         {now.playing ? '❚❚' : '▶'}
       </button>
       <span>{minutes(now.at_s)} / {minutes(length)}</span>
-      <input type="range" min="0" max={length} step="0.01" value={now.at_s} aria-label="Place in the record, seconds"
+      <input type="range" min="0" max={length} step="0.01" value={now.at_s} aria-label="Position in the record, seconds"
         onInput={(event) => play({ seek_s: event.currentTarget.valueAsNumber })} />
       <label>speed
         <select value={now.speed} onChange={(event) => play({ speed: Number(event.currentTarget.value) })}>

@@ -1,15 +1,15 @@
-// Two pads for two thumbs: the left one forward and back, the right one left and right.
+// Two touch pads: the left one for fore-aft, the right one for left-right.
 import { useEffect, useRef } from 'preact/hooks'
-import { grip, letGoOfPads, touch, touched } from '../input/touch'
+import { releasePads, releases, touch, touched } from '../input/touch'
 import { clamp } from '../input/shape'
 import * as s from '../state'
 
 function Pad({ axis, label }: { axis: 'x' | 'psi'; label: string }) {
   const value = touched.value[axis]
-  const since = useRef(grip)
+  const since = useRef(releases)
   const drag = (event: PointerEvent) => {
     const pad = event.currentTarget as HTMLElement
-    if (!pad.hasPointerCapture(event.pointerId) || since.current !== grip) return
+    if (!pad.hasPointerCapture(event.pointerId) || since.current !== releases) return
     const box = pad.getBoundingClientRect()
     const half = (axis === 'x' ? box.height : box.width) / 2 - 24
     const from = axis === 'x' ? box.top + box.height / 2 - event.clientY : box.left + box.width / 2 - event.clientX
@@ -23,7 +23,7 @@ function Pad({ axis, label }: { axis: 'x' | 'psi'; label: string }) {
       aria-valuenow={Math.round(value * 100)}
       onPointerDown={(event) => {
         event.currentTarget.setPointerCapture(event.pointerId)
-        since.current = grip
+        since.current = releases
         drag(event)
       }}
       onPointerMove={drag} onPointerUp={release} onPointerCancel={release} onLostPointerCapture={release}
@@ -35,7 +35,7 @@ function Pad({ axis, label }: { axis: 'x' | 'psi'; label: string }) {
 
 export function TouchPads() {
   const shown = !s.isReplay.value && s.youDrive.value
-  useEffect(() => (shown ? letGoOfPads : undefined), [shown]) // pads that go away say no more
+  useEffect(() => (shown ? releasePads : undefined), [shown]) // hidden pads count as released
   if (!shown) return null
   return (
     <div class="pads">

@@ -1,4 +1,4 @@
-// The escape key closes what was opened over the screen.
+// The escape key closes a dialog.
 import { useLayoutEffect } from 'preact/hooks'
 
 export function useEscape(close: () => void): void {

@@ -1,4 +1,4 @@
-// From the floor to a pixel of the camera. Pure.
+// Projects a floor point to a pixel of the camera. Pure.
 import type { Camera } from '../messages'
 
 /** Pixel of a floor point in the body frame (x forward, y left) [m]; null behind the camera. */

@@ -9,10 +9,10 @@ export const CLOSE_M = 0.25
 const IDLE = 'idle'
 
 const GUARDED: Partial<Record<State['verdict'], string>> = {
-  shaped: 'held back: something is near',
-  braking: 'braking: something is near',
+  shaped: 'limited: obstacle near',
+  braking: 'braking: obstacle near',
   standing: 'standing: no safe motion',
-  invalid: 'standing: a number is not finite',
+  invalid: 'standing: invalid number (NaN or infinite)',
 }
 
 /** Whether the applied command is visibly not the nominal one. */
@@ -20,16 +20,16 @@ function other({ nominal, applied }: State): boolean {
   return Math.abs(nominal[0] - applied[0]) > 0.02 || Math.abs(nominal[1] - applied[1]) > 0.05
 }
 
-/** Why the applied command is not the nominal one: the gate's word, the guard's, or the wheels' inertia. */
+/** Why the applied command is not the nominal one: by the gate, the guard, or the robot's limits. */
 export function why(state: State | null): string {
   if (state === null) return '–'
-  if (state.why === IDLE) return 'idle: it waits for a mode'
+  if (state.why === IDLE) return 'idle: choose a mode'
   if (state.why !== '') return state.why
   if (!other(state)) return 'as commanded'
-  return guarded(state) ?? 'as fast as the robot may'
+  return guarded(state) ?? 'at its speed or acceleration limit'
 }
 
-/** What the guard held back for; where it names nothing and nothing is close, the robot's own limits shaped the command. */
+/** Why the guard changed the command; undefined where no obstacle is close: the robot's own limits did. */
 function guarded({ verdict, limiting, clearance_m }: State): string | undefined {
   const close = limiting !== null || (clearance_m !== null && clearance_m < CLOSE_M)
   return verdict === 'shaped' && !close ? undefined : GUARDED[verdict]

@@ -1,4 +1,4 @@
-// Numbers and modes as people read them.
+// Formats numbers and modes for display.
 import type { State } from '../messages'
 
 /** Mode, its name, and what it means. */
@@ -25,7 +25,7 @@ export function yaw(value: number): string {
   return `${tidy(value)} rad/s`
 }
 
-/** Two digits, and no minus in front of nothing. */
+/** Two decimals, without a negative zero. */
 export function tidy(value: number): string {
   const text = value.toFixed(2)
   return text === '-0.00' ? '0.00' : text.replace('-', '−')
