@@ -52,7 +52,7 @@ class Released(NamedTuple):
     clearance: float
     """There [m]."""
     away: float
-    """Until it has 10 cm of room, or is back; inf: never [s]."""
+    """Until it has 10 cm of clearance, or is back; inf: never [s]."""
     back: float
     """Until it is back on its path; inf: never [s]."""
     arrived: bool

@@ -37,7 +37,7 @@ def test_a_sound_drive_has_no_failure():
         ({"not_begun": "there is no odometry"}, "it never drove: there is no odometry"),
         ({"lost": True, "lost_share": 1.0}, "did not know where it was on the map (100% of"),
         (
-            {"docked": False, "docking": "somebody is in its corridor"},
+            {"docked": False, "docking": "its corridor is occupied"},
             "has not docked: somebody is",
         ),
         ({"record_whole": False, "record_fault": "recording stopped: No space left"}, "No space"),

@@ -74,4 +74,4 @@ def test_where_there_is_neither_map_nor_wall_it_drives_by_its_odometry(cohelm, t
     )
     said = cohelm("robot", "bare.yaml", "--fast", "--for", "2", "--json")
     assert said.code == 0, said.err
-    assert "neither --map nor walls to localise by: it trusts its odometry" in said.err
+    assert "no --map or walls to localize on: it uses its odometry" in said.err

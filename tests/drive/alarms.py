@@ -30,7 +30,7 @@ from cohelm.study.campaign.interventions import Interventions
 from cohelm.study.campaign.suites import suite
 
 UNSEEN = (
-    "the scan shows nothing at all: it vouches for no ground",
+    "the scan shows nothing at all: it does not confirm free space",
     "the LiDAR has not shown that it sees what lies ahead",
 )
 """No alarm about a lie: so slow a robot is meant to be where nothing is within sight."""

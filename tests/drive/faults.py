@@ -27,19 +27,19 @@ def along_corridor(end: float) -> Simulated:
 
 FAULTS = {
     "odometry stops": "the odometry is",
-    "odometry is no number": "the odometry is no number",
+    "odometry is not a number": "the odometry is not a number",
     "odometry is gone": "there is no odometry",
     "odometry jumps": "the odometry jumped by",
     "scans stop": "the scan is",
-    "scans are no number": "the scan is no number",
+    "scans are no number": "the scan is not a number",
     "clock jumps on": "after its stamp: a clock jumped",
     "clock jumps back": "from the future: a clock jumped",
-    "bumper": "the robot says: the bumper is pressed",
+    "bumper": "the robot reports: the bumper is pressed",
 }
 REAR_FAULTS = {
     "rear scans stop": "rear LiDAR: the scan is",
     "rear scans are gone": "rear LiDAR: there is no scan",
-    "rear scans are no number": "rear LiDAR: the scan is no number",
+    "rear scans are no number": "rear LiDAR: the scan is not a number",
     "rear scans freeze": "rear LiDAR: the scan repeats",
     "rear scans are empty": "rear LiDAR: ",
 }
@@ -113,7 +113,7 @@ class Faulty:
         match self._fault:
             case "odometry stops":
                 return readings._replace(odometry=kept.odometry)
-            case "odometry is no number":
+            case "odometry is not a number":
                 return readings._replace(odometry=odometry._replace(pose=Pose(math.nan, 0.0, 0.0)))
             case "odometry is gone":
                 return readings._replace(odometry=None)

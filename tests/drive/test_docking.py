@@ -76,7 +76,7 @@ def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
         anna.ask(Ask.TAKE)
         wrong = bert.ask(Ask.DOCK, 1)
         yield from waits(10)
-        assert bert.answers[wrong] == (False, "you do not drive")
+        assert bert.answers[wrong] == (False, "you are not the driver")
         assert here() == (DockPhase.STAGED, 1)
         asked = [anna.ask(Ask.UNDOCK), anna.ask(Ask.DOCK, 2), anna.ask(Ask.DOCK, 3)]
         yield from waits(5)
@@ -90,7 +90,7 @@ def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
             "it is at the start of short's approach",
             "far: its approach is 8.0 m away",
             "there is no dock 3, only 2",
-            "let go of the stick first",
+            "release the stick first",
         ]  # fmt: skip
         assert drive.moved == 0
         anna.ask(Ask.DOCK)
@@ -248,11 +248,11 @@ def test_it_ends_for_who_steps_into_the_corridor_but_not_for_one_scan_of_noise(d
     assert over(docking, 20.1, somebody) == ""
     assert over(docking, 20.14, Seen(1.2)) == ""
     assert over(docking, 20.2, somebody) == ""
-    assert over(docking, 20.4, somebody) == "somebody is in its corridor"
+    assert over(docking, 20.4, somebody) == "its corridor is occupied"
     docking.begin(30.0, 1, Seen(1.2), True)  # backwards he is in nobody's way
     assert over(docking, 30.4, somebody) == ""
     assert over(docking, 30.5, Seen(1.2).with_somebody(0.7, 0.0)) == ""
-    assert over(docking, 30.6, Seen(1.2).with_somebody(0.7, 0.0)) == "somebody is in its corridor"
+    assert over(docking, 30.6, Seen(1.2).with_somebody(0.7, 0.0)) == "its corridor is occupied"
 
 
 @pytest.mark.parametrize("stick", [Stick(0.2, 0.0), Stick(0.0, -0.2), Stick(math.nan, 0.0)])
@@ -292,12 +292,12 @@ def test_nobody_docks_who_is_lost_or_askew(docking):
     docking.finish(docking.last)
     refusal = docking.refusal
     said = refusal(1, Seen(1.0, lost=True), CENTRED, False)
-    assert said == "the robot does not know where it is on the map"
+    assert said == "the robot is not localized on the map"
     said = refusal(1, Seen(1.0, 0.25), CENTRED, False)
     assert said == "charger: drive onto its approach line first"
     said = refusal(0, Seen(1.0, 0.25), CENTRED, False)
-    assert said == "the robot is at no dock's approach: drive it there first"
-    assert refusal(0, Seen(-9.0), CENTRED, True) == "the robot is at no dock"
+    assert said == "the robot is not at a dock's approach: drive it there first"
+    assert refusal(0, Seen(-9.0), CENTRED, True) == "the robot is not at a dock"
     assert refusal(0, Seen(1.0), CENTRED, False) == ""
     longest = Dock("a" * 24, *DOCK[1:])  # a status has no more room than for that
     docking.docks = (longest,)

@@ -172,7 +172,7 @@ def test_pressed_it_takes_the_lease_and_drives_and_let_go_the_robot_stands(robot
             raise AssertionError("the lease was not given back")
         anna.ask(Ask.RESET)
         other = Panel(robot.view.address)
-        drives = "anna drives, and has to give the lease back first"
+        drives = "anna is the driver, and must release the lease first"
         assert other.sees(lambda: other.was_told(drives), v=0.3), other.told
         assert not other.sees(lambda: other.v > 0.01, 1.0, v=0.3)
         assert anna.status().status.lease.driver == anna.status().status.lease.you
@@ -199,8 +199,8 @@ def test_a_panel_that_is_gone_in_the_middle_is_no_stick_that_was_let_go(robot):
     [
         ("std_msgs/msg/String", "json", b"{}", "/cmd_vel is std_msgs/msg/String: the robot is"),
         (TWIST, "ros1", b"", "/cmd_vel comes as ros1: it has to be json or cdr"),
-        (TWIST, "json", said(math.nan, 0.0), "the twist is no number"),
-        (TWIST, "json", said(math.inf, 0.0), "the twist is no number"),
+        (TWIST, "json", said(math.nan, 0.0), "the twist is not a number"),
+        (TWIST, "json", said(math.inf, 0.0), "the twist is not a number"),
         (TWIST, "json", b'{"linear": {"x": 1' + b"0" * 400 + b"}}", "not understood"),
         (TWIST, "json", b'{"linear": 1}', "not understood"),
         (TWIST, "json", b"[[[", "not understood"),
@@ -220,6 +220,6 @@ def test_only_one_of_those_who_look_on_steers(monkeypatch):
     monkeypatch.setattr(FoxgloveTeleop, "_run", lambda self: None)
     teleop = FoxgloveTeleop(Joined(own, "127.0.0.1", 9, GAINS))
     assert teleop.publish("a", Twist(0.1, 0.0), print) == ""
-    assert "somebody else who looks on" in teleop.publish("b", Twist(0.1, 0.0), print)
+    assert "another viewer is steering" in teleop.publish("b", Twist(0.1, 0.0), print)
     teleop._received -= 11.0
     assert teleop.publish("b", Twist(0.1, 0.0), print) == ""

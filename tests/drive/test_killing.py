@@ -118,7 +118,7 @@ def test_a_killed_loop_does_not_take_the_robot_along(drive):
     going = drive()
     going.driving()
     going.process.kill()
-    braked_in_time(going.stopped("(the loop's process is gone|no sound command)"))
+    braked_in_time(going.stopped("(the loop's process is gone|no valid command)"))
     end = time.monotonic() + 15.0
     while (going.record.with_suffix(".reserve")).exists():  # removed when the record is finished
         assert time.monotonic() < end
@@ -131,7 +131,7 @@ def test_a_blocked_loop_is_late_and_the_robot_stands_before_it_is_back(drive):
     going.driving()
     going.process.send_signal(signal.SIGSTOP)
     time.sleep(1.0)
-    braked_in_time(going.stopped("no sound command for more than 100 ms"))
+    braked_in_time(going.stopped("no valid command for more than 100 ms"))
     going.process.send_signal(signal.SIGCONT)
     summary, log = going.ended()
     assert summary["mode"] == "FAULTED"
@@ -146,8 +146,8 @@ def test_a_blocked_loop_is_late_and_the_robot_stands_before_it_is_back(drive):
     ("number", "reason"),
     [
         (signal.SIGINT, "Ctrl-C"),
-        (signal.SIGHUP, "the terminal is gone"),
-        (signal.SIGTERM, "told to terminate"),
+        (signal.SIGHUP, "the terminal was closed"),
+        (signal.SIGTERM, "received SIGTERM"),
     ],
 )
 def test_what_ends_all_its_processes_at_once_stops_the_robot_first(drive, number, reason):

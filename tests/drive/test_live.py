@@ -160,7 +160,7 @@ def test_who_comes_later_gets_what_still_holds(drive):
 
 
 def test_a_live_view_that_dies_stops_nothing_and_is_said(drive):
-    said = "the live view is gone: the robot goes on without"
+    said = "the live view has ended: the robot continues without it"
     assert drive.on_after >= 20
     assert drive.before[0] == drive.after[0] == Mode.AUTOMATIC
     assert said not in [alarm.text for alarm in drive.before[1]]

@@ -71,7 +71,7 @@ def test_a_goal_is_driven_in_the_mode_that_the_driver_chose(drive, told):
         first = drive.loop.driver
         told.newest = AHEAD
         yield from range(60)
-        assert told.said == ["/goal_pose: it is the robot's way from now on"]
+        assert told.said == ["/goal_pose: accepted: the robot follows it"]
         assert drive.loop.driver is not first
         assert drive.loop.supervisor.mode == Mode.AUTOMATIC
         for _ in range(800):
@@ -89,7 +89,7 @@ def test_no_goal_sets_a_robot_off_that_was_told_to_stand(drive, told):
         anna = yield from anna_drives(drive)
         told.newest = AHEAD
         yield from range(100)
-        assert told.said == ["/goal_pose: it is the robot's way from now on"]
+        assert told.said == ["/goal_pose: accepted: the robot follows it"]
         anna.ask(Ask.MODE, Mode.AUTOMATIC)
         yield from range(50)
         moved = drive.moved
@@ -117,7 +117,7 @@ def test_a_goal_ends_with_the_lease_in_which_it_came(drive, told):
         yield from range(10)
         anna.ask(Ask.GIVE)
         yield from range(100)
-        assert told.said == ["/goal_pose: who drove when it came drives no more"]
+        assert told.said == ["/goal_pose: the driver has changed since it came"]
         assert drive.loop.driver is first
 
     drive.run(script())
@@ -150,7 +150,7 @@ def test_a_told_pose_is_taken_while_the_robot_stands_and_on_the_map(drive, told)
         for place, why in (
             (Pose(3.0, 1.51, 0.0), "3.0, 1.5 is in a wall of the map"),
             (Pose(50.0, 0.0, 0.0), "50.0, 0.0 is not on the map"),
-            (Pose(here.x + 0.2, here.y, here.psi), "the robot is looked for there"),
+            (Pose(here.x + 0.2, here.y, here.psi), "accepted: localizing from there"),
         ):
             told.place = Placed("/initialpose", place, 0.3)
             yield from range(2)

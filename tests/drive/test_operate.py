@@ -16,8 +16,8 @@ from cohelm.ros.port import Endpoint, Qos
     ("number", "before", "said"),
     [
         (signal.SIGINT, signal.default_int_handler, "Ctrl-C"),
-        (signal.SIGTERM, signal.SIG_DFL, "told to terminate"),
-        (signal.SIGHUP, signal.SIG_DFL, "the terminal is gone"),
+        (signal.SIGTERM, signal.SIG_DFL, "received SIGTERM"),
+        (signal.SIGHUP, signal.SIG_DFL, "the terminal was closed"),
         (signal.SIGHUP, signal.SIG_IGN, ""),  # nohup
     ],
 )

@@ -74,7 +74,7 @@ def test_only_who_drives_records(tmp_path):
         anna.ask(Ask.GIVE, bert.number)
         number = bert.ask(Ask.RECORD, 1)
         yield from range(10)
-        assert anna.answers[2] == (False, "you do not drive any more")
+        assert anna.answers[2] == (False, "you are no longer the driver")
         assert not bert.answers[number][0]
         bert.ask(Ask.RECORD, 1)
         yield from range(10)

@@ -85,7 +85,7 @@ def test_a_watchers_way_is_checked_and_never_followed(drive):
         bert.propose(WAY)
         yield from range(60)
         (said,) = checked(bert)
-        assert said.answer.reason == "you do not drive"
+        assert said.answer.reason == "you are not the driver"
         assert drive.loop.driver is first
         assert drive.loop.supervisor.mode == Mode.AUTOMATIC
 

@@ -72,7 +72,9 @@ def test_once_it_lets_go_and_stands_and_once_more_it_goes_on():
         yield from range(100)
         drive.asks()
         yield from range(100)
-        assert drive.said == ["/reset: reset, and it stands; once more goes on in automatic mode"]
+        assert drive.said == [
+            "/reset: reset; the robot stands; once more continues in automatic mode"
+        ]
         assert drive.fastest(100) == 0.0
         drive.asks()
         yield from range(100)
@@ -95,7 +97,7 @@ def test_what_was_asked_before_the_stop_or_while_it_brakes_or_is_wrong_still_is_
         drive.asks(age=60.0)
         yield from range(3)
         assert drive.said == [
-            "/reset: not reset: the robot was told to stand after you asked: ask again"
+            "/reset: not reset: the robot was stopped after your request: request it again"
         ]
         drive.asks()
         yield from range(100)
@@ -121,7 +123,8 @@ def test_one_that_was_to_hold_is_reset_and_holds():
         drive.asks()
         yield from range(50)
         assert drive.said == [
-            "/reset: reset, and it stands", "/reset: there is nothing to reset, and it was to hold",
+            "/reset: reset; the robot stands",
+            "/reset: there is nothing to reset, and the drive began in hold",
         ]  # fmt: skip
         assert drive.fastest(90) == 0.0
 
@@ -184,7 +187,7 @@ def test_typed_in_the_terminal_it_counts_and_anything_else_does_not(monkeypatch)
     assert resets_ == [1, 1]
     assert said == ["type r and Enter to reset; Ctrl-C ends it"]
     with typed(end, lambda: resets_.append(1), said.append):
-        os.close(keys)  # the terminal is gone, and nobody asks it again and again
+        os.close(keys)  # the terminal was closed, and nobody asks it again and again
         for _ in looks(10.0, 0.02, 0.2):
             listens = any(one.name == "typed" for one in threading.enumerate())
             if not listens:

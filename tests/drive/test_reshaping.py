@@ -27,7 +27,7 @@ from tests.drive.resuming import Drive
 
 ARM = 0.3
 """So much longer is the robot with its arm out [m]."""
-RESHAPED, ALONE = "the robot has another outline", "the outline of before counts no more"
+RESHAPED, ALONE = "the robot has another outline", "the earlier outline no longer applies"
 
 
 class Arm:
@@ -124,7 +124,9 @@ def test_where_it_can_not_stop_with_both_it_brakes_and_says_why():
 
     ride = Ride(10.5, at, Mode.MANUAL, seconds=26.0)
     assert ride.told(RESHAPED) == 1
-    assert any("the outline changes, and both count until it fits" in w for w in ride.reasons)
+    assert any(
+        "outline change: both outlines apply until the new one fits" in w for w in ride.reasons
+    )
     assert ride.told(ALONE) == 1  # as it stands
     assert abs(ride.speed) < 0.05
 
@@ -195,7 +197,7 @@ def test_a_way_is_held_against_the_outline_that_it_has():
     wide = longer(made.model.outline, 0.0, 0.3)
     said = checker_of(plan, known, wide)(narrow, here)
     assert said.reference is None
-    assert "on the way to 2: something in the way" in said.why
+    assert "on the path to 2: an obstacle" in said.why
 
 
 class Own(Robot):
@@ -265,7 +267,7 @@ def test_a_dock_that_it_does_not_fit_any_more_is_told_and_refused_before_it_is_d
             return t >= 4.5
 
         session.run(until, Mode.HOLD)
-    why = "with the outline that it has now, on its approach, at 4.10, 0.00, the robot has 2 cm to"
+    why = "with its present outline, on its approach, at 4.10, 0.00, the robot has 2 cm to"
     assert refused[0.5] == "" == refused[4.0]
     assert refused[2.0].startswith(f"charger: {why}")
     assert said[2.0][f"no docking at charger: {why} a wall, less than margin_m, 0.075"]

@@ -231,7 +231,7 @@ def test_a_mode_asked_for_before_somebody_elses_stop_is_not_done_after_it(drive)
         yield from waits(60)
         assert drive.gated.gate.mode == GateMode.STOPPED
         late = [answer for answer in anna.answers.values() if not answer[0]]
-        assert late[0][1] == "the robot was told to stand after you asked: ask again"
+        assert late[0][1] == "the robot was stopped after your request: request it again"
         anna.ask(Ask.RESET)
         anna.ask(Ask.MODE, Mode.AUTOMATIC)
         yield from waits(60)
@@ -256,7 +256,7 @@ def test_who_stops_together_with_the_driver_is_not_overlooked(drive):
         yield from waits(60)
         assert bert.answers[1] == (True, "")
         assert anna.answers[mode] == (
-            False, "the robot was told to stand after you asked: ask again",
+            False, "the robot was stopped after your request: request it again",
         )  # fmt: skip
         assert drive.gated.gate.mode == GateMode.STOPPED
 
@@ -273,7 +273,7 @@ def test_a_mode_asked_for_with_the_release_behind_it_is_not_done(drive):
         anna.ask(Ask.GIVE)
         anna.ask(Ask.TAKE)
         yield from waits(60)
-        assert anna.answers[2] == (False, "you do not drive any more")
+        assert anna.answers[2] == (False, "you are no longer the driver")
         assert drive.rule.driver == anna.number
         assert drive.loop.supervisor.mode == Mode.HOLD
         assert drive.moved == 0
@@ -322,7 +322,7 @@ def test_too_many_requests_at_once_are_refused_in_words_but_for_a_stop():
         assert session.gated.gate.mode == GateMode.STOPPED
         assert operator.answers[0][:2] == (101, True)  # the stop, before all that came with it
         assert sum(granted for _, granted, _ in operator.answers) == 1
-        assert operator.answers[50][2] == "too many requests: wait a moment and ask again"
+        assert operator.answers[50][2] == "too many requests: wait a moment and try again"
 
 
 def test_a_start_in_a_mode_is_no_wish_that_outlives_a_stop():

@@ -99,8 +99,8 @@ def test_a_robot_that_stands_says_why_and_one_that_never_drove_too():
     with Session(SessionConfig(made)) as session:
         session.run(lambda loop: loop.supervisor.mode == Mode.AUTOMATIC, Mode.AUTOMATIC)
         assert session.state() == "automatic"
-        session.loop.supervisor.pause("way", "waits for a way on /goal_pose")
-        assert session.state() == "automatic: waits for a way on /goal_pose"
+        session.loop.supervisor.pause("way", "waiting for a goal or path on /goal_pose")
+        assert session.state() == "automatic: waiting for a goal or path on /goal_pose"
         session.loop.supervisor.resume("way")
         session.loop.seen = session.loop.seen._replace(lost=True, reason="nothing fits")
         assert session.state() == "automatic: lost: nothing fits"

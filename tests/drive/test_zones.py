@@ -114,7 +114,7 @@ def test_no_stick_drives_it_into_a_keep_out_zone_and_it_says_what_holds_it(tmp_p
     ride = Ride(zones, 5.0, 6.0, Stick(1.0, 0.0))
     assert max(ride.depths) == 0.0
     assert 1.4 < ride.poses[-1].x < 2.0 - 0.36
-    assert ride.told[-1].why == "held back: a keep-out zone"
+    assert ride.told[-1].why == "limited: keep-out zone"
 
 
 def test_put_down_in_a_keep_out_zone_it_gets_out_and_no_deeper(tmp_path):
@@ -151,7 +151,7 @@ def test_no_way_leads_through_a_keep_out_zone_but_round_it(tmp_path):
     outline = simulated(CORRIDOR).model.outline
     nothing = np.empty((0, 2))
     judge = PathChecker(0.5, outline, nothing, nothing, zones.keep_out)
-    assert "something in the way" in judge(np.array([(6.0, -0.5)]), START).why
+    assert "an obstacle" in judge(np.array([(6.0, -0.5)]), START).why
     assert judge(Goal(6.0, -0.5), START).reference is not None
     assert judge(Goal(1.9, -0.5), START).why == "the goal 1.9, -0.5 is in a keep-out zone"
 

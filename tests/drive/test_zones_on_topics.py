@@ -121,7 +121,7 @@ def test_a_zone_that_comes_while_it_drives_is_driven_round_without_a_stop():
         return loop.seen.twist.v > 0.3
 
     ride = Ride(FAR, at=once(when, lambda ride: ride.topics.mask(ACROSS)))
-    assert ride.said == ["/mask has changed: its zones are taken up"]
+    assert ride.said == ["/mask has changed: its zones are being loaded"]
     assert ride.arrived
     assert ride.depths(ACROSS).max() == 0.0
     assert not ride.loop.supervisor.paused
@@ -136,7 +136,7 @@ def test_one_before_which_it_can_not_stop_makes_it_stand_first():
 
     drop = once(lambda _, loop: loop.seen.pose.x > 0.45, lambda ride: ride.topics.mask(here))
     ride = Ride(FAR, at=at)
-    why = "the zones have changed, and it brakes for them"
+    why = "the zones have changed: braking for them"
     waits = [zones for said, zones in paused if said == why]
     assert waits
     assert set(waits) == {paused[0][1]}  # those before count meanwhile
@@ -192,7 +192,7 @@ def test_what_can_not_be_used_is_told_once_and_changes_nothing(tmp_path, spoil, 
         drive.run(range(5))
         (sentence,) = said
         assert sentence.startswith(why)
-        assert sentence.endswith("; the zones from before count on")
+        assert sentence.endswith("; the earlier zones still apply")
         assert drive.loop.driver.zones is before
         (alarm,) = [one for one in drive.loop.alarms.worst() if one.text == sentence]
         assert (alarm.active, alarm.severity) == (True, Severity.WARNING)

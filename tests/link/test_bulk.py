@@ -96,7 +96,7 @@ def test_way_points_come_from_the_driver_alone_and_are_answered(both):
     way = np.array([[1.0, 2.0], [3.0, 4.0]])
     both.up.send(Waypoints(1, way, False))
     until(lambda: both.got(Checked), turn=both.turn)
-    assert both.got(Checked)[0] == Checked(Answer(1, False, "you do not drive"), 65535)
+    assert both.got(Checked)[0] == Checked(Answer(1, False, "you are not the driver"), 65535)
     both.drive()
     both.up.send(Waypoints(2, way, False))
     both.up.send(Waypoints(3, way + 1.0, True))

@@ -83,7 +83,7 @@ def test_only_the_driver_is_heard_and_the_lease_is_handed_over_on_request(both):
     assert both.ask(one, Ask.TAKE).granted
     answer = both.ask(two, Ask.TAKE)
     assert not answer.granted
-    assert "asked" in answer.reason
+    assert "requested" in answer.reason
     until(lambda: one.status().status.lease.asking, turn=both.turn)
     assert both.robot.driver == one.status().status.lease.you
     assert both.ask(one, Ask.REFUSE).granted
@@ -111,7 +111,7 @@ def test_who_does_not_drive_may_stop_and_acknowledge_but_nothing_else(both):
     for what in (Ask.RESET, Ask.MODE, Ask.RECORD):
         answer = both.ask(two, what, 1)
         assert not answer.granted
-        assert answer.reason == "you do not drive"
+        assert answer.reason == "you are not the driver"
     assert not both.done
     for what in (Ask.STOP, Ask.ACKNOWLEDGE):
         assert both.ask(two, what).granted

@@ -132,7 +132,7 @@ def test_what_can_not_be_paired_is_said_with_its_cure(tmp_path, moved):
     assert [name for name, _ in keys.stations()] == ["anna"]
     with pytest.raises(CohelmError, match="is called"):
         keys.robot("other")
-    with pytest.raises(CohelmError, match="let in: anna"):
+    with pytest.raises(CohelmError, match="paired: anna"):
         keys.unpair("ben")
     (tmp_path / "bad.pair").write_bytes(b"-----BEGIN nonsense")
     with pytest.raises(CohelmError, match="does not hold a pairing"):

@@ -15,7 +15,7 @@ def test_what_the_person_sees_leaves_room_to_stop(delay, clearance, deceleration
     cap = speed_cap(delay, clearance, deceleration, math.inf)
     way = cap.speed * delay + cap.speed**2 / (2.0 * deceleration)
     assert way == pytest.approx(clearance) or cap.speed == CRAWL
-    assert "delay" in cap.reason
+    assert "latency" in cap.reason
 
 
 @pytest.mark.parametrize(("delay", "clearance"), [(0.1, 0.2), (math.nan, 0.2), (1.0, math.inf)])

@@ -165,7 +165,7 @@ def test_a_station_that_takes_all_its_places_leaves_some_to_others_and_the_drive
                     one.say(command(int(1e4 * time.monotonic()) % 2**31, session=100 + k))
             time.sleep(0.05)
 
-        until(lambda: robot.refused_counts["as many clients as there can be"] >= 3, turn=speak)
+        until(lambda: robot.refused_counts["too many clients"] >= 3, turn=speak)
         assert len(robot.clients()) == MOST_OF_ONE_KEY
         with StationEnd(second, HERE, robot.address[1]) as other:
             until(other.status, turn=speak)

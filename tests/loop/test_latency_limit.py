@@ -36,7 +36,7 @@ def received(age=0.02, driver=1, fresh=True, scale=1.0, round_trip=0.0):
         (received(0.29, fresh=False), ""),
         (received(0.31, fresh=False), "no command for 310 ms"),
         (received(math.nan, fresh=False), "no command yet"),
-        (received(driver=0), "nobody drives any more"),
+        (received(driver=0), "there is no driver any more"),
     ],
 )
 def test_a_driver_is_lost_after_the_watchdog_whether_there_was_a_stick_or_not(said, why):
@@ -51,7 +51,7 @@ def test_the_share_of_speed_is_what_was_said_last():
 def test_only_a_person_who_steers_with_delay_near_something_is_slowed_down():
     late = steering_delay(received(round_trip=0.6), ARMED)
     assert latency_cap(late, 0.3, SETTINGS).speed < SETTINGS.gains.u_d
-    assert "delay" in latency_cap(late, 0.3, SETTINGS).reason
+    assert "latency" in latency_cap(late, 0.3, SETTINGS).reason
     assert latency_cap(late, 5.0, SETTINGS) == NO_CAP
     assert latency_cap(late, math.inf, SETTINGS) == NO_CAP
     assert latency_cap(steering_delay(received(round_trip=0.05), ARMED), 0.3, SETTINGS) == NO_CAP

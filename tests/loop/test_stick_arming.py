@@ -53,13 +53,13 @@ def test_the_deflection_in_use_moves_no_faster_than_a_hand():
 @pytest.mark.parametrize(
     ("said", "why"),
     [
-        (received(valid=False), "the stick vanished"),
-        (received(x=math.nan), "the stick vanished"),
+        (received(valid=False), "no valid stick input"),
+        (received(x=math.nan), "no valid stick input"),
         (received(armed=False), "the stick was disarmed"),
         (received(age=0.31), "the newest command is 310 ms old"),
         (received(age=math.nan), "the newest command is nan ms old"),
         (OperatorInput(1, "anna", None, 0.4, 0.0, ()), "no command for 400 ms"),
-        (NO_INPUT, "nobody drives any more"),
+        (NO_INPUT, "there is no driver any more"),
     ],
 )
 def test_a_stick_in_use_that_can_not_be_believed_is_lost_once_and_says_why(said, why):

@@ -113,11 +113,11 @@ def test_no_motion_that_passes_moves_what_is_on_outwards(v, omega, on):
 @pytest.mark.parametrize(
     ("readings", "now", "reason"),
     [
-        (said(1.0, without=("rear",)), 1.0, "nothing is heard of the rear bumper"),
-        (Readings(), 1.0, "nothing is heard of the front bumper"),
-        (said(1.0), 1.51, "nothing is heard of the front bumper for more than 500 ms"),
+        (said(1.0, without=("rear",)), 1.0, "no message from the rear bumper"),
+        (Readings(), 1.0, "no message from the front bumper"),
+        (said(1.0), 1.51, "no message from the front bumper for more than 500 ms"),
         (said(1.0), 0.9, "the front bumper comes from the future: a clock jumped"),
-        (said(math.nan), 1.0, "the time of the front bumper is no number"),
+        (said(math.nan), 1.0, "the time of the front bumper is not a number"),
     ],
 )
 def test_without_the_messages_of_any_of_them_nothing_passes(readings, now, reason):

@@ -46,7 +46,9 @@ def test_the_only_compressed_one_is_taken_and_of_several_none_without_being_aske
 
 
 def test_one_that_is_named_and_not_there_is_a_sentence():
-    with pytest.raises(CohelmError, match=r"nobody publishes /eye: .*--topic camera=TOPIC.*" + EYE):
+    with pytest.raises(
+        CohelmError, match=r"no node publishes /eye: .*--topic camera=TOPIC.*" + EYE
+    ):
         choose("/eye", [published(EYE)])
     with pytest.raises(CohelmError, match="/scan is sensor_msgs/msg/LaserScan"):
         choose("/scan", [published("/scan", "sensor_msgs/msg/LaserScan")])

@@ -181,7 +181,7 @@ def test_a_robot_behind_ros_topics_stands_until_a_goal_comes_and_drives_there():
             with cohelm("robot", *wanted.split(), *zones) as process:
                 assert asked(6.5, -1.5, "the goal 6.5, -1.5 is in a keep-out zone")
                 assert asked(4.0, 3.0, "is in a wall, or too near to one")
-                assert asked(3.0, -1.0, "it is the robot's way from now on")
+                assert asked(3.0, -1.0, "accepted: the robot follows it")
                 out_, said = process.communicate(timeout=400.0)
         finally:
             base.send_signal(signal.SIGINT)

@@ -135,6 +135,6 @@ def test_all_are_found_and_read_and_one_that_is_silent_is_named():
         found([one for one in says if one[0][0] != "/cliff_left"])
     ends.remove(out("/cliff_right", RANGE, BEST_EFFORT))
     with pytest.raises(
-        CohelmError, match=r"nobody publishes /cliff_right.*with --contact right=TOPIC"
+        CohelmError, match=r"no node publishes /cliff_right.*with --contact right=TOPIC"
     ):
         found(says[:-1])

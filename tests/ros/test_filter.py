@@ -66,10 +66,10 @@ def told(hall, words: str) -> str:
 FAULTS = [
     ("no scan", "the scan is"),
     ("tomorrow", "from the future: a clock jumped"),
-    ("nan odometry", "the odometry is no number"),
-    ("no odometry", "the odometry is|moves at .* although it is told to stand"),
+    ("nan odometry", "the odometry is not a number"),
+    ("no odometry", "the odometry is|moves at .* although it is commanded to stand"),
     ("stale scan", "stamps went back by 1.9|the scan is 2|the scan comes 2... ms after its stamp"),
-    ("nan scan", "the scan is no number|vanished from the scan|of the scan are empty"),
+    ("nan scan", "the scan is not a number|vanished from the scan|of the scan are empty"),
     ("step /odom,/scan -3600", "3600 s after its stamp: a clock jumped; if it stays so, set both"),
     ("step /odom,/scan 31536000", "s from the future: a clock jumped; if it stays so, set both"),
     ("step /scan -1", "stamps went back by 0.9. s, as if a clock was set|ms after its stamp"),
@@ -109,7 +109,7 @@ def test_a_command_that_is_no_number_stops_it(hall):
     hall.filter.said.clear()
     hall.controller.twist = Twist(math.nan, 0.0)
     assert hall.stands(3.0)
-    told(hall, "the command is no number")
+    told(hall, "the command is not a number")
     assert not hall.filter.latched
 
 

@@ -122,14 +122,14 @@ def test_goals_paths_and_told_poses_are_heard_once(network):
 
 BAD = [
     (GOAL, goal(frame="odom"), "it is in the frame 'odom', and the map's is 'map': publish"),
-    (GOAL, goal(NAN), "the goal is no number"),
-    (GOAL, goal(math.inf), "the goal is no number"),
+    (GOAL, goal(NAN), "the goal is not a number"),
+    (GOAL, goal(math.inf), "the goal is not a number"),
     (PATH, path(), "the path is empty"),
     (PATH, path((0.0, 0.0), frame="base_link"), "it is in the frame 'base_link', and the map's"),
     (PATH, path((0.0, 0.0), inside="odom"), "it is in the frame 'odom', and the map's is 'map'"),
-    (PATH, path((0.0, 0.0), (1.0, NAN)), "the path has a pose that is no number"),
+    (PATH, path((0.0, 0.0), (1.0, NAN)), "the path has a pose that is not a number"),
     (POSE, told(frame=""), "it is in the frame '', and the map's is 'map': publish it in that"),
-    (POSE, told(y=NAN), "the initial pose is no number"),
+    (POSE, told(y=NAN), "the initial pose is not a number"),
     (POSE, unturned(), "the initial pose's orientation is no rotation"),
     (POSE, told(variance=NAN), "the initial pose's covariance is none"),
     (POSE, told(variance=-1.0), "the initial pose's covariance is none"),

@@ -73,7 +73,7 @@ def test_while_the_lock_is_on_it_must_not_move_and_a_lock_that_leaves_is_one_tha
     out.send(Bool(False))
     assert until(lambda: not one.faults())
     theirs.close()
-    assert says(one, "nobody publishes /emergency_stop any more")
+    assert says(one, "no node publishes /emergency_stop any more")
 
 
 def test_a_lock_that_was_on_for_a_moment_is_not_missed(locked, others):
@@ -134,12 +134,12 @@ def test_what_is_no_lock_is_told_before_anything_moves():
     _, wrong = lock(LOCK, [by, right])
     assert "is std_msgs/msg/String by /panel, and std_msgs/msg/Bool is needed" in wrong
     assert "Bool is on /stop" in wrong
-    assert lock(LOCK, []) == (f"emergency stop: nobody publishes {LOCK}", "")
+    assert lock(LOCK, []) == (f"emergency stop: no node publishes {LOCK}", "")
     assert lock(LOCK, [right]) == (
-        f"emergency stop: nobody publishes {LOCK}; Bool is on /stop: is it that (--lock)?",
+        f"emergency stop: no node publishes {LOCK}; Bool is on /stop: is it that (--lock)?",
         "",
     )
-    assert lock(LOCK, [right], {"/stop"})[0] == f"emergency stop: nobody publishes {LOCK}"
+    assert lock(LOCK, [right], {"/stop"})[0] == f"emergency stop: no node publishes {LOCK}"
     assert lock("/stop", [right]) == ("emergency stop: /stop by /button", "")
 
 

@@ -171,7 +171,7 @@ def test_a_joystick_that_nobody_publishes_is_told_of(monkeypatch):
     assert (
         Topic()
         .operator.nothing_received()
-        .startswith("nobody publishes /joy: start its driver, or")
+        .startswith("no node publishes /joy: start its driver, or")
     )
     joy = Topic()
     joy.say()

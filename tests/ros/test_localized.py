@@ -124,7 +124,7 @@ def test_the_robot_is_found_on_the_map_by_its_odometry_and_the_transform(pair):
     assert any(begun - 1e-6 <= stamp <= end + 1e-6 for begun, end in robot.taken)
     assert robot.said[0] == f"map -> {robot.odom} is published on {space}/tf"
     assert robot.said[1].startswith(
-        f"nobody publishes {robot.odom} -> base on {space}/tf, so ROS does not"
+        f"no node publishes {robot.odom} -> base on {space}/tf, so ROS does not"
     )
 
 

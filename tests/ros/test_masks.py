@@ -157,14 +157,15 @@ def test_a_grid_that_can_not_be_used_is_one_sentence(two, n):
 def test_what_is_not_there_or_never_comes_is_said_with_its_cure(two):
     theirs, ours = two
     assert refused(ours, "/none").startswith(
-        "nobody publishes /none/costmap_filter_info: start costmap_filter_info_server, or name "
+        "no node publishes /none/costmap_filter_info: start costmap_filter_info_server, or name "
     )
     other = theirs.publish("/bare/costmap_filter_info", FILTER_INFO, LATCHED)
     assert until(lambda: any(one.topic.startswith("/bare") for one in ours.endpoints()))
     assert "is its node not active yet (ros2 lifecycle get)" in refused(ours, "/bare")
     other.send(info("walls"))
     assert refused(ours, "/bare", wait=1.0).startswith(
-        "nobody publishes /bare/walls: /bare/costmap_filter_info says that the mask is there: start"
+        "no node publishes /bare/walls: /bare/costmap_filter_info says that the mask is there: "
+        "start"
     )
     wrong = theirs.publish("/bare/walls", TWIST, COMMAND)
     assert until(lambda: any(one.topic == "/bare/walls" for one in ours.endpoints()))

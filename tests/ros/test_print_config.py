@@ -48,7 +48,7 @@ def test_a_robots_topics_types_qos_and_transport_are_printed_and_nothing_is_driv
     assert f"# lock: /emergency_stop, {BOOL} by /panel (reliable, transient local)" in lines
     assert f"# footprint: /arm/outline, {POLYGON} by /panel (reliable, transient local)" in lines
     assert f"# goals: /goal_pose, {GOAL} by /panel (reliable, volatile)" in lines
-    assert "# joy: /joy, nobody publishes it" in lines
+    assert "# joy: /joy, no publisher" in lines
     assert not any(one.startswith("# command") for one in lines)  # only a filter has a controller
     assert "because cyclonedds is installed" in " ".join(said.err.split())
     assert "footprint: /arm/outline by /panel" in " ".join(said.err.split())

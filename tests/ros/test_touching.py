@@ -63,7 +63,7 @@ def test_without_the_bumpers_messages_it_stands_and_names_it():
         assert made.drives(0.4)
         made.base.fault("no bumper")
         assert made.stands()
-        assert said(made, "nothing is heard of the front bumper")
+        assert said(made, "no message from the front bumper")
         made.base.fault("")
         assert made.drives(0.3)
 
@@ -99,7 +99,7 @@ def test_one_that_grows_into_a_wall_stops_it():
         assert made.drives(0.4)
         assert until(lambda: made.base.truth().pose.x > 3.2)
         told.send(box(0.82))  # 2 cm into it
-        assert said(made, "the outline changes, and both count until it fits")
+        assert said(made, "outline change: both outlines apply until the new one fits")
         assert made.stands(5.0)
         assert made.base.truth().pose.x + 0.36 < 3.8
         assert not made.filter.latched

@@ -334,15 +334,16 @@ def test_mounts_are_taken_from_the_axle_where_that_is_not_the_bases_origin():
 MISSING = [
     ([], "no node of ROS is seen (pretended): is ROS_DOMAIN_ID the robot's"),
     ([into("/cmd_vel", TWIST)],
-     "nobody publishes /odom: start its driver, or name another topic with --odom; there is no "
+     "no node publishes /odom: start its driver, or name another topic with --odom; there is no "
      "Odometry at all"),
     ([into("/cmd_vel", TWIST), out("/front/scan", SCAN), out("/odom", ODOMETRY)],
-     "nobody publishes /scan: start its driver, or name another topic with --scan; LaserScan is on "
-     "/front/scan"),
+     "no node publishes /scan: start its driver, or name another topic with --scan; LaserScan is "
+     "on /front/scan"),
     ([*ENDS[::2], out("/scan", "sensor_msgs/msg/PointCloud2")],
      "/scan is sensor_msgs/msg/PointCloud2 by /driver, and sensor_msgs/msg/LaserScan is needed"),
     (ENDS, "/scan is published by /driver, but nothing comes: is its driver stuck"),
-    (ENDS[:2], "nobody listens on /cmd_vel: start the base's driver, or name its topic with --out"),
+    (ENDS[:2],
+     "no node subscribes to /cmd_vel: start the base's driver, or name its topic with --out"),
     ([*ENDS[:2], into("/cmd_vel", "std_msgs/msg/String")],
      "/cmd_vel is wanted as std_msgs/msg/String by /base, and a base takes"),
     ([*ENDS[:2], into("/cmd_vel", TWIST, Qos(True, True))],
@@ -459,9 +460,9 @@ def test_a_controller_that_is_elsewhere_or_says_something_else_is_told():
         (said,) = (one for one in found.notes if one.startswith("commands: "))
         return said
 
-    assert note() == "commands: nobody publishes /cmd_vel_nav yet"
+    assert note() == "commands: no node publishes /cmd_vel_nav yet"
     assert note(out("/key_vel", TWIST), out("/joy_vel", STAMPED)) == (
-        "commands: nobody publishes /cmd_vel_nav yet; there is /joy_vel, /key_vel"
+        "commands: no node publishes /cmd_vel_nav yet; there is /joy_vel, /key_vel"
     )
     assert note(out("/cmd_vel_nav", TWIST)) == "commands: /cmd_vel_nav by /driver, none yet"
     assert note(out("/cmd_vel_nav", "std_msgs/msg/String"), out("/key_vel", TWIST)) == (

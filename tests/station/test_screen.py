@@ -52,7 +52,11 @@ def test_while_the_robot_starts_the_page_says_so_and_nothing_that_is_not_known(
         expect(alarms(page)).to_contain_text(f"Not connected to a robot yet: {starting}.")
         expect(page.get_by_label("Camera")).to_have_text("No picture yet.")
         rows = page.get_by_label("Link to the robot").locator("th").all_text_contents()
-        assert rows[:3] == ["robot", "localization", "speed limit"]  # a low screen has no room for all
+        assert rows[:3] == [
+            "robot",
+            "localization",
+            "speed limit",
+        ]  # a low screen has no room for all
 
 
 @pytest.mark.slow
@@ -92,11 +96,11 @@ def test_two_tabs_are_two_operators_and_a_reload_is_the_same_one(
     expect(second.get_by_role("button", name="Request control")).to_be_visible()
     lead(page, "ArrowLeft", LEFT)
     page.goto("about:blank")  # a reload that takes its time
-    expect(stopped(second)).to_contain_text("the stick is lost: the stick vanished")
+    expect(stopped(second)).to_contain_text("the stick is lost: no valid stick input")
     page.goto(server.address)
     expect(who(page)).to_contain_text("You drive")
     expect(given(page)).to_contain_text(STILL)
-    expect(stopped(page)).to_contain_text("the stick is lost: the stick vanished")
+    expect(stopped(page)).to_contain_text("the stick is lost: no valid stick input")
     lead(page, "ArrowRight", RIGHT)  # the driver is back, and goes on
     page.reload()  # the browser's button, in the middle of a drive
     expect(who(page)).to_contain_text("You drive")

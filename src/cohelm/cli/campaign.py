@@ -182,7 +182,7 @@ def _again(folder: Path, which: str, out: Path | None, as_json: bool) -> None:
         replay_episode.record(found, there)
     if not found.same:
         say(
-            "[yellow]warning:[/yellow] this is not what the campaign's row says: code or data "
+            "[yellow]warning:[/yellow] this differs from the campaign's row: code or data "
             "have changed since"
         )
     if as_json:

@@ -56,7 +56,7 @@ def print_found(
 def _endpoints_text(there: Sequence[Endpoint], subscribed: bool) -> str:
     """The nodes at the other end of a topic, as text. subscribed: whether they subscribe to it."""
     if not there:
-        return "nobody listens" if subscribed else "nobody publishes it"
+        return "no subscriber" if subscribed else "no publisher"
     texts = (
         f"{one.type} {'wanted ' if subscribed else ''}by {one.node or 'a node without a name'} "
         f"({'reliable' if one.qos.reliable else 'best effort'}, "

@@ -47,7 +47,7 @@ def new(
     keys.robot(robot)
     path = out or Path(f"{station}.pair")
     own = keys.pair(station, path)
-    say(f"robot {plain(own.name)} lets {plain(station)} in from its next start on; on the station:")
+    say(f"robot {plain(own.name)} accepts {plain(station)} from its next start on; on the station:")
     print(f"cohelm pair install {path}")
     say(f"the robot shows this certificate: {keys.fingerprint(own.certificate)}")
 
@@ -110,7 +110,7 @@ def remove(
     from cohelm.link import keys
 
     keys.unpair(station)
-    say(f"{plain(station)} is not let in any more, once the robot is started again")
+    say(f"{plain(station)} is revoked once the robot is started again")
 
 
 @app.command(

@@ -47,7 +47,7 @@ def live(where: str | None, teleop: bool = False) -> LiveConfig | None:
         raise CohelmError(
             f"on {host} the address would cross the network in clear, and whoever listens there "
             "could steer: --foxglove 127.0.0.1, and from elsewhere ssh -L "
-            f"{port}:127.0.0.1:{port}; or look on without --foxglove-teleop"
+            f"{port}:127.0.0.1:{port}; or view without --foxglove-teleop"
         )
     if not is_loopback(host):
         say(
@@ -60,7 +60,7 @@ def live(where: str | None, teleop: bool = False) -> LiveConfig | None:
 def shown_at(config: LiveConfig | None) -> None:
     """Print the address of the live view."""
     if config is not None:
-        can = "look on and steer" if config.teleop else "look on"
+        can = "view and steer" if config.teleop else "view"
         say(
             f"live: {plain(config.address)} (Foxglove or Lichtblick, as Foxglove WebSocket; "
             f"whoever has the address can {can})"

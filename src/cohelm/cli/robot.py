@@ -217,7 +217,7 @@ def robot(
     )  # fmt: skip
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
     if chosen_map is None and len(made.scenario.walls()) == 0:
-        begins += "; neither --map nor walls to localise by: it trusts its odometry"
+        begins += "; no --map or walls to localize on: it uses its odometry"
     config = TopicsConfig(
         map_frame, transforms, tuple(goals_from or ()), initial_pose_from, joy, parameters,
         reset_from, masks,
@@ -228,7 +228,7 @@ def robot(
     topics_too = on_topics(made, config, lambda text: say(plain(text)), reset.ask)
     say(begins)
     if listen is not None and not keys.stations() and not foxglove_teleop:
-        say("no station is paired yet, so nobody can drive: cohelm pair new STATION")
+        say("no station is paired yet, so no operator can drive: cohelm pair new STATION")
     with starting(made.model.name) as line, end_signals() as stop, topics_too as beside:
 
         def on_start(session: Session) -> AbstractContextManager[None]:
@@ -302,13 +302,13 @@ def failures(summary: dict[str, Any]) -> list[str]:
     if summary["lost"]:
         share = summary["lost_share"] or 0.0
         found.append(
-            f"at the end the robot did not know where it was on the map ({share:.0%} of the time): "
+            f"at the end the robot was not localized on the map ({share:.0%} of the time): "
             "does the map fit, and the start?"
         )
     if summary["record_whole"] is False:
         found.append(f"the record is not whole: {summary['record_fault']}")
     if summary["live"] is False:
-        found.append("the live view ended before the drive: nothing was shown any more")
+        found.append("the live view ended before the drive")
     return found
 
 
@@ -328,7 +328,7 @@ def rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     if clearance is not None:
         found.append(("smallest clearance while moving", f"{clearance:.3f} m"))
     if lost is not None:
-        found.append(("knew where it was", f"{1.0 - lost:.1%} of the time"))
+        found.append(("localized", f"{1.0 - lost:.1%} of the time"))
     if periods:
         seconds, rate = periods / summary["rate_hz"], summary["rate_hz"]
         found.append(("driven for", f"{seconds:.1f} s at {rate:g} Hz"))

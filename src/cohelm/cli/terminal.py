@@ -83,7 +83,7 @@ def shown(session: Session, reset: ResetHere, topic: str) -> Generator[None]:
             while not over.wait(0.5):
                 if shows and session.loop.log.view_lost:
                     shows = False
-                    say("the live view is gone: the robot goes on without")
+                    say("the live view has ended: the robot continues without it")
                 for alarm in session.loop.alarms.worst():
                     if alarm.severity == Severity.WARNING and alarm.number not in warned:
                         warned.add(alarm.number)

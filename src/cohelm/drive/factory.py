@@ -99,7 +99,7 @@ class OwnRobot:
         adapted = RobotAdapter(robot)
         if adapted.model != self.model:
             raise CohelmError(
-                f"the robot describes itself otherwise than {self.model.name} does: let it take "
+                f"the robot's model is not the one of {self.model.name} does: let it take "
                 "the model it is given, def __init__(self, model): super().__init__(model)"
             )
         return adapted

@@ -73,11 +73,11 @@ class FoxgloveTeleop:
     def publish(self, publisher: object, twist: Twist, say: Callable[[str], None]) -> str:
         """Take a publisher's twist; why it is refused, or "". say: shows it a sentence."""
         if not (math.isfinite(twist.v) and math.isfinite(twist.omega)):
-            return "the twist is no number"
+            return "the twist is not a number"
         with self._lock:
             now = time.monotonic()
             if self._owner not in (None, publisher) and now - self._received < RELEASE_AFTER:
-                return "somebody else who looks on steers already"
+                return "another viewer is steering already"
             self._owner, self._say = publisher, say
             self._twist, self._received = twist, now
             self._answered = max(self._answered, now)
@@ -150,13 +150,15 @@ class _StickClient:
             if lease.driver == 0:
                 self._ask(now, Ask.TAKE)
             elif lease.driver != lease.you:
-                self._note(now, f"{lease.driver_name} drives, and has to give the lease back first")
+                self._note(
+                    now, f"{lease.driver_name} is the driver, and must release the lease first"
+                )
             elif last.status.stopped:
                 self._note(now, f"stopped: {last.status.stopped}: reset it on the page")
             elif mode is not Mode.MANUAL and (new or Ask.MODE not in self._requested):
                 self._ask(now, Ask.MODE, Mode.MANUAL)
             elif last.status.arming is not Arming.ARMED:
-                self._note(now, "let go of it once: the robot has not heard it all the time")
+                self._note(now, "release the stick once: commands to the robot were interrupted")
             elif last.status.why and math.hypot(*last.status.applied) < 1e-3:
                 self._note(now, last.status.why)
         # In another mode a centred stick lets the controller lead.

@@ -49,7 +49,7 @@ class ThreadJobs:
             try:
                 job()
             except Exception:
-                _log.exception("a mistake in what was done beside the loop; it goes on")
+                _log.exception("an error in a background job; the loop continues")
 
 
 Jobs = InlineJobs | ThreadJobs

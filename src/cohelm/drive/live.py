@@ -59,9 +59,7 @@ _LARGEST = 1 << 16
 _PROTOCOLS = [Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1")]
 _DATA, _HEAD = 1, struct.Struct("<BIQ")
 """Before a message's bytes: opcode, subscription, stamp [ns]."""
-_NO_TELEOP = (
-    "nothing can be sent to the robot from here: to steer it, start it with --foxglove-teleop"
-)
+_NO_TELEOP = "read-only view: to steer, start the robot with --foxglove-teleop"
 _ERROR = 2
 """Level of a status message."""
 
@@ -236,13 +234,13 @@ class LiveServer:
         """Refuse a connection without the token."""
         if hmac.compare_digest(request.path.encode(), self._path):
             return None
-        hint = "take the whole address that cohelm says, with what stands behind the last /\n"
+        hint = "use the whole address that cohelm prints, with the token after the last /\n"
         return connection.respond(HTTPStatus.UNAUTHORIZED, hint)
 
     async def attend(self, connection: ServerConnection) -> None:
         """Serve one viewer until it disconnects."""
         if len(self._viewers) >= MAX_VIEWERS:
-            await connection.close(1013, "too many look on already")
+            await connection.close(1013, "too many viewers")
             return
         viewer = _Viewer(connection, self._greetings, self._teleop)
         tasks = [asyncio.create_task(viewer.send_queue())]
@@ -290,9 +288,9 @@ class LiveServer:
                 case "advertise" | "unadvertise":
                     viewer.report(_NO_TELEOP)
                 case _:
-                    viewer.report("nothing can be sent to the robot, nor set or called there")
+                    viewer.report("read-only view: no publishing, parameters or services")
         except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError, struct.error):
-            viewer.report("this was not understood")
+            viewer.report("invalid message")
 
 
 class _Viewer:

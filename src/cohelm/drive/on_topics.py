@@ -94,7 +94,7 @@ class OnTopics:
         """Begin a session that no station drives: paths are planned here, and the robot stands
         until the first one comes. jobs: run beside the loop."""
         if self.joy is not None:
-            session.loop.supervisor.pause(_JOY, f"waits for {self.joy.topic}, centred")
+            session.loop.supervisor.pause(_JOY, f"waiting for {self.joy.topic} to be centred")
         if self._goals is None or not self._goals.ways:
             return
         robot = session.plan.robot
@@ -103,7 +103,9 @@ class OnTopics:
         self._rerouting = Rerouting(
             (self,), self._jobs.checking, self._jobs.ways, self._build, self._on_adopted
         )
-        session.loop.supervisor.pause(_FIRST, f"waits for a way on {' or '.join(self._goals.ways)}")
+        session.loop.supervisor.pause(
+            _FIRST, f"waiting for a goal or path on {' or '.join(self._goals.ways)}"
+        )
 
     def attend(self, session: Session) -> None:
         """Follow any session; called before its first turn."""
@@ -131,7 +133,7 @@ class OnTopics:
                 self._goals.route = pilot.planner.route.line
             placed = self._goals.initial()
             if placed is not None:
-                result = self._place(loop, placed) or "the robot is looked for there"
+                result = self._place(loop, placed) or "accepted: localizing from there"
                 self._goals.report(placed.topic, result)
                 loop.log.event(f"{placed.topic}: {result}")
         if self._rerouting is not None:
@@ -151,7 +153,7 @@ class OnTopics:
         """See `rerouting.PathRequests`."""
         topic = self._pending.pop(answer.answer.number, "") if client == TOPICS else ""
         if topic and self._goals is not None:
-            self._goals.report(topic, answer.answer.reason or "it is the robot's way from now on")
+            self._goals.report(topic, answer.answer.reason or "accepted: the robot follows it")
 
     def close(self) -> None:
         """Plan no more paths."""
@@ -180,7 +182,7 @@ class OnTopics:
         self._joy_armed = self._joy_armed or loop.supervisor.stick_state.arming == Arming.ARMED
         why = ""
         if not self._joy_armed:
-            why = joy.problem() or f"waits for {joy.topic} to be centred"
+            why = joy.problem() or f"waiting for {joy.topic} to be centred"
         elif joy.params.hold_to_run and not joy.held():
             why = joy.problem() or f"the enable button of {joy.topic} is not held"
         if why:
@@ -191,10 +193,10 @@ class OnTopics:
     def _place(self, loop: Loop, placed: Placed) -> str:
         """Set the robot's pose on the map; why that is refused, or ""."""
         if not loop.has_map:
-            return "there is no map on which the robot could be"
+            return "there is no map to localize on"
         if not stands(loop):
             return (
-                "the robot moves, and an initial pose counts while it stands: hold it, then "
+                "the robot is moving, and takes an initial pose only at rest: hold it, then "
                 "publish it again"
             )
         pose, known = placed.pose, loop.perception.known

@@ -198,8 +198,8 @@ def mode_and_stick(made: RobotFactory, mode: str) -> tuple[Mode, ScenarioStick]:
 
 
 _SIGNALS = {
-    signal.SIGINT: "Ctrl-C", signal.SIGTERM: "told to terminate",
-    signal.SIGHUP: "the terminal is gone",
+    signal.SIGINT: "Ctrl-C", signal.SIGTERM: "received SIGTERM",
+    signal.SIGHUP: "the terminal was closed",
 }  # fmt: skip
 
 

@@ -50,7 +50,7 @@ class OutlineCheck:
         for number, dock in enumerate(docking.docks, 1):
             yield
             if why := no_room(dock, outline, surfaces, self._resolution):
-                unfit[number] = f"with the outline that it has now, {why}"
+                unfit[number] = f"with its present outline, {why}"
         docking.unfit = unfit
         text = "; ".join(f"{docking.docks[i - 1].name}: {why}" for i, why in unfit.items())
         _notice(loop, DOCKS, text and f"no docking at {text}")
@@ -73,10 +73,10 @@ class OutlineCheck:
                 worst, at = float(gaps.min()), piece[int(gaps.argmin())]
         text = ""
         if worst < least or worst == 0.0:
-            room = f"{100.0 * worst:.0f} cm of room" if worst > 0.0 else "no room"
+            room = f"{100.0 * worst:.0f} cm of clearance" if worst > 0.0 else "no clearance"
             text = (
-                f"with the outline that it has now its route has {room} at {at[0]:.1f}, "
-                f"{at[1]:.1f}: it goes round there if there is a way, else it stands"
+                f"with its present outline the route has {room} at {at[0]:.1f}, "
+                f"{at[1]:.1f}: it takes a detour if there is one, else it stops"
             )
         _notice(loop, ROUTE, text)
 

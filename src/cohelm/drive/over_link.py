@@ -57,7 +57,7 @@ class OverLink:
                 rest.append(requested)
                 continue
             own = requested.client == received.driver
-            refusal = self.record(value != 0) if own else "you do not drive"
+            refusal = self.record(value != 0) if own else "you are not the driver"
             self.answer(requested.client, number, not refusal, refusal)
         return received._replace(requests=tuple(rest))
 

@@ -84,7 +84,7 @@ def checked_path(
     line = np.vstack(((robot.x, robot.y), points))
     steps = np.hypot(*np.diff(line, axis=0).T)
     if float(steps.sum()) > _MAX_LENGTH:
-        return CheckedPath(None, f"the way is longer than {_MAX_LENGTH:.0f} m", NONE)
+        return CheckedPath(None, f"the path is longer than {_MAX_LENGTH:.0f} m", NONE)
     if steps[0] < _NEAR and len(points) > 1:  # the first one is where the robot stands
         line = np.delete(line, 1, axis=0)
     try:
@@ -102,8 +102,8 @@ def checked_path(
     leg = int(np.searchsorted(reference.knots, tau, side="left"))
     i = min(max(leg - 1, 0) + len(points) + 1 - len(line), len(points) - 1)
     x, y = poses[tight, :2]
-    room = f"{100.0 * gaps[tight]:.0f} cm of room" if gaps[tight] > 0.0 else "something in the way"
-    return CheckedPath(None, f"on the way to {i + 1}: {room} at {x:.1f}, {y:.1f}", i)
+    room = f"{100.0 * gaps[tight]:.0f} cm of clearance" if gaps[tight] > 0.0 else "an obstacle"
+    return CheckedPath(None, f"on the path to {i + 1}: {room} at {x:.1f}, {y:.1f}", i)
 
 
 def planned_path(
@@ -126,7 +126,7 @@ def planned_path(
     line: Floats = (1.0 - share) * np.array([robot[:2]]) + share * point
     fenced = np.vstack((known, _border(bounds)))
     everywhere = float(np.ptp(bounds, axis=0).max()) if len(bounds) else 0.0
-    result = CheckedPath(None, f"no way to {at} is known", 0)
+    result = CheckedPath(None, f"no path to {at} was found", 0)
     for border in (PathParams().border, everywhere):
         path_params = PathParams(clearance=ROOM + _EXTRA_ROOM, stray=0.0, beside=0.0, border=border)
         found = plan_path(robot, fenced, line, outline, path_params, farther=False)

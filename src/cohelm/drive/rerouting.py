@@ -28,7 +28,7 @@ WITHIN = 20.0
 _MAX_WAIT = 5.0
 """A request that was not checked for this long is refused [s]."""
 _PAUSE = "way"
-_NOT_DRIVER = "who drove when it came drives no more"
+_NOT_DRIVER = "the driver has changed since it came"
 _log = logging.getLogger("cohelm.drive")
 
 
@@ -162,7 +162,7 @@ class Rerouting:
             ok, why = checked_path.reference is not None, checked_path.why
             if ok and not what.only_check and what.lease != loop.supervisor.lease:
                 ok = False
-                why = "you do not drive" if what.client > 0 else _NOT_DRIVER
+                why = "you are not the driver" if what.client > 0 else _NOT_DRIVER
             if ok and not what.only_check and loop.supervisor.docking.on:
                 ok, why = False, f"it is {loop.supervisor.docking.activity}: hold it first"
             if ok and not what.only_check:
@@ -178,12 +178,12 @@ class Rerouting:
     def _accept(self, loop: Loop, request: _Waiting, now: float) -> None:
         """Pause for this path; one accepted before is dropped."""
         self._way = _ProposedPath(request, now)
-        loop.supervisor.pause(_PAUSE, "a new way is being made")
+        loop.supervisor.pause(_PAUSE, "a new path is being planned")
 
     def _continue(self, loop: Loop, way: _ProposedPath, now: float) -> None:
         """Once the robot stands: check again from there, build a driver, and use it."""
         if loop.supervisor.lease != way.request.lease:
-            self._give_up(loop, "who asked for it drives no more")
+            self._give_up(loop, "the driver who requested it has changed")
         elif isinstance(way.made, str):
             self._give_up(loop, way.made)
         elif now - way.since > WITHIN:
@@ -202,7 +202,7 @@ class Rerouting:
             if way.reference is not None:
                 way.made = self._build(way.reference)
         except Exception as error:
-            _log.exception("no driver for the new way")
+            _log.exception("no driver for the new path")
             way.made = f"it could not be made: {error}"
 
     def _collect(self) -> None:
@@ -227,7 +227,7 @@ class Rerouting:
         if loop.supervisor.mode != Mode.HOLD:
             loop.supervisor.choose(Mode.HOLD)
         loop.supervisor.resume(_PAUSE)
-        loop.alarms.on("way", f"no new way, the robot holds: {why}", Severity.WARNING)
+        loop.alarms.on("way", f"no new path, the robot holds: {why}", Severity.WARNING)
         loop.alarms.off("way")  # inactive at once, but to be acknowledged
 
 

@@ -46,12 +46,12 @@ class ResetHere:
             refusal = supervisor.request_locally(name, Ask.RESET, age=age)
             if refusal:
                 return f"not reset: {refusal}"
-            more = "" if mode == Mode.HOLD else f"; once more goes on {goes_on}"
-            return f"reset, and it stands{more}"
+            more = "" if mode == Mode.HOLD else f"; once more continues {goes_on}"
+            return f"reset; the robot stands{more}"
         if driving(gate):
             return "there is nothing to reset"
         if mode == Mode.HOLD:
-            return "there is nothing to reset, and it was to hold"
+            return "there is nothing to reset, and the drive began in hold"
         refusal = "" if joy is None else joy.problem()
         refusal = refusal or supervisor.request_locally(name, Ask.MODE, mode, age)
-        return f"stands: {refusal}" if refusal else f"goes on {goes_on}"
+        return f"stands: {refusal}" if refusal else f"continues {goes_on}"

@@ -150,7 +150,7 @@ class RobotProcess:
         self._process.join(_END)
         code = self._process.exitcode or 0
         return (
-            f"killed by {signal.Signals(-code).name}" if code < 0 else f"it left with code {code}"
+            f"killed by {signal.Signals(-code).name}" if code < 0 else f"it exited with code {code}"
         )
 
 
@@ -170,9 +170,9 @@ def _drive(
 
         def over() -> str:
             try:
-                return end.reason or ("the station is gone" if line.poll() else "")
+                return end.reason or ("the station has ended" if line.poll() else "")
             except OSError:
-                return "the station is gone"
+                return "the station has ended"
 
         def ready(address: tuple[Any, ...]) -> None:
             end.handle_signals()

@@ -277,7 +277,7 @@ class Session:
         """State and timing, for a terminal."""
         loop, timing = self.loop, self.loop.timing.punctuality()
         gate, seen = loop.gated.gate, loop.seen
-        where = f"at {seen.pose.x:.2f} {seen.pose.y:.2f}" if seen else "nowhere yet"
+        where = f"at {seen.pose.x:.2f} {seen.pose.y:.2f}" if seen else "not localized yet"
         state = f"{loop.supervisor.mode.name} {gate.mode.name} {gate.reason} {where}"
         return (
             f"{state} | {timing.periods} periods, {100.0 * timing.within_2ms:.2f} % within 2 ms, "

@@ -67,7 +67,7 @@ def serve(
     try:
         with Session(plan, operator, None if topics is None else topics.camera) as session:
             if session.known is None:
-                _log.warning("neither map nor walls to localise by: the robot trusts its odometry")
+                _log.warning("no map or walls to localize on: the robot uses its odometry")
             path_requests = () if topics is None else (topics,)
             if topics is not None:
                 topics.attend(session)

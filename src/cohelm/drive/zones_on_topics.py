@@ -24,7 +24,7 @@ from cohelm.ros.port import Transport
 from cohelm.scenario.zones import check, given_first, masked
 
 _PAUSE = "zones"
-_BRAKES = "the zones have changed, and it brakes for them"
+_BRAKES = "the zones have changed: braking for them"
 
 
 class _NewZones(NamedTuple):
@@ -80,7 +80,7 @@ class ZonesOnTopics:
             return
         self._next = None
         session.set_zones(newer.zones, newer.maps)
-        loop.log.event(f"{newer.topics} has changed: its zones count from now on")
+        loop.log.event(f"{newer.topics} has changed: its zones apply from now on")
         loop.supervisor.resume(_PAUSE)
 
     def close(self) -> None:
@@ -107,7 +107,7 @@ class ZonesOnTopics:
             if topics:
                 self._take(session, newer, " and ".join(topics))
         except CohelmError as error:
-            problem = f"{error}; the zones from before count on"
+            problem = f"{error}; the earlier zones still apply"
         if problem != self._problem:
             self._problem = problem
             if problem:
@@ -121,4 +121,4 @@ class ZonesOnTopics:
         zoned = Zoned(zones, settings.outline, settings.gains.u_d)
         self._made.put(_NewZones(zones, all_zone_messages(zones, u_d), zoned, topics))
         self._used = masks
-        self._say(f"{topics} has changed: its zones are taken up")
+        self._say(f"{topics} has changed: its zones are being loaded")

@@ -63,7 +63,7 @@ def peer_identity(peer: SSL.Connection) -> tuple[str, str]:
     """Fingerprint and name of the other end's certificate."""
     shown = peer.get_peer_certificate(as_cryptography=True)
     if shown is None:
-        raise HandshakeRefused("no certificate was shown")
+        raise HandshakeRefused("no certificate was presented")
     names = shown.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
     return fingerprint(shown.public_bytes(Encoding.PEM)), str(names[0].value) if names else ""
 

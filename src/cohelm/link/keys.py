@@ -119,7 +119,7 @@ def pair(station: str, to: Path) -> Keys:
     path = home() / "robot" / "stations" / f"{_checked_name(station)}.pem"
     if path.exists():
         raise CohelmError(
-            f"a station {station!r} is let in already: choose another name, or shut it out first "
+            f"a station {station!r} is paired already: choose another name, or remove it first "
             f"with `cohelm pair remove {station}`"
         )
     guarded(path.parent, within=home())  # before a key is written that would be refused
@@ -193,7 +193,7 @@ def unpair(name: str) -> None:
     path = home() / "robot" / "stations" / f"{name}.pem"
     known = [called for called, _ in stations()]
     if name not in known:
-        raise CohelmError(f"no station {name!r} is let in; let in: {', '.join(known) or 'none'}")
+        raise CohelmError(f"no station {name!r} is paired; paired: {', '.join(known) or 'none'}")
     path.unlink()
 
 

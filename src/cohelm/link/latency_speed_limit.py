@@ -31,10 +31,10 @@ def speed_cap(delay: float, clearance: float, deceleration: float, v_max: float)
     if not delay > UNCAPPED_DELAY or not math.isfinite(clearance):
         return Cap(math.inf, "")
     if math.isinf(delay):
-        return Cap(CRAWL, "the delay is not known")
+        return Cap(CRAWL, "latency unknown")
     room = max(clearance, 0.0)
     speed = deceleration * (math.sqrt(delay * delay + 2.0 * room / deceleration) - delay)
     speed = max(speed, CRAWL)
     if speed >= v_max:
         return Cap(math.inf, "")
-    return Cap(speed, f"{delay:.2f} s of delay with {room:.1f} m clear")
+    return Cap(speed, f"{delay:.2f} s latency, {room:.1f} m clearance")

@@ -37,20 +37,22 @@ class Said(NamedTuple):
 def take(held: Held, client: int, now: float, silent: bool = False) -> Said:
     """A client requests the lease. silent: the driver sends nothing, so it is not asked."""
     if held.driver == client:
-        return Said(held, True, "you drive already")
+        return Said(held, True, "you are the driver already")
     if held.driver == NOBODY or silent:
         return Said(Held(client), True, "")
     if held.asking == client:
-        return Said(held, False, "asked; the driver has not answered yet")
+        return Said(held, False, "requested; the driver has not answered yet")
     if held.asking != NOBODY:
-        return Said(held, False, "another is asking already")
-    return Said(Held(held.driver, client, now + ANSWER_WITHIN), False, "the driver is asked")
+        return Said(held, False, "another operator has a pending request")
+    return Said(
+        Held(held.driver, client, now + ANSWER_WITHIN), False, "requested; the driver must answer"
+    )
 
 
 def give(held: Held, client: int, to: int, known: frozenset[int]) -> Said:
     """The driver gives the lease to a client, or (0) to the one that requests it, or to none."""
     if held.driver != client:
-        return Said(held, False, "you do not drive")
+        return Said(held, False, "you are not the driver")
     new = to or held.asking
     if new != NOBODY and new not in known:
         return Said(held, False, "there is no such client")
@@ -60,9 +62,9 @@ def give(held: Held, client: int, to: int, known: frozenset[int]) -> Said:
 def refuse(held: Held, client: int) -> Said:
     """The driver keeps it."""
     if held.driver != client:
-        return Said(held, False, "you do not drive")
+        return Said(held, False, "you are not the driver")
     if held.asking == NOBODY:
-        return Said(held, False, "nobody asks")
+        return Said(held, False, "no request is pending")
     return Said(Held(held.driver), True, "")
 
 

@@ -103,7 +103,7 @@ class Listener:
         try:
             known = channel.greeted(datagram, address)
         except HandshakeRefused as refused:
-            self.refuse(address, f"no greeting: {refused}")
+            self.refuse(address, f"handshake failed: {refused}")
             self._listener = Channel(self._context, server=True)
             return
         if not known:
@@ -120,7 +120,7 @@ class Listener:
         if len(same) >= _UNDER_WAY // 2:  # nobody may take all the places
             self._drop(same[0], "too many handshakes from there")
         if len(self._under_way) >= _UNDER_WAY:
-            self._drop(next(iter(self._under_way)), "pushed out by newer handshakes")
+            self._drop(next(iter(self._under_way)), "replaced by newer handshakes")
         try:
             own = udp.opened(self._family, self.address, shared=True)
         except Exception as error:  # out of descriptors must not end the robot

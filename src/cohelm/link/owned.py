@@ -64,13 +64,13 @@ def _check_owner(path: Path, secret: bool, linked: bool) -> None:
     if about.st_uid not in (0, os.geteuid()):
         raise CohelmError(
             f"the {what} {path} belongs to another user (uid {about.st_uid}), who may have put "
-            f"anything there: look through it, then run `chown {os.geteuid()} {path}`"
+            f"anything there: inspect it, then run `chown {os.geteuid()} {path}`"
         )
     mode = stat.S_IMODE(about.st_mode)
     if mode & _OTHERS_WRITE:
         raise CohelmError(
-            f"others may write to the {what} {path}, and may have let a station of theirs in: look "
-            f"through it (`cohelm pair list`), then run `chmod go-w {path}`"
+            f"others may write to the {what} {path}, and may have paired a station of theirs: "
+            f"inspect it (`cohelm pair list`), then run `chmod go-w {path}`"
         )
     if secret and what == "file" and mode & _OTHERS_ANY:
         raise CohelmError(f"others may read the key {path}: run `chmod 600 {path}`")

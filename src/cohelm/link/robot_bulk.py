@@ -195,7 +195,7 @@ class RobotBulk(IoThread):
     def _take_in(self, sock: socket.socket, address: udp.Address) -> None:
         pending = [s for s in self._stations if not s.stream.up]
         if len(pending) >= _MAX_HANDSHAKES:
-            self._remove(pending[0], "pushed out by newer handshakes")
+            self._remove(pending[0], "replaced by newer handshakes")
         if len(self._stations) >= MOST_STREAMS:
             sock.close()
             return
@@ -254,7 +254,7 @@ class RobotBulk(IoThread):
             client = self._number(station)
             key = (client, message.only_check)
             if client is None or not (message.only_check or client == self._end.driver):
-                refusal = Checked(Answer(message.number, False, "you do not drive"), 65535)
+                refusal = Checked(Answer(message.number, False, "you are not the driver"), 65535)
                 station.replies.append(refusal)
             else:
                 with self._lock:  # at the end: oldest first
@@ -295,7 +295,7 @@ class RobotBulk(IoThread):
         return self._end.client_of(station.stream.peer, station.session)
 
     def _remove(self, station: _Station, why: str) -> None:
-        peer = station.stream.name or f"a stranger at {station.address[0]}"
+        peer = station.stream.name or f"an unpaired client at {station.address[0]}"
         _log.info("bulk to %s ended: %s", peer, why)
         with self._lock:
             self._stations.remove(station)

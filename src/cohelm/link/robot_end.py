@@ -190,7 +190,7 @@ class RobotEnd(IoThread):
                 self._lease(held, "the driver did not answer")
         for client in list(self._clients.values()):
             if now - client.last > (FORGOTTEN if client.session is not None else _UNIDENTIFIED):
-                self._remove(client, "nothing heard any more")
+                self._remove(client, "timed out")
         for line in self._lines.due(now):
             _log.info("%s", line)
 
@@ -198,7 +198,7 @@ class RobotEnd(IoThread):
         with self._lock:
             unidentified = [c for c in self._clients.values() if c.session is None]
             if len(unidentified) >= _MAX_UNIDENTIFIED:
-                self._remove(unidentified[0], "pushed out by newer connections")
+                self._remove(unidentified[0], "replaced by newer connections")
             client = self._clients.add(guest, self.clock())
         self._log_line(client, f"{client.name} is connected from {guest.address[0]}")
         for message in guest.first:
@@ -226,7 +226,9 @@ class RobotEnd(IoThread):
             header, message = from_operator(data)
         except Malformed as malformed:
             self._not_used(client, "malformed")
-            self._log_line(client, f"from {client.name}: {malformed}", logging.WARNING)
+            self._log_line(
+                client, f"invalid message from {client.name}: {malformed}", logging.WARNING
+            )
             return
         if not isinstance(message, Command):  # datagrams up are nothing else
             return
@@ -258,8 +260,8 @@ class RobotEnd(IoThread):
             self._clients.merge(old, client)
             return old
         if client.session is None and not self._make_room(client, now):
-            self._listener.refuse(client.address, "as many clients as there can be")
-            self._remove(client, "there are as many clients as there can be")
+            self._listener.refuse(client.address, "too many clients")
+            self._remove(client, "too many clients")
             return None
         if client.session is not None:  # a new session on the same channel: all begins anew
             client.done, client.command = 0, None
@@ -271,7 +273,7 @@ class RobotEnd(IoThread):
         crowd = self._clients.crowded_by(client)
         silent = [c for c in crowd if c.number != self._held.driver and now - c.last > SILENT]
         if silent:
-            self._remove(min(silent, key=lambda c: c.last), "another needs the place")
+            self._remove(min(silent, key=lambda c: c.last), "replaced by another client")
         return not crowd or bool(silent)
 
     def _not_used(self, client: Client, why: str) -> None:
@@ -289,17 +291,19 @@ class RobotEnd(IoThread):
             refused = ""
             if stop:
                 for off in self._pending.stop(pending):
-                    self.answer(off.client, off.request.number, False, f"{client.name} stopped it")
+                    self.answer(
+                        off.client, off.request.number, False, f"{client.name} pressed stop"
+                    )
             elif not client.requests.take(now):
                 refused = "too many requests: wait a second"
             elif not client.in_time(request.made, now, REQUEST_LIFE):
-                refused = "it came too late"
+                refused = "the request is too old"
             elif request.what in _LEASE_REQUESTS:
                 self._lease_request(client, request, now)
             elif request.what not in _FOR_ANYONE and self._held.driver != client.number:
-                refused = "you do not drive"
+                refused = "you are not the driver"
             elif request.what not in _FOR_ANYONE and self._before_lease(client, request, now):
-                refused = "you did not drive yet"
+                refused = "you were not the driver yet"
             elif not self._pending.add(pending):
                 refused = "too many requests: wait for their answers"
             if refused:
@@ -317,7 +321,7 @@ class RobotEnd(IoThread):
             outcome = lease.refuse(held, client.number)
         self.answer(client.number, request.number, outcome.granted, outcome.reason)
         taken = request.what is Ask.TAKE
-        self._lease(outcome.held, f"asked by {client.name}", taken=taken)
+        self._lease(outcome.held, f"requested by {client.name}", taken=taken)
 
     def _before_lease(self, client: Client, request: Request, now: float) -> bool:
         """Whether it was made before the driver could know that it drives."""
@@ -331,7 +335,7 @@ class RobotEnd(IoThread):
                 self._term += 1
             old = self._held.driver  # what it asked for, and the loop has not done, it shall not do
             for withdrawn in self._pending.withdraw(old, but=_FOR_ANYONE):
-                self.answer(old, withdrawn.request.number, False, "you do not drive any more")
+                self.answer(old, withdrawn.request.number, False, "you are no longer the driver")
             new = self._clients.get(held.driver)
             who = "nobody" if new is None else new.name
             self._log_line(None, f"{who} drives now: {why}")

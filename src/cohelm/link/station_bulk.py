@@ -157,7 +157,7 @@ class StationBulk(IoThread):
                 self._unread += len(message.data) if isinstance(message, Piece) else 0
                 slot: object = self._answers
                 if self._unread > _MOST_UNREAD or self._answers > _MOST_ANSWERS:
-                    raise HandshakeRefused("it sends more than was asked for")
+                    raise HandshakeRefused("it sends more than requested")
             elif isinstance(message, Map):
                 slot = (Map, message.column, message.row)
             else:

@@ -197,7 +197,7 @@ class StationEnd(IoThread):
     # ---- the thread --------------------------------------------------------------------
 
     def _on_error(self) -> None:
-        self._why = "a mistake in the link: see the log"
+        self._why = "internal error in the link: see the log"
 
     def _close_all(self) -> None:
         for connection in (self._connection, self._reconnection):
@@ -243,7 +243,7 @@ class StationEnd(IoThread):
                 Channel(self._context, server=False), self._family, self._to, now
             )
         except OSError as error:
-            self._why, self._try_at = f"no way to the robot: {error.strerror}", now + 1.0
+            self._why, self._try_at = f"robot unreachable: {error.strerror}", now + 1.0
             return
         self._advance(self._reconnection, None)
 
@@ -291,7 +291,7 @@ class StationEnd(IoThread):
                 self._connection.socket.close()
             self._connection, self._reconnection = connection, None
             connection.since = self.clock()
-            self._why = "the robot is silent"
+            self._why = "no data from the robot"
             self._sent_at = -math.inf
 
     def _message(self, data: bytes) -> None:

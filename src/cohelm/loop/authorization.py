@@ -40,12 +40,12 @@ class Authorization:
         ended or forbade a mode; its own requests count by their order.
         """
         if request.client != driver:
-            return "you do not drive"
+            return "you are not the driver"
         who, number = request.client, request.request.number
         made, own = now - request.age, self._revoked_at.get(who, -math.inf)
         others = (at for other, at in self._revoked_at.items() if other != who)
         if not hold and now - own < REMEMBERED and number < self._last_hold.get(who, 0):
-            return "you told the robot to stand after that: ask again"
+            return "you stopped the robot after that: request it again"
         if not hold and (math.isnan(made) or made <= max(others, default=-math.inf)):
-            return "the robot was told to stand after you asked: ask again"
+            return "the robot was stopped after your request: request it again"
         return ""

@@ -132,15 +132,15 @@ class Docking:
         if number > len(docks):
             return f"there is no dock {number}, only {len(docks)}"
         if seen.lost:
-            return "the robot does not know where it is on the map"
+            return "the robot is not localized on the map"
         if _deflected(stick):
-            return "let go of the stick first"
+            return "release the stick first"
         if number == 0:
             number = nearest(docks, pose)
         if number == 0 and backwards:
-            return "the robot is at no dock"
+            return "the robot is not at a dock"
         if number == 0:
-            return "the robot is at no dock's approach: drive it there first"
+            return "the robot is not at a dock's approach: drive it there first"
         dock = docks[number - 1]
         if not backwards and (why := self.unfit.get(number, "")):
             return f"{dock.name}: {why}"
@@ -186,10 +186,10 @@ class Docking:
             _, y, psi = dock.off(seen.pose)
             return Ended(f"off its approach by {abs(y):.2f} m, {math.degrees(abs(psi)):.0f}°")
         if self._blocked(now, dock, seen):
-            return Ended("somebody is in its corridor")
+            return Ended("its corridor is occupied")
         if paused or abs(applied.v) > STANDS or abs(applied.omega) > STANDS:
             self._moved_at = now
-        arrived = self._arrived(now, dock, seen, held or "held back")
+        arrived = self._arrived(now, dock, seen, held or "blocked")
         if arrived is not None:
             return arrived
         within = dock.within * dock.speed / self._speed(dock, self.backwards)

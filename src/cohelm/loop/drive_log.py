@@ -17,8 +17,8 @@ from cohelm.link.recorded_status import Displayed, StatusWords
 from cohelm.robot.keep.record_pipe import Event, OutlineChange, RecordLine
 from cohelm.robot.port import Readings, Scan
 
-_NO_VIEW = "the live view is gone: the robot goes on without"
-_VIEW_HANGS = "the live view does not answer: what it has no room for is not shown"
+_NO_VIEW = "the live view has ended: the robot continues without it"
+_VIEW_HANGS = "the live view is too slow: some messages are not shown"
 
 
 class DriveLog:

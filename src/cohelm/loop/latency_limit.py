@@ -21,7 +21,7 @@ _DECELERATION = 1.0  # of a robot that has no limit [m/s^2]
 def driver_lost(received: OperatorInput, patience: float) -> str:
     """Why the driver counts as lost, with or without a stick; empty: not lost."""
     if received.driver == 0:
-        return "nobody drives any more"
+        return "there is no driver any more"
     if received.command is None and not received.age <= patience:
         told = f"for {1000.0 * received.age:.0f} ms" if math.isfinite(received.age) else "yet"
         return f"no command {told}"
@@ -54,7 +54,7 @@ def lost_cap(clearance: float, delay: float, settings: Settings) -> Cap:
     a = _braking(settings)
     room = a * (math.sqrt(delay * delay + max(clearance, 0.0) / a) - delay)
     speed = min(max(room, _MIN_LOST_SPEED), MAX_LOST_SPEED)
-    seen = f"{clearance:.1f} m clear" if math.isfinite(clearance) else "nothing in sight"
+    seen = f"{clearance:.1f} m clearance" if math.isfinite(clearance) else "nothing in sight"
     return Cap(speed, f"lost, with {seen}")
 
 

@@ -34,12 +34,12 @@ from cohelm.robot.keep.gated_robot import GatedRobot, standing
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.port import Readings
 
-_NO_PLANNER = "the path planner is gone: the robot keeps to its course"
-_LATE_PLANNER = "the path planner does not answer: the robot keeps to its course"
-_OUTLINE_CHANGED = "the robot has another outline: both count until it can stop clear with both"
-_OUTLINE_CHANGING = "the outline changes, and both count until it fits"
-_IN_ZONE = "in a keep-out zone: it can drive out, but no deeper"
-_RECORDER_HANGS = "the recorder does not answer: what it has no room for is lost"
+_NO_PLANNER = "the path planner has ended: the robot keeps its path"
+_LATE_PLANNER = "the path planner does not answer: the robot keeps its path"
+_OUTLINE_CHANGED = "the outline has changed: both apply until the robot can stop clear with both"
+_OUTLINE_CHANGING = "outline change: both outlines apply until the new one fits"
+_IN_ZONE = "in a keep-out zone: only motion out of it is allowed"
+_RECORDER_HANGS = "the recorder is too slow: messages are lost"
 
 
 class LoopParams(NamedTuple):
@@ -176,13 +176,15 @@ class Loop:
         if problem and not before:
             self.log.event(problem, serious=driving(self.gated.gate.mode))
         elif before and not problem:
-            self.log.event("the readings are sound")
+            self.log.event("the readings are valid again")
         if problem and driving(self.gated.gate.mode):
             self.gated.fault(problem)
         seen = self.perception.take(now, readings)
         if seen.lost != self._lost:
             self._lost = seen.lost
-            self.log.event(f"lost: {seen.reason}" if seen.lost else "found on the map", seen.lost)
+            self.log.event(
+                f"lost: {seen.reason}" if seen.lost else "localized on the map", seen.lost
+            )
         if seen.lost and self.has_map:
             if not self.alarms.on("lost", why := f"lost: {seen.reason}"):
                 self.alarms.reword("lost", why)  # the remedy may have changed
@@ -249,7 +251,7 @@ class Loop:
         stands = passed.out == STANDING and standing(seen.twist)
         self._outline_changing = self._shape.settle(verdict, stands)
         if not self._outline_changing:
-            self.log.event("the outline of before counts no more")
+            self.log.event("the earlier outline no longer applies")
             self.log.outline(self.outline)
         elif decision is not None and verdict in (Verdict.BRAKING, Verdict.STANDING):
             return passed._replace(reason=passed.reason or _OUTLINE_CHANGING)

@@ -76,7 +76,7 @@ class SensorWatchdog:
         if odometry is None:
             return "there is no odometry"
         if not all(map(math.isfinite, (odometry.stamp, *odometry.pose, *odometry.twist))):
-            return "the odometry is no number"
+            return "the odometry is not a number"
         age = now - odometry.stamp
         problem = self._aged("the odometry", "", now, odometry.stamp, age, p.odometry)
         return problem or self._step(odometry)
@@ -117,7 +117,7 @@ class SensorWatchdog:
         if scan is None:
             return "there is no scan"
         if not (math.isfinite(scan.stamp) and math.isfinite(scan.duration)):
-            return "the scan's time is no number"
+            return "the scan's time is not a number"
         age = now - scan.stamp - scan.duration
         most = self._timeouts.scans[lidar]
         problem = self._aged("the scan", self._sensors[lidar], now, scan.stamp, age, most)
@@ -125,7 +125,7 @@ class SensorWatchdog:
             return problem
         if scan.number != self._checked[lidar]:
             if np.isnan(scan.ranges).all():
-                return "the scan is no number"
+                return "the scan is not a number"
             self._checked[lidar] = scan.number
         return ""
 

@@ -187,8 +187,8 @@ def hidden_reason(r: PeriodReport, nominal: Twist) -> str:
     if abs(nominal.v - applied.v) < _TOLERANCE and abs(nominal.omega - applied.omega) < _TOLERANCE:
         return ""
     if d.limiting >= len(seen.mobile) + len(seen.points):
-        return "held back: a keep-out zone"
-    return "held back: nothing looks there, it may not be free"
+        return "limited: keep-out zone"
+    return "limited: unobserved space"
 
 
 def _e_p(d: Decision | None, pose: Pose) -> float:

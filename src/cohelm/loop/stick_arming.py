@@ -76,13 +76,15 @@ def _valid_command(received: OperatorInput, params: ArmingParams) -> tuple[Comma
     if command is None:
         silent = received.driver != 0 and math.isfinite(received.age)
         reason = (
-            f"no command for {1000.0 * received.age:.0f} ms" if silent else "nobody drives any more"
+            f"no command for {1000.0 * received.age:.0f} ms"
+            if silent
+            else "there is no driver any more"
         )
         return None, received.why or reason
     if not received.age <= params.silence:  # the link passes on none older than `STALE`
         return None, f"the newest command is {1000.0 * received.age:.0f} ms old"
     if not (command.valid and math.isfinite(command.stick.x + command.stick.psi)):
-        return None, received.why or "the stick vanished"
+        return None, received.why or "no valid stick input"
     if not command.armed:
         return None, "the stick was disarmed"
     return command, ""

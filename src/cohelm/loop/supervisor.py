@@ -113,13 +113,13 @@ class Supervisor:
         """Start docking, or backwards: undocking; returns why not, or "". A person's
         request is checked in `_dock`. number: of the dock, from 1; 0: the one it is at."""
         if self.problem or self.seen is None:
-            return self.problem or "the robot has seen nothing yet"
+            return self.problem or "no sensor readings yet"
         if self._pauses:
-            return f"not while the robot waits: {self.paused}"
+            return f"paused: {self.paused}"
         refusal = self.docking.refusal(number, self.seen, self.stick_state.stick, backwards)
         refusal = refusal or self.gated.drive(GateMode.AUTOMATIC)
         if not refusal:
-            self._end_docking(Ended("another was asked for"))
+            self._end_docking(Ended("replaced by another request"))
             self.mode = Mode.AUTOMATIC
             self._forget_dropout()
             self.docking.begin(self.gated.now(), number, self.seen, backwards)
@@ -159,7 +159,7 @@ class Supervisor:
     def resume(self, name: str) -> None:
         """End that pause; while there is another one, the robot still stands."""
         if self._pauses.pop(name, ""):
-            self._log.event(f"goes on: {name}")
+            self._log.event(f"continues: {name}")
 
     @property
     def paused(self) -> str:
@@ -192,7 +192,7 @@ class Supervisor:
         why = stick or quiet
         if why and self._carry_on and (not stick or self.mode == Mode.SHARED):
             if self.alarms.on(name, f"the {name} is lost: {why}") or stick:
-                self._log.event(f"{why}: the controller carries on alone", True)
+                self._log.event(f"{why}: the controller continues alone", True)
             why = ""
         lost = f"the {name} is lost: {why}" if why else ""
         before = self._dropout
@@ -221,7 +221,7 @@ class Supervisor:
             return
         if received.driver == 0 and not self._carry_on:
             return  # the driver is lost: more than a hold
-        self._log.event("the one who chose the mode drives no more: hold")
+        self._log.event("the driver who chose the mode has changed: hold")
         self.choose(Mode.HOLD)
 
     def _answer_requests(self, received: OperatorInput) -> None:
@@ -235,7 +235,7 @@ class Supervisor:
         for requested in requests:
             count = done[requested.client] = done.get(requested.client, 0) + 1
             if count > _MAX_REQUESTS and requested.request.what != Ask.STOP:
-                granted, reason = False, "too many requests: wait a moment and ask again"
+                granted, reason = False, "too many requests: wait a moment and try again"
             else:
                 granted, reason = self._request(requested, received.driver)
             self.operator.answer(requested.client, requested.request.number, granted, reason)
@@ -255,7 +255,7 @@ class Supervisor:
             refusal = self._mode(requested, driver) if value in _MODES else "there is no such mode"
         elif what in (Ask.DOCK, Ask.UNDOCK):
             refusal = self._dock(requested, driver)
-        text = f"{requested.name} asks for {what.name} {value}: {refusal or 'done'}"
+        text = f"{requested.name} requests {what.name} {value}: {refusal or 'done'}"
         for line in self._lines.add(self.gated.now(), text, text):
             self._log.event(line)
         return not refusal, refusal

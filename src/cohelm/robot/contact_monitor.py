@@ -73,14 +73,14 @@ class ContactMonitor:
 def overdue(model: ContactModel, newest: Contact | None, now: float) -> str:
     """What is wrong with the age of its last reading, or ""."""
     if newest is None:
-        return f"nothing is heard of the {model.label}"
+        return f"no message from the {model.label}"
     if not math.isfinite(newest.stamp):
-        return f"the time of the {model.label} is no number"
+        return f"the time of the {model.label} is not a number"
     age = now - newest.stamp
     if age < -AHEAD:
         return f"the {model.label} comes from the future: a clock jumped"
     if age > model.timeout_s:
-        return f"nothing is heard of the {model.label} for more than {1e3 * model.timeout_s:.0f} ms"
+        return f"no message from the {model.label} for more than {1e3 * model.timeout_s:.0f} ms"
     return ""
 
 

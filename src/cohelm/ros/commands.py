@@ -78,7 +78,7 @@ class Commands:
             error = self._late(stamp)
             twist = Twist(float(message.linear.x), float(message.angular.z))
             if not (math.isfinite(twist.v) and math.isfinite(twist.omega)):
-                error = error or "the command is no number"
+                error = error or "the command is not a number"
             self.sideways = self.sideways or message.linear.y != 0.0
         with self._arrived:
             self._count += 1

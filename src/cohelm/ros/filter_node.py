@@ -154,7 +154,10 @@ class FilterNode:
         gate = gated.gate
         kind, text = _reason(nominal, fault, result, passed, gate, self._report.topic("reset"))
         if reshaping and kind in ("brakes", "monitor"):
-            kind, text = "footprint", f"{text}: the outline changes, and both count until it fits"
+            kind, text = (
+                "footprint",
+                f"{text}: outline change: both outlines apply until the new one fits",
+            )
         row = Row(
             kind, text, nominal.twist, safe, passed.out, result.verdict, result.change,
             result.clearance, latched(gate.mode), _place(result, seen), *_ages(now, readings),
@@ -220,13 +223,13 @@ def _reason(
     if nominal.reason:
         return "command", nominal.reason
     if result.verdict == Verdict.INVALID:
-        return "command", "the command, or what perception knows, is no number"
+        return "command", "the command, or what perception knows, is not a number"
     if driving(gate.mode) and passed.reason.startswith(("collision monitor", "contact monitor")):
         return "monitor", passed.reason
     if result.verdict in (Verdict.BRAKING, Verdict.STANDING):
-        return "brakes", f"brakes for something {_metres(result.clearance)} off"
+        return "brakes", f"brakes for an obstacle {_metres(result.clearance)} off"
     if result.limiting is not None and result.change > SHAPED:
-        return "shaped", f"held back by something {_metres(result.clearance)} off"
+        return "shaped", f"limited by an obstacle {_metres(result.clearance)} off"
     if driving(gate.mode) and passed.reason:
         return "limits", passed.reason
     return "", ""

@@ -107,7 +107,7 @@ class Goals:
                 with self._lock:
                     self._way = topic, Goal(float(at.x), float(at.y))
                 return
-            error = "the goal is no number"
+            error = "the goal is not a number"
         self.report(topic, error)
 
     def _path(self, topic: str, received: Received) -> None:
@@ -130,7 +130,7 @@ class Goals:
         places = [(one.pose.position.x, one.pose.position.y) for one in poses]
         points: Floats = np.array(places, dtype=np.float64)
         if not np.isfinite(points).all():
-            return "the path has a pose that is no number"
+            return "the path has a pose that is not a number"
         return thinned(points)
 
     def _on_initial_pose(self, topic: str, received: Received) -> None:
@@ -150,7 +150,7 @@ def placed(topic: str, message: Any) -> Placed | str:
     """Of a `geometry_msgs/msg/PoseWithCovariance`; or what is wrong with it."""
     at, psi = message.pose.position, yaw_of(message.pose.orientation)
     if not (math.isfinite(at.x) and math.isfinite(at.y)):
-        return "the initial pose is no number"
+        return "the initial pose is not a number"
     if math.isnan(psi):
         return "the initial pose's orientation is no rotation"
     worst = max(float(message.covariance[0]), float(message.covariance[7]))

@@ -91,7 +91,7 @@ class Interlock:
         self._there = self._there or there
         self._missed = self._missed + 1 if self._there and not there else 0
         left = self._missed > 1  # a message may come before its publisher is discovered
-        self._publisher_gone = f"nobody publishes {self._lock} any more" if left else ""
+        self._publisher_gone = f"no node publishes {self._lock} any more" if left else ""
         self._deaf = mismatch.lock(self._lock, seen)[1] if self._lock else ""
         self._other = "" if self._bypass else mismatch.bypass(self._out, seen)
         shared = (mismatch.alone(*one, seen)[1] for one in self._alone)

@@ -181,7 +181,7 @@ class Localized:
         topic = resolved("map", self._found.topics.namespace)
         for one in self._transport.endpoints():
             if one.publishes and one.topic == topic:
-                publisher = one.node or "somebody else"
+                publisher = one.node or "another node"
                 self._log(f"{topic} is published by {publisher} already: cohelm publishes none")
                 return
         ((_, message),) = to_messages(drawn, round(1e9 * self._stamp(0.0)), self.frame)
@@ -206,7 +206,7 @@ class Localized:
             self._log(f"{self.frame} -> {odom} is published on {topic}")
             if not self._carries:
                 self._log(
-                    f"nobody publishes {odom} -> {self._found.body} on {topic}, so ROS does not "
+                    f"no node publishes {odom} -> {self._found.body} on {topic}, so ROS does not "
                     "see the robot on the map: let its driver do that (ros2_control: "
                     "enable_odom_tf), or robot_localization"
                 )

@@ -27,13 +27,13 @@ def nothing_received(
     cure: str = "",
 ) -> str:  # fmt: skip
     """Why nothing is received on a topic. option: by which another one is named. damage: what was
-    wrong with a message, if one came. cure: what to do where nobody publishes it; by default to
+    wrong with a message, if one came. cure: what to do where no publisher; by default to
     start a driver."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     right = [one for one in there if one.type == kind]
     if not there:
         cure = cure or f"start its driver, or name another topic with {option}"
-        return f"nobody publishes {topic}: {cure}{_others(kind, seen)}"
+        return f"no node publishes {topic}: {cure}{_others(kind, seen)}"
     if not right:
         band = ""
         if (there[0].type, kind) == (CLOUD, SCAN):
@@ -86,7 +86,7 @@ def base_type(topic: str, wanted: bool | None, qos: Qos, seen: list[Endpoint]) -
         )
         instead = f"; there is {', '.join(others[:_MOST_NAMED])}" if others else ""
         return named or TWIST, (
-            f"nobody listens on {topic}: start the base's driver, or name its topic with --out"
+            f"no node subscribes to {topic}: start the base's driver, or name its topic with --out"
             f"{instead}"
         )
     if not kinds:
@@ -138,7 +138,7 @@ def commands(topic: str, out: str, period: float, seen: list[Endpoint]) -> str:
     others = _publishing((TWIST, STAMPED), [one for one in seen if one.topic not in (topic, out)])
     instead = f"; there is {others}" if others else ""
     if not there:
-        return f"commands: nobody publishes {topic} yet{instead}"
+        return f"commands: no node publishes {topic} yet{instead}"
     if not any(one.type in (TWIST, STAMPED) for one in there):
         return (
             f"commands: {topic} is {there[0].type}{_by(there)}, and {TWIST} or {STAMPED} is "
@@ -183,7 +183,7 @@ def lock(
     if not there:
         others = _publishing((BOOL,), [one for one in seen if one.topic not in other])
         instead = f"; Bool is on {others}: is it that (--lock)?" if others else ""
-        return f"emergency stop: nobody publishes {topic}{instead}", ""
+        return f"emergency stop: no node publishes {topic}{instead}", ""
     wrong = [one for one in there if one.type != BOOL]
     if wrong:
         return "", (
@@ -197,7 +197,7 @@ def footprint(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
     """A notice on who publishes the robot's outline, and why it is never received, or nothing."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     if not there:
-        return f"footprint: nobody publishes {topic} yet; that of the robot's file counts", ""
+        return f"footprint: no node publishes {topic} yet; that of the robot's file counts", ""
     wrong = [one for one in there if one.type != POLYGON]
     if wrong:
         return "", (

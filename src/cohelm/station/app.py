@@ -200,7 +200,7 @@ class Station:
         try:
             await operator.attend(socket)
         except Exception:
-            _log.exception("the page of %s broke down", operator.name)
+            _log.exception("the page of %s failed", operator.name)
 
     def _operator(self, key: str | None) -> PageOperator | None:
         """The operator of a key; a new one if there is none, or its page is open: a second tab."""
@@ -213,7 +213,7 @@ class Station:
         key = secrets.token_urlsafe(16)
         operator = PageOperator(key, f"operator {self._count}", self.connect, self.stale)
         self.operators[key] = operator
-        _log.info("%s is here", operator.name)
+        _log.info("%s connected", operator.name)
         return operator
 
 

@@ -112,4 +112,4 @@ class ListeningSocket(socket.socket):
         now = time.monotonic()
         if now - self._logged >= 1.0:
             self._logged = now
-            _log.warning("too many connections; %d let go so far", self._closed_count)
+            _log.warning("too many connections; %d closed so far", self._closed_count)

@@ -164,15 +164,15 @@ class PageOperator:
         while _open(socket):
             text = await socket.receive_text()
             if not rate.take(time.monotonic()):
-                _log.warning("%s says too much; let go", self.name)
+                _log.warning("%s sends too many messages; closed", self.name)
                 await _disconnect(socket, 1008, "too many messages")
                 return
             try:
                 message = page.from_page(text)
             except ValidationError as error:
                 where = error.errors(include_url=False, include_input=False)[0]
-                _log.warning("%s sent what is no message: %s", self.name, where["msg"])
-                await _disconnect(socket, 1008, "not a message")
+                _log.warning("%s sent an invalid message: %s", self.name, where["msg"])
+                await _disconnect(socket, 1008, "invalid message")
                 return
             self._on_message(message)
 
@@ -233,7 +233,7 @@ class PageOperator:
                 try:
                     await asyncio.wait_for(sent(message), SEND_WITHIN)  # type: ignore[arg-type]
                 except TimeoutError:
-                    _log.warning("%s takes nothing; let go", self.name)
+                    _log.warning("%s does not read; closed", self.name)
                     await _disconnect(socket, 1013, "too slow")
                     return
                 except (WebSocketDisconnect, RuntimeError):  # it is closed, or closing

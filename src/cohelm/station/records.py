@@ -109,7 +109,7 @@ class Downloads:
 
 def _full() -> Response:
     return PlainTextResponse(
-        f"{MOST_AT_ONCE} downloads are under way: wait for one of them, then click again",
+        f"{MOST_AT_ONCE} downloads are running: wait for one of them, then click again",
         503, headers={"retry-after": "5"},
     )  # fmt: skip
 
@@ -129,7 +129,7 @@ def _part(request: Request, size: int, tag: str) -> tuple[int, int] | None:
 
 async def _about(link: RobotLink, name: str) -> Digest | Response:
     if isinstance(link, ReplayLink):
-        return PlainTextResponse("this is a record: there is no robot that has others", 404)
+        return PlainTextResponse("this is a replay: there is no robot with other records", 404)
     began = time.monotonic()
     again = -math.inf
     while (now := time.monotonic()) - began < DIGEST_WITHIN:
@@ -165,7 +165,7 @@ async def pieces(link: RobotLink, about: Digest, first: int, end: int) -> AsyncG
             if not isinstance(piece, Piece) or piece.name != about.name or piece.offset != at:
                 continue  # of before a connection was lost
             if not piece.data or at + len(piece.data) > end:
-                raise Broken(f"the robot has no more of {about.name}, or too much")
+                raise Broken(f"the robot sends {about.name} with another size")
             at += len(piece.data)
             hasher.update(piece.data)
             if held:
@@ -174,13 +174,13 @@ async def pieces(link: RobotLink, about: Digest, first: int, end: int) -> AsyncG
             since = requested_at = time.monotonic()  # also after a browser took its time
         now = time.monotonic()
         if now - since > PIECE_WITHIN:
-            raise Broken(f"the robot sent no more of {about.name}")
+            raise Broken(f"the robot stopped sending {about.name}")
         if now - requested_at > AGAIN_AFTER:
             requested, requested_at = at, now
         if at < end:
             await asyncio.sleep(_POLL)
     if whole and hasher.digest() != about.sha256:
-        raise Broken(f"what came of {about.name} is not what the robot has: its SHA-256 differs")
+        raise Broken(f"{about.name} is damaged: its SHA-256 is not the robot's")
     if held:
         yield held
 
@@ -208,11 +208,11 @@ class _Streamed(Response):
                 await asyncio.wait_for(send(body), TAKEN_WITHIN)
             await send({"type": "http.response.body", "body": b""})
         except Broken as broken:  # the server breaks off a response that is left unfinished
-            _log.warning("a download is broken off: %s", broken)
+            _log.warning("download aborted: %s", broken)
         except TimeoutError:
-            _log.warning("a download is broken off: nobody takes it")
+            _log.warning("download aborted: the browser does not read")
         except asyncio.CancelledError:
-            _log.warning("a download is broken off: the station ends")
+            _log.warning("download aborted: the station shuts down")
         finally:
             gone.cancel()
             with contextlib.suppress(asyncio.CancelledError):

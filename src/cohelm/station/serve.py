@@ -74,7 +74,7 @@ def _with_time_limits(listener: ListeningSocket) -> type[H11Protocol]:
         def _expire(self) -> None:
             if listener.is_admitted(self._client):  # a long download
                 return
-            _log.info("no whole request in time; let go")
+            _log.info("no complete request in time; closed")
             self.transport.abort()
 
     return TimeLimited

@@ -105,7 +105,7 @@ def who(lease: robot.Lease, names: dict[int, str], operators: list[str]) -> page
     def name(number: int, own_name: str) -> str | None:
         if number == 0:
             return None
-        return names.get(number) or f"{own_name or 'somebody'} ({number})"
+        return names.get(number) or f"{own_name or 'unnamed'} ({number})"
 
     left = known(lease.left)
     return page.Who(

@@ -137,7 +137,7 @@ def test_a_recorded_hand_drives_and_its_end_is_no_centred_stick(robot):
     until(lambda: robot.side.stopped)
     used = {result.stick for result in robot.hands if result.stick != CENTRED}
     assert used == {Stick(0.75, -0.5)}
-    assert robot.side.stopped in ("the stick vanished", "nobody drives any more")
+    assert robot.side.stopped in ("no valid stick input", "there is no driver any more")
 
 
 def test_the_command_says_what_is_missing_and_lists_what_there_is(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""The collision monitor takes no robot onto floor that nothing has seen, nor over an edge that left
+"""The collision monitor takes no robot onto unobserved floor, nor over an edge that left
 the camera's view beneath it."""
 
 import math
@@ -56,7 +56,7 @@ def test_it_backs_no_farther_than_floor_was_seen_though_a_lidar_looks_there():
     it, t = after(backed(0.64), model=ALL_ROUND)
     found = it.restrict(t, BACK)
     assert found.share == 0.0
-    assert "floor that nothing has seen" in found.reason
+    assert "unobserved floor" in found.reason
     assert "behind" in found.reason
     it, t = after(backed(0.2), model=ALL_ROUND)
     assert it.restrict(t, Twist(-0.1, 0.0)) == UNRESTRICTED
@@ -96,7 +96,7 @@ def test_switched_on_before_an_edge_that_is_nearer_than_its_picture_it_does_not_
     for ahead in (0.05, 0.3, 0.6):
         found = it.restrict(t, Twist(ahead, 0.0))
         assert found.share == 0.0
-        assert "floor that nothing has seen" in found.reason
+        assert "unobserved floor" in found.reason
     assert it.restrict(t, Twist(-0.08, 0.0)) == UNRESTRICTED
 
 
@@ -121,7 +121,7 @@ def test_carried_to_an_edge_nearer_than_its_picture_it_does_not_go_there():
         for ahead in (0.05, 0.3, 0.6):
             found = it.restrict(t, Twist(ahead, 0.0))
             assert found.share == 0.0
-            assert "floor that nothing has seen" in found.reason
+            assert "unobserved floor" in found.reason
         assert it.restrict(t, Twist(-0.08, 0.0)) == UNRESTRICTED
 
 
@@ -157,8 +157,8 @@ def test_who_came_to_an_edge_on_floor_that_it_has_seen_may_turn_there():
 
 
 def test_what_was_too_near_is_not_where_the_robot_has_turned_to_since():
-    """It saw something too near to be measured while it turned; that may have been anywhere up to
-    the lens, but for where the robot is itself now."""
+    """While it turned, something was closer than the minimum range: anywhere up to the lens, except
+    where the robot is itself now."""
     near = np.full(BEAMS, math.inf)
     near[50:60] = -math.inf
     poses = [Pose(0.0, 0.0, math.radians(a)) for a in (0, 40)]
@@ -181,10 +181,10 @@ def test_a_load_that_sticks_out_over_floor_that_nothing_has_seen_keeps_it_from_n
     assert it.restrict(t, Twist(0.3, 0.0)) == UNRESTRICTED
     found = it.restrict(t, Twist(-0.3, 0.0))
     assert found.share < 0.6  # it begins behind the load
-    assert "floor that nothing has seen" in found.reason
+    assert "unobserved floor" in found.reason
     for k in range(3, 6):  # the load is put down: what was beneath it is as unknown as before
         t += 0.02
         it.observe(t, readings(t, len(poses) + k, poses[-1], None, ALL_ROUND, DEEP.outline), STILL)
     found = it.restrict(t, Twist(-0.3, 0.0))
     assert found.share == 0.0
-    assert "floor that nothing has seen" in found.reason
+    assert "unobserved floor" in found.reason

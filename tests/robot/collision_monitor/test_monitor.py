@@ -371,10 +371,10 @@ def test_the_age_of_a_scan_counts_from_its_last_beam():
 
 WRONG = {
     "there is no odometry": Readings(None, Scan(1.02, 9, empty(), 0.0), None, None),
-    "the odometry is no number": readings(1.02, empty(), Pose(0.0, math.nan, 0.0)),
+    "the odometry is not a number": readings(1.02, empty(), Pose(0.0, math.nan, 0.0)),
     "there is no scan": Readings(Odometry(1.02, HERE, STILL), None, None, None),
     "a scan of 3 beams, and not 720": readings(1.02, np.ones(3)),
-    "the scan's time is no number": readings(1.02, empty(), duration=math.nan),
+    "the scan's time is not a number": readings(1.02, empty(), duration=math.nan),
 }
 
 
@@ -397,9 +397,9 @@ def test_no_number_of_the_odometry_is_used_that_is_none(which):
     it = standing(empty())
     odometry = Odometry(1.02, Pose(*numbers[:3]), Twist(*numbers[3:]))
     it.observe(1.02, Readings(odometry, Scan(1.02, 9, empty(), 0.0), None, None), STILL)
-    assert it.restrict(1.02, Twist(0.3, 0.0)).reason.endswith("the odometry is no number")
+    assert it.restrict(1.02, Twist(0.3, 0.0)).reason.endswith("the odometry is not a number")
     it.observe(1.04, Readings(Odometry(math.nan, HERE, STILL), None, None, None), STILL)
-    assert it.restrict(1.04, Twist(0.3, 0.0)).reason.endswith("the odometry is no number")
+    assert it.restrict(1.04, Twist(0.3, 0.0)).reason.endswith("the odometry is not a number")
 
 
 def test_before_any_reading_nothing_passes():
@@ -475,7 +475,7 @@ def test_what_went_out_of_sight_is_not_turned_or_backed_into():
     assert back.share * 0.8 == pytest.approx(fits(0.14, 0.8, PERIOD, 1.6), abs=0.02)
     assert it.restrict(t, Twist(0.8, 0.0)) == UNRESTRICTED
     it.observe(0.5, readings(0.5, empty()), STILL)  # its clock goes back: that was another time
-    assert "ground that nothing looked at" in it.restrict(0.5, Twist(-0.8, 0.0)).reason
+    assert "unobserved ground" in it.restrict(0.5, Twist(-0.8, 0.0)).reason
 
 
 def test_what_was_seen_afar_and_went_out_of_sight_is_still_a_thing_when_it_is_backed_at():
@@ -512,7 +512,7 @@ def test_ground_that_nothing_looked_at_is_backed_into_at_a_crawl_and_no_faster()
     free = reach + VOUCHED - FRONT  # straight behind; to a cell and its corner
     back = it.restrict(1.0, Twist(-1.0, 0.0))
     assert fits(free - 0.1, 1.0, PERIOD, 1.6) <= back.share <= fits(free, 1.0, PERIOD, 1.6)
-    assert back.reason.startswith("collision monitor: slower, ground that nothing looked at 0.")
+    assert back.reason.startswith("collision monitor: slower, unobserved ground 0.")
     assert back.reason.endswith("m behind")
     at, speed, passed = 0.0, 0.0, []
     for k in range(1, 500):
@@ -559,7 +559,7 @@ def test_what_stood_behind_a_minute_ago_may_be_gone_or_not_and_is_approached_at_
     for later in (t + REMEMBERED + 1.0, t + REMEMBERED + 1.1):
         it.observe(later, readings(later, empty()), STILL)
     back = it.restrict(later, Twist(-0.8, 0.0))
-    assert back.reason.startswith("collision monitor: slower, ground that nothing looked at")
+    assert back.reason.startswith("collision monitor: slower, unobserved ground")
     x, speed, later_x = 0.0, 0.0, []
     for k in range(1, 300):
         now = later + 0.02 * k
@@ -601,7 +601,7 @@ def test_it_says_on_which_side_the_thing_is():
         here = np.array([point])
         assert it._where(MonitorSurroundings(here, *[nothing] * 3), 0) == f"something {said}"
         there = MonitorSurroundings(here, unknown, nothing, nothing)
-        assert it._where(there, 0) == f"ground that nothing looked at {said}"
+        assert it._where(there, 0) == f"unobserved ground {said}"
 
 
 def test_what_is_too_near_to_be_measured_is_said_to_be():
@@ -610,7 +610,7 @@ def test_what_is_too_near_to_be_measured_is_said_to_be():
     ranges[len(ranges) // 2] = -math.inf
     found = standing(ranges).restrict(1.0, Twist(0.5, 0.0))
     assert found.share < 1.0
-    assert "something too near to be measured 0.00 m" in found.reason
+    assert "something closer than the minimum range 0.00 m" in found.reason
 
 
 def test_a_robot_that_runs_away_is_a_fault():
@@ -623,7 +623,7 @@ def test_a_robot_that_runs_away_is_a_fault():
             break
     assert found.share == 0.0
     assert found.reason == (
-        "collision monitor: the robot moves at 0.20 m/s although it is told to stand"
+        "collision monitor: the robot moves at 0.20 m/s although it is commanded to stand"
     )
     full = 1.0 / BRAKES  # from full speed
     assert DELAY + full + 0.25 < t < DELAY + full + 0.35

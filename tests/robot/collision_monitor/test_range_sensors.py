@@ -70,7 +70,7 @@ def test_it_vouches_for_no_ground():
     for k in range(46, 51):
         only.observe(0.02 * k, readings(0.02 * k, None, SONAR), STILL)
     assert standing(math.inf, BEHIND).restrict(1.0, back) == only.restrict(1.0, back)
-    assert "ground that nothing looked at" in only.restrict(1.0, back).reason
+    assert "unobserved ground" in only.restrict(1.0, back).reason
 
 
 def test_its_error_is_that_of_one_measurement():

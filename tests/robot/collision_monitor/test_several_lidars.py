@@ -44,7 +44,7 @@ def test_it_backs_as_fast_as_it_likes_where_the_rear_lidar_has_looked():
     only = robot("sally")
     blind = standing(lambda t: readings(t)._replace(further=()), only).restrict(1.0, BACK)
     assert blind.share < 1.0
-    assert "ground that nothing looked at" in blind.reason
+    assert "unobserved ground" in blind.reason
 
 
 def test_what_only_the_rear_lidar_sees_stops_it():
@@ -82,7 +82,7 @@ def no_time(t):
         (without_rear, "rear LiDAR: there is no scan"),
         (late, "rear LiDAR: no scan for 500 ms"),
         (fewer_beams, "rear LiDAR: a scan of 360 beams, and not 720"),
-        (no_time, "rear LiDAR: the scan's time is no number"),
+        (no_time, "rear LiDAR: the scan's time is not a number"),
     ],
 )
 @pytest.mark.parametrize("twist", [Twist(0.3, 0.0), BACK])

@@ -196,12 +196,12 @@ def test_a_refused_proposal_moves_nobody_who_rests():
 @pytest.mark.parametrize(
     ("proposal", "said"),
     [
-        (Proposal(8, 10.0, Twist(NAN, 0.0)), "the loop asked for a speed that is no number"),
-        (Proposal(8, 10.0, Twist(0.0, NAN)), "the loop asked for a speed that is no number"),
-        (Proposal(8, 10.0, Twist(INF, 0.0)), "the loop asked for a speed that is no number"),
-        (Proposal(8, 10.0, Twist(0.0, -INF)), "the loop asked for a speed that is no number"),
-        (Proposal(8, NAN, Twist(0.1, 0.0)), "the readings' time is no number"),
-        (Proposal(8, -INF, Twist(0.1, 0.0)), "the readings' time is no number"),
+        (Proposal(8, 10.0, Twist(NAN, 0.0)), "the loop commanded a speed that is not a number"),
+        (Proposal(8, 10.0, Twist(0.0, NAN)), "the loop commanded a speed that is not a number"),
+        (Proposal(8, 10.0, Twist(INF, 0.0)), "the loop commanded a speed that is not a number"),
+        (Proposal(8, 10.0, Twist(0.0, -INF)), "the loop commanded a speed that is not a number"),
+        (Proposal(8, NAN, Twist(0.1, 0.0)), "the readings' time is not a number"),
+        (Proposal(8, -INF, Twist(0.1, 0.0)), "the readings' time is not a number"),
         (
             Proposal(8, 10.0101, Twist(0.1, 0.0)),
             "the readings come from the future: a clock jumped",
@@ -229,7 +229,7 @@ def test_silence_trips_the_watchdog(mode):
     assert passed == Passed(Twist(0.3, 0.0), "")
     late, passed = g.tick(early, 10.0801, RULES)
     assert late.mode == GateMode.FAULTED
-    assert passed.reason == late.reason == "no sound command for more than 100 ms"
+    assert passed.reason == late.reason == "no valid command for more than 100 ms"
     assert passed.out.v == pytest.approx(0.24)
 
 
@@ -269,7 +269,7 @@ def test_a_clock_that_goes_back_is_a_fault_and_the_new_time_counts():
 
 def test_after_the_clock_went_back_the_loop_must_show_that_it_lives():
     gate, _ = g.tick(ready(), 9.5, RULES)
-    assert g.reset(gate, 9.5, RULES)[1] == "the loop sends nothing sound"
+    assert g.reset(gate, 9.5, RULES)[1] == "the loop sends no valid command"
 
 
 def test_every_limit_in_time_is_still_allowed():
@@ -278,7 +278,7 @@ def test_every_limit_in_time_is_still_allowed():
     gate = ready()._replace(last_proposal=8.0)
     assert g.tick(gate, 10.0, rules)[0].mode == GateMode.AUTOMATIC
     late, _ = g.tick(gate, 10.25, rules)
-    assert late.reason == "no sound command for more than 2000 ms"
+    assert late.reason == "no valid command for more than 2000 ms"
     for stamp in (10.0 - 0.125, 10.0 + 0.0625):
         _, passed = g.propose(gate, Proposal(8, stamp, Twist(0.02, 0.0)), 10.0, rules)
         assert passed.reason == ""
@@ -294,7 +294,7 @@ def test_the_same_time_twice_is_no_step_back():
 @pytest.mark.parametrize("now", [NAN, INF, -INF])
 def test_a_clock_that_is_no_number_stops_at_once(now):
     gate, passed = g.tick(ready(out=Twist(0.3, 0.0)), now, RULES)
-    assert passed == Passed(STANDING, "the robot's clock is no number")
+    assert passed == Passed(STANDING, "the robot's clock is not a number")
     assert gate.mode == GateMode.FAULTED
     assert gate.out == STANDING
     assert gate.clock == 9.98
@@ -354,11 +354,11 @@ def test_no_reset_while_the_wheels_still_turn(out):
 
 def test_no_reset_and_no_driving_without_a_living_loop():
     stopped = g.stop(ready(), "why")
-    assert g.reset(stopped, 10.0801, RULES) == (stopped, "the loop sends nothing sound")
+    assert g.reset(stopped, 10.0801, RULES) == (stopped, "the loop sends no valid command")
     assert g.reset(stopped, 10.0799, RULES)[1] == ""
     idle = ready(mode=GateMode.IDLE)
     for mode in (GateMode.AUTOMATIC, GateMode.SHARED):
-        assert g.drive(idle, mode, 10.0801, RULES) == (idle, "the loop sends nothing sound")
+        assert g.drive(idle, mode, 10.0801, RULES) == (idle, "the loop sends no valid command")
         assert g.drive(idle, mode, 10.0799, RULES)[0].mode == mode
     assert g.drive(idle, GateMode.IDLE, 99.0, RULES) == (idle, "")
 
@@ -368,7 +368,7 @@ def test_the_modes_one_can_choose():
     for mode in (GateMode.SHARED, GateMode.AUTOMATIC, GateMode.IDLE):
         assert g.drive(gate, mode, 10.0, RULES)[0].mode == mode
     for mode in (GateMode.STOPPED, GateMode.FAULTED):
-        assert g.drive(gate, mode, 10.0, RULES) == (gate, "stop and fault are not chosen")
+        assert g.drive(gate, mode, 10.0, RULES) == (gate, "stop and fault can not be chosen")
 
 
 def test_which_modes_drive_and_which_are_latched():

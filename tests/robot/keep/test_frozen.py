@@ -57,7 +57,7 @@ class Frozen:
 
     def stands(self, by: float) -> None:
         """The gate process says so in time, and the robot has come no farther than this."""
-        assert self.said("no sound command for more than 100 ms", 1.0)
+        assert self.said("no valid command for more than 100 ms", 1.0)
         assert self.said("stands, ", 2.0)
         end = time.monotonic() + 0.5  # it says so when next to nothing is left
         while self.watch.now().v != 0.0:

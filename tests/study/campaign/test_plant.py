@@ -62,7 +62,7 @@ def test_a_loop_that_is_not_heard_is_stopped_by_the_watchdog_of_a_campaign_too(m
     monkeypatch.setattr(Watched, "propose", mute)
     (row,) = chunk(suites.suite("random", 1, None, "twin"), "guard", (6,))
     assert row.stops == 1
-    assert row.stopped_by == "no sound command for more than 100 ms"
+    assert row.stopped_by == "no valid command for more than 100 ms"
     assert row.arrived
 
 

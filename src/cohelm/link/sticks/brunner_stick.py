@@ -102,7 +102,7 @@ def parameters(text: str, pushes: bool = True) -> BrunnerParams:
             hint = did_you_mean(key, OPTIONS)
             raise CohelmError(f"{text}: no option {key!r}: it knows {', '.join(OPTIONS)}{hint}")
         if key in options:
-            raise CohelmError(f"{text}: {key} stands there twice")
+            raise CohelmError(f"{text}: {key} is given twice")
         options[key] = value
     if "force" not in options:
         if pushes:

@@ -58,7 +58,9 @@ class EvdevStick:
         can = self._device.capabilities()
         if not _is_stick(can):
             self._device.close()
-            raise CohelmError(f"{path} ({self._device.name}) has no two axes and is no stick")
+            raise CohelmError(
+                f"{path} ({self._device.name}) has fewer than two axes and is no stick"
+            )
         self.name: str = self._device.name
         effects = set(can.get(ecodes.EV_FF, ()))
         self.force = ecodes.FF_CONSTANT in effects

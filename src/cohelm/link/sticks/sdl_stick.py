@@ -53,7 +53,7 @@ class SdlStick:
         self._stick: Any = self._pygame.joystick.Joystick(index)
         self.name: str = self._stick.get_name()
         if self._stick.get_numaxes() < 2:
-            raise CohelmError(f"{self.name} has no two axes and is no stick")
+            raise CohelmError(f"{self.name} has fewer than two axes and is no stick")
         self._why = ""
         self._down: set[int] = set()
         self._felt = NOTHING

@@ -48,8 +48,8 @@ LASTS = 1.0
 """A reason keeps its text until it has been absent for this long [s]."""
 _NONE = Twist(0.0, 0.0)
 _WHAT = {
-    -math.inf: "ground that nothing looked at", UNWATCHED: "floor that nothing has seen",
-    TOO_NEAR: "something too near to be measured",
+    -math.inf: "unobserved ground", UNWATCHED: "unobserved floor",
+    TOO_NEAR: "something closer than the minimum range",
 }  # fmt: skip
 
 
@@ -131,7 +131,7 @@ class CollisionMonitor:
         fresh = now - self._measured.stamp <= PATIENCE
         speed = self._speed() if fresh else math.nan
         if self._runaway.noticed(now, applied, speed):
-            moves = f"the robot moves at {speed:.2f} m/s although it is told to stand"
+            moves = f"the robot moves at {speed:.2f} m/s although it is commanded to stand"
             return Restriction(0.0, f"collision monitor: {moves}", fault=True)
         return UNRESTRICTED
 
@@ -209,7 +209,7 @@ class CollisionMonitor:
         if odometry is None:
             return "there is no odometry"
         if not all(map(math.isfinite, (odometry.stamp, *odometry.pose, *odometry.twist))):
-            return "the odometry is no number"
+            return "the odometry is not a number"
         if odometry.stamp > now + AHEAD:
             return "the odometry comes from the future"
         history = self._measured

@@ -90,7 +90,7 @@ class MonitorSource:
             text = f"a scan of {len(scan.ranges)} beams, and not {len(sensor.bearings)}"
             return False, self._text(text)
         if not math.isfinite(scan.stamp + scan.duration):
-            return False, self._text("the scan's time is no number")
+            return False, self._text("the scan's time is not a number")
         if scan.stamp + scan.duration > now + AHEAD:
             return False, self._text("the scan comes from the future")
         first, last = (measured.at(scan.stamp + t) for t in (0.0, scan.duration))

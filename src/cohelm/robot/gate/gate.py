@@ -137,7 +137,7 @@ def reset(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, str]:
     if gate.out != STANDING:
         return gate, "the robot is still braking"
     if not _loop_alive(gate, now, rules):
-        return gate, "the loop sends nothing sound"
+        return gate, "the loop sends no valid command"
     return gate._replace(mode=GateMode.IDLE, reason=""), ""
 
 
@@ -146,22 +146,22 @@ def drive(gate: Gate, mode: GateMode, now: float, rules: GateRules) -> tuple[Gat
     if latched(gate.mode):
         return gate, f"reset first: {gate.reason}"
     if latched(mode):
-        return gate, "stop and fault are not chosen"
+        return gate, "stop and fault can not be chosen"
     if driving(mode) and not _loop_alive(gate, now, rules):
-        return gate, "the loop sends nothing sound"
+        return gate, "the loop sends no valid command"
     return gate._replace(mode=mode), ""
 
 
 def _check_watchdog(gate: Gate, now: float, rules: GateRules) -> Gate:
     """Check the robot's clock and the watchdog."""
     if not math.isfinite(now):
-        return fault(gate, "the robot's clock is no number")
+        return fault(gate, "the robot's clock is not a number")
     if now < gate.clock:  # from here on the new time counts
         back = gate._replace(clock=now, change_until=-math.inf, last_proposal=-math.inf)
         return fault(back, "the robot's clock went back")
     gate = gate._replace(clock=now)
     if driving(gate.mode) and now - gate.last_proposal > rules.watchdog:
-        late = f"no sound command for more than {1000.0 * rules.watchdog:.0f} ms"
+        late = f"no valid command for more than {1000.0 * rules.watchdog:.0f} ms"
         return fault(gate, late)
     return gate
 
@@ -169,9 +169,9 @@ def _check_watchdog(gate: Gate, now: float, rules: GateRules) -> Gate:
 def _fault_in(proposal: Proposal, now: float, rules: GateRules) -> str:
     """What in a proposal shows a fault of the loop; empty where nothing does."""
     if not (math.isfinite(proposal.twist.v) and math.isfinite(proposal.twist.omega)):
-        return "the loop asked for a speed that is no number"
+        return "the loop commanded a speed that is not a number"
     if not math.isfinite(proposal.stamp):
-        return "the readings' time is no number"
+        return "the readings' time is not a number"
     if proposal.stamp > now + rules.ahead:
         return "the readings come from the future: a clock jumped"
     return ""

@@ -142,7 +142,7 @@ class LocalGatedRobot:
         """The newest of everything; a fault that the robot reports is latched."""
         readings = _bounded_odometry(self._robot.read())
         faults = () if readings.health is None else readings.health.faults
-        self._fault = f"the robot says: {faults[0]}" if faults else ""
+        self._fault = f"the robot reports: {faults[0]}" if faults else ""
         if self._fault:
             self.fault(self._fault)
         if self._monitors:

@@ -189,10 +189,8 @@ class RemoteGatedRobot:
 
 
 def _gone() -> CohelmError:
-    return CohelmError("the process that keeps the robot is gone; the robot stops by itself")
+    return CohelmError("the gate process has ended; the robot stops by itself")
 
 
 def _silent() -> CohelmError:
-    return CohelmError(
-        "the process that keeps the robot does not answer; the robot stops by itself"
-    )
+    return CohelmError("the gate process does not answer; the robot stops by itself")

@@ -100,7 +100,7 @@ class Content:
         rough = roughness(ranges)
         sigma = max(self._lidar.noise_m, _MIN_NOISE)
         checks = (
-            (invalid > _INVALID, f"{100.0 * invalid:.0f} % of the scan is no number"),
+            (invalid > _INVALID, f"{100.0 * invalid:.0f} % of the scan is not a number"),
             (empty > _EMPTY, f"{100.0 * empty:.0f} % of the scan's beams see nothing"),
             (rough > _NOISY * sigma,
              f"the scan is {rough / sigma:.0f} times as noisy as its sensor"),

@@ -74,7 +74,7 @@ class PlausibilitySource:
     def limit(self, bearing: float) -> Finding | None:
         """The speed limit along a bearing [rad] in which the LiDAR has not returned anything."""
         if self._way > _VOUCHED * self._lidar.range_max:
-            return self._crawl("the scan shows nothing at all: it vouches for no ground")
+            return self._crawl("the scan shows nothing at all: it does not confirm free space")
         if not self._view.vouches(bearing):
             return self._crawl("the LiDAR has not shown that it sees what lies ahead")
         return None

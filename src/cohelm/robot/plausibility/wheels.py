@@ -133,10 +133,10 @@ class Following:
     def _wrong(self, twist: Twist, sent: Commanded) -> str:
         t = self._t
         if outside(twist.v, sent.low_v, sent.high_v, t.speed, t.ratio):
-            return f"the odometry says {twist.v:.2f} m/s where {sent.v:.2f} m/s is commanded"
+            return f"the odometry reports {twist.v:.2f} m/s where {sent.v:.2f} m/s is commanded"
         if outside(twist.omega, sent.low_omega, sent.high_omega, t.yaw_rate, t.ratio):
             is_ = f"{sent.omega:.2f} rad/s"
-            return f"the odometry says {twist.omega:.2f} rad/s where {is_} is commanded"
+            return f"the odometry reports {twist.omega:.2f} rad/s where {is_} is commanded"
         return ""
 
 
