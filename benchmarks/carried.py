@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.places import SALLY, WRONG, places_of  # noqa: E402
 from cohelm.core.types import Pose, Twist  # noqa: E402
-from cohelm.perceive.pipeline import Perception, rehearse  # noqa: E402
+from cohelm.perceive.pipeline import Perception, warm_up  # noqa: E402
 from tests.perceive.buildings import NO_DISCS, Place, tour  # noqa: E402
 from tests.perceive.drives import DT, along, drive  # noqa: E402
 
@@ -58,7 +58,7 @@ def main() -> None:
     parser.set_defaults(alike=False)
     given = parser.parse_args()
     first, last = (int(n) for n in given.seeds.split(":"))
-    rehearse(SALLY, mapped=True)
+    warm_up(SALLY, mapped=True)
     whole: list[tuple[float, float]] = []
     length = BEFORE + FASTER * CARRIED + AFTER
     for place in places_of(given, first, last):

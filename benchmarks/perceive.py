@@ -35,7 +35,7 @@ from cohelm.perceive.localize.localization_map import (  # noqa: E402
 from cohelm.perceive.map.mapper import Mapper, MappingResult  # noqa: E402
 from cohelm.perceive.map.mapping_scans import mapping_scans  # noqa: E402
 from cohelm.perceive.map.raster import raster  # noqa: E402
-from cohelm.perceive.pipeline import Perception, Seen, rehearse  # noqa: E402
+from cohelm.perceive.pipeline import Perception, Seen, warm_up  # noqa: E402
 from cohelm.robot.kinematics import arc  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.scenario.worlds.tracks import read_tracks  # noqa: E402
@@ -65,7 +65,7 @@ def main() -> None:
         return
     console = Console()
     truth = map_from_occupancy(*lab_map())
-    rehearse(SALLY, mapped=True)
+    warm_up(SALLY, mapped=True)
     wanted = [a for a in sys.argv[1:] if not a.startswith("-")]
     some = not wanted or {"mapping", "localisation"} & set(wanted)
     own = surveyed() if some else (truth, [])

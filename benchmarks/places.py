@@ -34,7 +34,7 @@ from benchmarks.other_localizers import Other, ParticleFilter, PlainIcp  # noqa:
 from cohelm.core.frames import between, compose  # noqa: E402
 from cohelm.core.types import Floats, Pose, Twist, disc, discs  # noqa: E402
 from cohelm.perceive.map.mapper import Mapper  # noqa: E402
-from cohelm.perceive.pipeline import Perception, rehearse  # noqa: E402
+from cohelm.perceive.pipeline import Perception, warm_up  # noqa: E402
 from cohelm.robot.sensors import LidarModel  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, read_map  # noqa: E402
@@ -254,7 +254,7 @@ def main() -> None:
     parser.add_argument("--into", type=Path, help="file of results to add a line a drive to")
     given = parser.parse_args()
     first, last = (int(n) for n in given.seeds.split(":"))
-    rehearse(SALLY, mapped=True)
+    warm_up(SALLY, mapped=True)
     if "drives" in given.tables:
         drives(given, first, last)
     if "beside" in given.tables:

@@ -27,7 +27,7 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.closed_loop import ROOM, TIGHT, fitting, spells, without_walls  # noqa: E402
 from benchmarks.places import SALLY, errors, kept, laid, published  # noqa: E402
 from cohelm.core.types import Pose, Twist  # noqa: E402
-from cohelm.perceive.pipeline import Perception, rehearse  # noqa: E402
+from cohelm.perceive.pipeline import Perception, warm_up  # noqa: E402
 from cohelm.robot.kinematics import arc  # noqa: E402
 from cohelm.robot.model import RobotModel  # noqa: E402
 from cohelm.robot.port import Odometry, Readings, Scan  # noqa: E402
@@ -135,7 +135,7 @@ def main() -> None:
     parser.add_argument("--share", type=float, default=0.3, help="of the walls that is gone")
     parser.add_argument("--into", type=Path, help="file of results to add a line a drive to")
     given = parser.parse_args()
-    rehearse(SALLY, mapped=True)
+    warm_up(SALLY, mapped=True)
     first, last = (int(n) for n in given.seeds.split(":"))
     for seed in range(first, last):
         for name, make in published().items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import cohelm
-from cohelm.robot.pace import OnTheWall
+from cohelm.robot.clock import WallClock
 from cohelm.scenario.load import scenario
 from cohelm.sim.kinematic import Kinematic
 
@@ -17,9 +17,9 @@ class Cart(cohelm.Robot):
 
     def __init__(self, model: cohelm.RobotModel) -> None:
         super().__init__(model)
-        pace = OnTheWall() if self.real_time else None
+        clock = WallClock() if self.real_time else None
         around = scenario(SITE).build_world()
-        self.inside = Kinematic(model, cohelm.Pose(0.0, 0.0, 0.0), around, timeout=1e6, pace=pace)
+        self.inside = Kinematic(model, cohelm.Pose(0.0, 0.0, 0.0), around, timeout=1e6, clock=clock)
         self.now, self.wait = self.inside.now, self.inside.wait
         self.number = -1
 

@@ -58,18 +58,20 @@ def test_the_numbers_are_those_of_the_code():
         "commands for | 300 ms": ArmingParams().silence,
         "`steer` for 100 ms": station_end.FRESH,
         "longer ago than | 1 s": robot_end.REQUEST_LIFE,
-        "without asking | 2 s": robot_end.SILENT,
-        "is forgotten | 30 s": robot_end.FORGOTTEN,
+        "without asking | 2 s": robot_end.TAKEOVER_AFTER,
+        "is forgotten | 30 s": robot_end.CLIENT_TIMEOUT,
         "for the lease | 10 s": lease.ANSWER_WITHIN,
         "constant of 80 ms": CueRules().slowness,
     }.items():
         assert said in TEXT
         number, unit = re.findall(r"([\d.]+) (ms|s)\b", said)[-1]
         assert float(number) * {"ms": 1e-3, "s": 1.0}[unit] == pytest.approx(value)
-    assert f"clients | {client.MOST_CLIENTS}, of them {client.MOST_OF_ONE_KEY} with" in TEXT
-    assert f"{client.DATAGRAMS:.0f} a second and {client.AT_ONCE:.0f} at once are heard" in TEXT
-    assert f"of {client.LOOKED_AT:.0f} a second a stop is" in TEXT
-    assert f"{client.REQUESTS:.0f} a second and {client.REQUESTS_AT_ONCE:.0f} at once" in TEXT
+    assert f"clients | {client.MAX_CLIENTS}, of them {client.MAX_CLIENTS_PER_KEY} with" in TEXT
+    assert (
+        f"{client.DATAGRAMS:.0f} a second and {client.DATAGRAM_BURST:.0f} at once are heard" in TEXT
+    )
+    assert f"of {client.DECRYPTED:.0f} a second a stop is" in TEXT
+    assert f"{client.REQUESTS:.0f} a second and {client.REQUEST_BURST:.0f} at once" in TEXT
     assert f"{pending.MOST_WAITING} wait for the loop" in TEXT
     loop = (PAGE.parent / "loop.md").read_text(encoding="utf-8")
     assert f"again within {BACK_WITHIN:.0f} s of the last before" in loop

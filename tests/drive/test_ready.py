@@ -15,7 +15,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.drive.session import SessionConfig, driver_of
 from cohelm.drive.simulated import simulated
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
-from cohelm.perceive.pipeline import Perception, rehearse
+from cohelm.perceive.pipeline import Perception, warm_up
 from cohelm.pilot.replanning import Plan as Planned
 from cohelm.robot.port import Odometry, Readings, Scan
 
@@ -50,7 +50,7 @@ def look(perception: Perception, every: int) -> set[bool]:
 def left_to_compile(line) -> None:
     robot = simulated("lab-guard")
     around = map_from_geometry(robot.scenario.walls(), robot.start)
-    rehearse(robot.model, mapped=True)
+    warm_up(robot.model, mapped=True)
     driver = driver_of(SessionConfig(robot), real_time=False)
     seen = Perception(robot.model, around, robot.start).take(0.0, Readings(None, None, None, None))
     driver.warm_up(robot.start, driver.obstacles(seen))

@@ -23,9 +23,9 @@ from cohelm.link.bulk_messages import (
     Records,
     Waypoints,
 )
+from cohelm.link.congestion import FASTEST, SLOWEST, TARGET, CongestionControl
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Answer, Ask
-from cohelm.link.pace import FASTEST, SLOWEST, TARGET, BulkPace
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
@@ -178,7 +178,7 @@ def test_slow_and_silent_strangers_do_not_keep_a_station_out(both):
 
 
 def test_bulk_slows_down_when_the_datagrams_wait_and_speeds_up_when_not():
-    pace, now = BulkPace(0.0), 0.0
+    pace, now = CongestionControl(0.0), 0.0
     for _ in range(100):
         now += 0.11
         pace.observe(0.1, 0.1, now)

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from cohelm.core.types import Stick
-from cohelm.link.client import AT_ONCE, MOST_CLIENTS, MOST_OF_ONE_KEY, free_number
+from cohelm.link.client import DATAGRAM_BURST, MAX_CLIENTS, MAX_CLIENTS_PER_KEY, free_number
 from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Ask, Command, Device, Request
 from cohelm.link.pending import MOST_WAITING
-from cohelm.link.robot_end import SILENT, RobotEnd
+from cohelm.link.robot_end import TAKEOVER_AFTER, RobotEnd
 from cohelm.link.station_end import StationEnd
 from cohelm.link.wire import Header, encode, from_operator, may_stop
 from tests.link.ends import CENTRED, STATUS, until
@@ -93,7 +93,7 @@ def test_looking_for_a_stop_never_breaks(data):
 
 def test_a_stop_passes_from_a_client_that_says_too_much(robot, raw):
     raw = raw()
-    for number in range(1, int(AT_ONCE) + 200):
+    for number in range(1, int(DATAGRAM_BURST) + 200):
         raw.say(command(number))
         if number % 50 == 0:
             time.sleep(0.01)
@@ -154,7 +154,7 @@ def test_a_station_that_takes_all_its_places_leaves_some_to_others_and_the_drive
         number = driver.ask(Ask.TAKE)
         until(lambda: driver.answer(number), turn=lambda: robot.send_status(STATUS))
         raws = []
-        for k in range(MOST_OF_ONE_KEY + 3):
+        for k in range(MAX_CLIENTS_PER_KEY + 3):
             raws.append(raw(robot))
             raws[-1].say(command(1, session=100 + k))
 
@@ -166,14 +166,16 @@ def test_a_station_that_takes_all_its_places_leaves_some_to_others_and_the_drive
             time.sleep(0.05)
 
         until(lambda: robot.refused_counts["too many clients"] >= 3, turn=speak)
-        assert len(robot.clients()) == MOST_OF_ONE_KEY
+        assert len(robot.clients()) == MAX_CLIENTS_PER_KEY
         with StationEnd(second, HERE, robot.address[1]) as other:
             until(other.status, turn=speak)
-            assert len(robot.clients()) == MOST_OF_ONE_KEY + 1 <= MOST_CLIENTS
+            assert len(robot.clients()) == MAX_CLIENTS_PER_KEY + 1 <= MAX_CLIENTS
             assert robot.driver == driver.status().status.lease.you
             # who falls silent makes room, but never the driver
             with StationEnd(first, HERE, robot.address[1]) as late:
-                until(late.status, within=SILENT + 8.0, turn=lambda: robot.send_status(STATUS))
+                until(
+                    late.status, within=TAKEOVER_AFTER + 8.0, turn=lambda: robot.send_status(STATUS)
+                )
             assert robot.driver in robot.clients()
 
 
@@ -181,9 +183,9 @@ def test_a_driver_comes_back_on_a_new_channel_though_all_places_are_taken(robot,
     first = raw()
     first.say(command(1, Request(1, Ask.TAKE, 0, time.monotonic()), session=1))
     until(lambda: robot.driver)
-    for k in range(MOST_OF_ONE_KEY - 1):
+    for k in range(MAX_CLIENTS_PER_KEY - 1):
         raw().say(command(1, session=100 + k))
-    until(lambda: len(robot.clients()) == MOST_OF_ONE_KEY)
+    until(lambda: len(robot.clients()) == MAX_CLIENTS_PER_KEY)
     again = raw()  # the same person, from another network
     again.say(command(2, session=1))
     again.say(command(3, Request(2, Ask.STOP, 0, time.monotonic()), session=1))

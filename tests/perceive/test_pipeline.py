@@ -11,7 +11,7 @@ from cohelm.core.types import VX, VY, Pose, Twist
 from cohelm.perceive.localize import global_search as search, localization_map as known_
 from cohelm.perceive.localize.localization_map import map_from_occupancy
 from cohelm.perceive.match import scan_matching as match
-from cohelm.perceive.pipeline import Perception, in_odom, rehearse
+from cohelm.perceive.pipeline import Perception, in_odom, warm_up
 from cohelm.perceive.scan import deskew as deskewing
 from cohelm.perceive.track import tracker as movers
 from cohelm.robot.kinematics import arc
@@ -132,7 +132,7 @@ def test_a_map_without_walls_is_refused():
 
 @pytest.mark.parametrize("mapped", [True, False])
 def test_a_warm_up_leaves_nothing_to_compile(lab, mapped):
-    rehearse(SALLY, mapped)
+    warm_up(SALLY, mapped)
     parts = (
         match.align,
         known_.judge,

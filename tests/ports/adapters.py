@@ -27,9 +27,9 @@ from cohelm.record.replay import Replayed
 from cohelm.record.topics import Photo
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot as BaseRobot
+from cohelm.robot.clock import WallClock
 from cohelm.robot.keep.record_pipe import Event
 from cohelm.robot.model import RobotModel
-from cohelm.robot.pace import OnTheWall
 from cohelm.robot.port import Readings, RobotPort
 from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic
@@ -115,8 +115,8 @@ class Own(BaseRobot):
     def __init__(self, real_time: bool) -> None:
         super().__init__(sally())
         self.real_time = real_time
-        pace = OnTheWall() if real_time else None
-        self._inside = Kinematic(self.model, START, room(), seed=3, timeout=1e6, pace=pace)
+        clock = WallClock() if real_time else None
+        self._inside = Kinematic(self.model, START, room(), seed=3, timeout=1e6, clock=clock)
         self._number = -1
         self.now, self.wait = self._inside.now, self._inside.wait
 
@@ -140,10 +140,10 @@ ADAPTERS: dict[str, Adapter] = {
     "kinematic": Adapter(lambda: Kinematic(sally(), START, room(), seed=3)),
     "replayed": Adapter(lambda: Replayed(_replayed()), obeys=False),
     "kinematic, real time": Adapter(
-        lambda: Kinematic(sally(), START, room(), seed=3, pace=OnTheWall()), real_time=True
+        lambda: Kinematic(sally(), START, room(), seed=3, clock=WallClock()), real_time=True
     ),
     "twin": Adapter(lambda: Twin(sally(), START, room(), seed=3, camera="none")),
     "twin, real time": Adapter(
-        lambda: Twin(sally(), START, room(), seed=3, pace=OnTheWall()), real_time=True
+        lambda: Twin(sally(), START, room(), seed=3, clock=WallClock()), real_time=True
     ),
 }

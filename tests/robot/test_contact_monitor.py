@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given, strategies as st
 
 from cohelm.core.types import Twist
+from cohelm.robot.clock import SteppedClock
 from cohelm.robot.contact_monitor import ContactMonitor
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.gate.gate import Proposal
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.monitor import UNRESTRICTED
-from cohelm.robot.pace import AsFast
 from cohelm.robot.port import Contact, Readings
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
@@ -132,7 +132,7 @@ class Bumped:
     """A simulated robot, whose sensors somebody presses."""
 
     def __init__(self):
-        self._robot = Kinematic(MODEL, pace=AsFast())
+        self._robot = Kinematic(MODEL, clock=SteppedClock())
         self.on = ()
         self.mute = ()
 

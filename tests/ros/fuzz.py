@@ -24,10 +24,10 @@ from rosbags.typesys.stores.ros2_jazzy import (
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.adapter import RobotAdapter
+from cohelm.robot.clock import WallClock
 from cohelm.robot.gate.modes import latched
 from cohelm.robot.keep.gated_robot import LocalGatedRobot
 from cohelm.robot.model import RobotModel
-from cohelm.robot.pace import OnTheWall
 from cohelm.robot.port import Readings
 from cohelm.ros import look as looking
 from cohelm.ros.filter_node import FilterNode, FilterParams, gate_rules
@@ -155,7 +155,7 @@ def main(seconds: float, seed: int, driven: bool = True) -> list[str]:
     come too; else it must not move at all."""
     rng, count, wrong = random.Random(seed), Counter[str](), []
     network, model = Inside(), with_clouds(load_robot("sally-rear"))
-    robot = Shared(model, Pose(0.0, 0.0, 0.0), world(([], HALL)), seed=3, pace=OnTheWall())
+    robot = Shared(model, Pose(0.0, 0.0, 0.0), world(([], HALL)), seed=3, clock=WallClock())
     base = ServedRobot(network, robot, Topics())
     controller = network.publish("/cmd_vel_nav", TWIST, COMMAND)
     lock = network.publish("/emergency_stop", BOOL, LATCHED)

@@ -16,11 +16,11 @@ import numpy as np
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Empty as Empty
 
 from cohelm.core.types import Pose, Twist
+from cohelm.robot.clock import WallClock
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.gate.modes import latched
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.model import RobotModel
-from cohelm.robot.pace import OnTheWall
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros.connection import Connection
 from cohelm.ros.filter_node import FilterNode, FilterParams, gate_rules
@@ -74,7 +74,7 @@ def named(name: str) -> RobotModel:
 
 
 class Simulator:
-    """A `robot.pace.Pace` so many times as fast as the wall, which stands still while it pauses."""
+    """A `RobotClock` so many times as fast as the wall, which stands still while it pauses."""
 
     def __init__(self, rate: float) -> None:
         self._rate, self._passed, self._since = rate, 0.0, time.monotonic()
@@ -150,8 +150,8 @@ def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
     faults, ended = Faults(), threading.Event()
     faults.now = options.pop("begins", "")
     rate = options.pop("rate", None)
-    pace = OnTheWall() if rate is None else Simulator(rate)
-    robot = Kinematic(named(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, pace=pace)
+    clock = WallClock() if rate is None else Simulator(rate)
+    robot = Kinematic(named(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, clock=clock)
     transport = options.pop("way", Connection()).open("base")
     served = ServedRobot(
         transport, robot, Topics(), tamper=faults, simulated=rate is not None, **options
@@ -167,8 +167,8 @@ def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
                 ended.set()
             else:
                 faults.now, faults._stepped_once = asked, set()
-                if isinstance(pace, Simulator):
-                    pace.pauses = asked == "pause"
+                if isinstance(clock, Simulator):
+                    clock.pauses = asked == "pause"
         return ended.is_set()
 
     served.run(over)

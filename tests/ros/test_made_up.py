@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
 
 from cohelm.core.types import Pose
-from cohelm.robot.pace import OnTheWall
+from cohelm.robot.clock import WallClock
 from cohelm.ros.dds import DdsTransport
 from cohelm.ros.served import ServedRobot
 from cohelm.ros.topics import Topics
@@ -66,7 +66,7 @@ def rover(tmp_path_factory):
 
     first, *others = (made(lidar) for lidar in given.lidars)
     model = given.model_copy(update={"lidar": first, "further_lidars": tuple(others)})
-    robot = Kinematic(model, Pose(0.0, 0.0, 0.0), world(([], HALL)), seed=5, pace=OnTheWall())
+    robot = Kinematic(model, Pose(0.0, 0.0, 0.0), world(([], HALL)), seed=5, clock=WallClock())
     transport, over = DdsTransport("rover_driver", "/rover_12"), threading.Event()
     topics = Topics.named(
         "/rover_12", out="platform/cmd_vel", odom="base/odometry/filtered", scan="laser/front",

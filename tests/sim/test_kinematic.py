@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.types import Pose, Twist
 from cohelm.law.reference import through
-from cohelm.robot.pace import AsFast, OnTheWall
+from cohelm.robot.clock import SteppedClock, WallClock
 from cohelm.robot.sensors import OdometryModel
 from cohelm.sim.kinematic import TICK, Kinematic
 from cohelm.sim.odometer import Odometer
@@ -147,18 +147,18 @@ def test_odometry_is_as_wrong_as_its_model_says():
 
 
 def test_as_fast_as_it_can_does_not_look_at_the_wall():
-    pace = AsFast()
-    pace.wait(3600.0)
-    assert pace.due() == 3600.0
-    pace.wait(10.0)
-    assert pace.due() == 3600.0
+    clock = SteppedClock()
+    clock.wait(3600.0)
+    assert clock.due() == 3600.0
+    clock.wait(10.0)
+    assert clock.due() == 3600.0
 
 
 @pytest.mark.xdist_group("realtime")
 def test_in_real_time_a_second_is_a_second():
     import time
 
-    pace = OnTheWall()
+    clock = WallClock()
     begin = time.monotonic()
-    pace.wait(pace.due() + 0.2)
+    clock.wait(clock.due() + 0.2)
     assert 0.2 <= time.monotonic() - begin < 0.6

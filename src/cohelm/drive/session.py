@@ -28,7 +28,7 @@ from cohelm.loop.planning import InProcessPlanner, RemotePlanner
 from cohelm.loop.timing import Timing
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
-from cohelm.perceive.pipeline import Perception, rehearse
+from cohelm.perceive.pipeline import Perception, warm_up
 from cohelm.pilot.margin_inflation import SLOP, inflated, inflated_rules, noise
 from cohelm.pilot.pilot import Pilot
 from cohelm.plan.docks import Dock
@@ -142,7 +142,7 @@ class Session:
                 check(plan.zones, known)
             has_map = known is not None
             docks = docks_of(plan, known)
-            warmed_up = in_thread(lambda: rehearse(model, has_map)) if real_time else None
+            warmed_up = in_thread(lambda: warm_up(model, has_map)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
             listeners = (self.recording, self.live)
             record, live = (_line(one, real_time) for one in listeners)

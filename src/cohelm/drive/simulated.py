@@ -11,8 +11,8 @@ import numpy as np
 from cohelm.core.frames import compose
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
+from cohelm.robot.clock import clock_of
 from cohelm.robot.model import RobotModel
-from cohelm.robot.pace import pace
 from cohelm.robot.port import RobotPort
 from cohelm.scenario import load
 from cohelm.scenario.model import Scenario
@@ -53,15 +53,15 @@ class Simulated:
 
     def __call__(self) -> RobotPort:
         """Make a robot that stands at the start."""
-        scenery, clock = self.scenario.scenery(), pace(self.real_time)
+        scenery, clock = self.scenario.scenery(), clock_of(self.real_time)
         if scenery.grid is not NO_GRID:  # its borders come with the map, and a LiDAR sees its cells
             scenery = scenery._replace(walls=NO_WALLS)
         world, grid = self.scenario.build_world(scenery), scenery.grid
         if self.kind == "kinematic":
-            return Kinematic(self.model, self.start, world, grid=grid, seed=self.seed, pace=clock)
+            return Kinematic(self.model, self.start, world, grid=grid, seed=self.seed, clock=clock)
         from cohelm.sim.twin.robot import Twin  # MuJoCo takes half a second to import
 
-        return Twin(self.model, self.start, world, grid=grid, seed=self.seed, pace=clock)
+        return Twin(self.model, self.start, world, grid=grid, seed=self.seed, clock=clock)
 
 
 def simulated(

@@ -14,19 +14,19 @@ from cohelm.link.rate import TokenBucket
 
 DATAGRAMS = 200.0
 """Of one client, processed per second: twice a stick's rate, four times a page's."""
-AT_ONCE = 200.0
+DATAGRAM_BURST = 200.0
 """... and in a burst: four seconds of a page, after a network interruption."""
-LOOKED_AT = 2000.0
+DECRYPTED = 2000.0
 """Of one client, decrypted per second; beyond `DATAGRAMS` only stops count."""
 REQUESTS = 20.0
 """Of one client, executed per second, except stops."""
-REQUESTS_AT_ONCE = 40.0
+REQUEST_BURST = 40.0
 AHEAD = 0.05
 """Messages stamped further ahead of now are not used [s]."""
-MOST_CLIENTS = 16
-MOST_OF_ONE_KEY = 12
+MAX_CLIENTS = 16
+MAX_CLIENTS_PER_KEY = 12
 """Clients with one certificate: the pages of one station, and a few places for others."""
-MOST_NUMBER = 65535
+MAX_CLIENT_NUMBER = 65535
 """Client numbers have two bytes; they are used again."""
 
 
@@ -52,9 +52,9 @@ class Client:
         self.done = 0
         """Number of the last request processed."""
         self.answers: deque[Answer] = deque(maxlen=3)
-        self.datagrams = TokenBucket(DATAGRAMS, AT_ONCE, now)
-        self.looked_at = TokenBucket(LOOKED_AT, 0.2 * LOOKED_AT, now)
-        self.requests = TokenBucket(REQUESTS, REQUESTS_AT_ONCE, now)
+        self.datagrams = TokenBucket(DATAGRAMS, DATAGRAM_BURST, now)
+        self.decrypted = TokenBucket(DECRYPTED, 0.2 * DECRYPTED, now)
+        self.requests = TokenBucket(REQUESTS, REQUEST_BURST, now)
 
     @property
     def name(self) -> str:
@@ -93,9 +93,9 @@ class Clients(dict[int, Client]):
         """The clients of which one must leave to make room for a new one; empty: there is room."""
         others = self.identified()
         same = [client for client in others if client.channel.peer == new.channel.peer]
-        if len(same) >= MOST_OF_ONE_KEY:
+        if len(same) >= MAX_CLIENTS_PER_KEY:
             return same
-        return others if len(others) >= MOST_CLIENTS else []
+        return others if len(others) >= MAX_CLIENTS else []
 
     def merge(self, old: Client, new: Client) -> None:
         """A client has reconnected: it keeps its identity, with the new channel."""
@@ -117,7 +117,7 @@ class Clients(dict[int, Client]):
 
 def free_number(last: int, taken: frozenset[int] | set[int]) -> int:
     """The next free number after `last`, so that numbers are reused late."""
-    number = last % MOST_NUMBER + 1
+    number = last % MAX_CLIENT_NUMBER + 1
     while number in taken:
-        number = number % MOST_NUMBER + 1
+        number = number % MAX_CLIENT_NUMBER + 1
     return number

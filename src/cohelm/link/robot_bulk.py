@@ -34,12 +34,12 @@ from cohelm.link.bulk_messages import (
     ZoneMap,
 )
 from cohelm.link.codec import Malformed
+from cohelm.link.congestion import CongestionControl
 from cohelm.link.dtls import HandshakeRefused, stream_context
 from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.messages import Answer
 from cohelm.link.operator_input import STALE
-from cohelm.link.pace import BulkPace
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.robot_records import Digests, RecordTransfer, listed, opened
 from cohelm.link.stream import Stream
@@ -69,7 +69,7 @@ class _Station:
         self.stream, self.address, self.since = stream, address, now
         self.session: int | None = None
         self.sequence = 0
-        self.pace = BulkPace(now)
+        self.pace = CongestionControl(now)
         self.replies: deque[FromRobot] = deque(maxlen=64)
         self.slots: dict[object, FromRobot] = {}
         self.wanted: RecordTransfer | None = None

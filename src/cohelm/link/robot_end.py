@@ -32,13 +32,13 @@ from cohelm.link.wire import Header, encode, from_operator, may_stop
 
 REQUEST_LIFE = 1.0
 """Age above which a request is refused, except a stop [s]."""
-SILENT = 2.0
-"""Of whom nothing was heard for so long, the lease can be taken without asking [s]."""
-FORGOTTEN = 30.0
-"""... and it is let go for good, its lease too [s]."""
+TAKEOVER_AFTER = 2.0
+"""The lease of a driver that is silent for longer is handed over without an answer [s]."""
+CLIENT_TIMEOUT = 30.0
+"""A client that is silent for longer is removed, and loses the lease [s]."""
 _MAX_UNIDENTIFIED = 8
-"""Clients of whom nothing sensible was heard yet; a further one takes the oldest's place."""
-_UNIDENTIFIED = 5.0  # [s], and such a one is let go
+"""Clients without a valid message yet; a further one replaces the oldest."""
+_UNIDENTIFIED = 5.0  # such a client is removed after this [s]
 _PER_TURN = 64
 _log = logging.getLogger("cohelm.link")
 
@@ -62,10 +62,10 @@ class RobotEnd(IoThread):
         super().__init__("link robot")
         self._lock = threading.RLock()
         self._clients = Clients()
-        self._held = lease.Held()
+        self._held = lease.LeaseState()
         self._term = 0
         self._given_at = -math.inf
-        """When the lease came to the driver otherwise than by his own asking just then [s]."""
+        """When the driver got the lease other than by a request granted at once [s]."""
         self._pending = Pending()
         self._lines = Coalesced()
         self._outbox: dict[object, Status | ScanPart | Discs] = {}
@@ -76,7 +76,7 @@ class RobotEnd(IoThread):
     # ---- for the loop ------------------------------------------------------------------
 
     def receive(self) -> OperatorInput:
-        """What the driver wants now. Each request is handed out once, a stop before all others."""
+        """The driver's newest input. Each request is returned once, stops first."""
         now = self.clock()
         with self._lock:
             taken = self._pending.take()
@@ -98,21 +98,21 @@ class RobotEnd(IoThread):
             )  # fmt: skip
 
     def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
-        """Say what became of a request."""
+        """Send the result of a request."""
         with self._lock:
             to = self._clients.get(client)
             if to is not None:
                 to.answers.append(Answer(number, granted, reason))
 
     def send_status(self, status: Status) -> None:
-        """Send this to all clients now; one not sent yet is forgotten.
+        """Send this to all clients now; it replaces one not sent yet.
 
         `lease`, `answers` and the link's part of `timing` are filled in here, for each client.
         """
         self._put(Status, status)
 
     def show(self, *parts: ScanPart | Discs) -> None:
-        """Send the parts of a scan, or the discs; older ones not sent yet are forgotten."""
+        """Send the parts of a scan, or the discs; they replace older ones not sent yet."""
         for part in parts:
             which = (part.lidar, part.start) if isinstance(part, ScanPart) else 0
             self._put((type(part), which), part)
@@ -130,7 +130,7 @@ class RobotEnd(IoThread):
 
     @property
     def driver(self) -> int:
-        """The driver's number; 0: nobody."""
+        """The driver's number; 0: none."""
         return self._held.driver
 
     @property
@@ -174,7 +174,7 @@ class RobotEnd(IoThread):
             for datagram, source in udp.receive(client.socket, _PER_TURN):
                 if source[:2] != client.address[:2]:
                     continue
-                if client.looked_at.take(self.clock()):
+                if client.decrypted.take(self.clock()):
                     self._datagram(client, datagram)
                 else:
                     self._not_used(client, "a flood")
@@ -183,13 +183,15 @@ class RobotEnd(IoThread):
         self._expire(self.clock())
 
     def _expire(self, now: float) -> None:
-        """Who does not answer loses the lease; who is not heard is forgotten."""
+        """Time-outs of lease requests and of silent clients."""
         with self._lock:
-            held = lease.later(self._held, now)
+            held = lease.expired(self._held, now)
             if held != self._held:
                 self._lease(held, "the driver did not answer")
         for client in list(self._clients.values()):
-            if now - client.last > (FORGOTTEN if client.session is not None else _UNIDENTIFIED):
+            if now - client.last > (
+                CLIENT_TIMEOUT if client.session is not None else _UNIDENTIFIED
+            ):
                 self._remove(client, "timed out")
         for line in self._lines.due(now):
             _log.info("%s", line)
@@ -251,8 +253,8 @@ class RobotEnd(IoThread):
             self._requests(client, message, now, stops_only=False)
 
     def _known(self, client: Client, header: Header, now: float) -> Client | None:
-        """The client by its session: who comes again, on a new channel, is who it was. None: there
-        is no place for another."""
+        """The client by its session: one that reconnects on a new channel keeps its identity. None:
+        there are too many clients."""
         if client.session == header.session:
             return client
         old = self._clients.find(client.channel.peer, header.session)
@@ -263,15 +265,17 @@ class RobotEnd(IoThread):
             self._listener.refuse(client.address, "too many clients")
             self._remove(client, "too many clients")
             return None
-        if client.session is not None:  # a new session on the same channel: all begins anew
+        if client.session is not None:  # a new session on the same channel starts afresh
             client.done, client.command = 0, None
         client.session = header.session
         return client
 
     def _make_room(self, client: Client, now: float) -> bool:
-        """Whether there is a place for a new client, if need be that of one who is silent."""
+        """Whether there is room for a new client, if need be in place of a silent one."""
         crowd = self._clients.crowded_by(client)
-        silent = [c for c in crowd if c.number != self._held.driver and now - c.last > SILENT]
+        silent = [
+            c for c in crowd if c.number != self._held.driver and now - c.last > TAKEOVER_AFTER
+        ]
         if silent:
             self._remove(min(silent, key=lambda c: c.last), "replaced by another client")
         return not crowd or bool(silent)
@@ -313,7 +317,7 @@ class RobotEnd(IoThread):
         held = self._held
         if request.what is Ask.TAKE:
             driver = self._clients.get(held.driver)
-            silent = driver is None or now - driver.last > SILENT
+            silent = driver is None or now - driver.last > TAKEOVER_AFTER
             outcome = lease.take(held, client.number, now, silent)
         elif request.what is Ask.GIVE:
             outcome = lease.give(held, client.number, request.value, frozenset(self._clients))
@@ -324,27 +328,29 @@ class RobotEnd(IoThread):
         self._lease(outcome.held, f"requested by {client.name}", taken=taken)
 
     def _before_lease(self, client: Client, request: Request, now: float) -> bool:
-        """Whether it was made before the driver could know that it drives."""
+        """Whether it was made before the client could know that it is the driver."""
         return now - client.path.age(request.made, now) < self._given_at
 
-    def _lease(self, held: lease.Held, why: str, taken: bool = False, lost: bool = False) -> None:
-        """taken: the new driver has asked just now. lost: the old one is gone."""
+    def _lease(
+        self, held: lease.LeaseState, why: str, taken: bool = False, lost: bool = False
+    ) -> None:
+        """taken: the new driver has requested it just now. lost: the old one has disconnected."""
         if held.driver != self._held.driver:
             self._given_at = -math.inf if taken else self.clock()
-            if not (lost and held.driver == lease.NOBODY):
+            if not (lost and held.driver == lease.NO_DRIVER):
                 self._term += 1
-            old = self._held.driver  # what it asked for, and the loop has not done, it shall not do
+            old = self._held.driver  # its requests that the loop has not executed are withdrawn
             for withdrawn in self._pending.withdraw(old, but=_FOR_ANYONE):
                 self.answer(old, withdrawn.request.number, False, "you are no longer the driver")
             new = self._clients.get(held.driver)
-            who = "nobody" if new is None else new.name
-            self._log_line(None, f"{who} drives now: {why}")
+            who = "no client" if new is None else new.name
+            self._log_line(None, f"{who} is the driver: {why}")
             if new is not None:
-                new.command = None  # what it wanted before it drove counts for nothing
+                new.command = None  # its commands from before it was the driver do not count
         self._held = held
 
     def _log_line(self, about: Client | None, text: str, level: int = logging.INFO) -> None:
-        """Into the log; of what one certificate's clients do, a line of a kind a second."""
+        """Log it; of the clients with one certificate, at most one line of a kind per second."""
         kind = text.partition(":")[0].replace(f" ({about.number})" if about else "", "")
         for line in self._lines.add(self.clock(), (kind, level), text):
             _log.log(level, "%s", line)
@@ -354,7 +360,7 @@ class RobotEnd(IoThread):
         with self._lock:
             self._clients.pop(client.number, None)
             client.socket.close()
-            self._lease(lease.gone(self._held, client.number), why, lost=True)
+            self._lease(lease.without(self._held, client.number), why, lost=True)
 
     def _send(self) -> None:
         with self._lock:
@@ -388,8 +394,8 @@ class RobotEnd(IoThread):
             path = client.path
             return status._replace(
                 lease=Lease(
-                    client.number, held.driver, self._clients.name(held.driver), held.asking,
-                    self._clients.name(held.asking), held.until - self.clock(),
+                    client.number, held.driver, self._clients.name(held.driver), held.requester,
+                    self._clients.name(held.requester), held.until - self.clock(),
                 ),
                 answers=tuple(client.answers),
                 timing=status.timing._replace(

@@ -299,7 +299,7 @@ def in_odom(seen: Seen, pose: Pose) -> Pose:
     return between(seen.map_odom, pose)
 
 
-def rehearse(model: RobotModel, mapped: bool) -> None:
+def warm_up(model: RobotModel, mapped: bool) -> None:
     """Warm up: run all of it once, so that nothing is left to compile in real time.
 
     mapped: whether there will be a map; a small room is used for it.

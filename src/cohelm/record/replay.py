@@ -20,12 +20,12 @@ from cohelm.core.types import Pose, Twist
 from cohelm.record.file import ROBOT
 from cohelm.record.messages import attachment, messages
 from cohelm.record.topics import IMAGE, Photo, scan_topic
+from cohelm.robot.clock import ClockedRobot, RobotClock
 from cohelm.robot.model import RobotModel
-from cohelm.robot.pace import Pace, Paced
 from cohelm.robot.port import Frame, Health, Odometry, Readings, Scan, untouched
 
 
-class Replayed(Paced):
+class Replayed(ClockedRobot):
     """Plays `/odom`, `/scan` (and those of further LiDARs), `/cmd_vel` and the camera's pictures of
     a record; time 0 is its first odometry reading.
 
@@ -34,13 +34,13 @@ class Replayed(Paced):
     """
 
     def __init__(
-        self, path: Path, model: RobotModel | None = None, *, pace: Pace | None = None
+        self, path: Path, model: RobotModel | None = None, *, clock: RobotClock | None = None
     ) -> None:
         """model: of a robot whose record does not describe it.
 
         Raises CohelmError for a file that is no record, or holds no odometry, or no robot.
         """
-        super().__init__(model or recorded_model(path), pace)
+        super().__init__(model or recorded_model(path), clock)
         self.whole = True
         """Whether the record was finished, and is not damaged."""
         found = _read(path, self.model, self._damaged)

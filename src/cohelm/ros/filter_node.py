@@ -18,7 +18,7 @@ from cohelm.core.obstacles import Obstacles
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.verdict import Verdict
 from cohelm.loop.sensor_watchdog import SensorWatchdog, timeouts
-from cohelm.perceive.pipeline import Perception, Seen, rehearse
+from cohelm.perceive.pipeline import Perception, Seen, warm_up
 from cohelm.pilot.reshaping import Shape
 from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
@@ -97,7 +97,7 @@ class FilterNode:
 
     def warm_up(self) -> None:
         """Everything once, standing: what has to be compiled is not when a command waits for it."""
-        rehearse(self._gated.model, False)
+        warm_up(self._gated.model, False)
         end = time.monotonic() + WARM
         while time.monotonic() < end:
             self.step()

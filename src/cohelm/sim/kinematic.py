@@ -13,10 +13,10 @@ from cohelm.core.jit import jit
 from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.achievable import achievable
+from cohelm.robot.clock import ClockedRobot, RobotClock
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, unbraked
 from cohelm.robot.model import RobotModel
-from cohelm.robot.pace import Pace, Paced
 from cohelm.robot.port import Health, Readings, Scan, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import NO_GRID, Grid, borders
@@ -74,7 +74,7 @@ class KinematicState(NamedTuple):
     least_moving: float
 
 
-class Kinematic(Paced):
+class Kinematic(ClockedRobot):
     """A differential drive that follows commands within its wheels' limits, after a delay.
 
     It passes through what it hits; `truth` reports it. Movers of `obstacles` go with the robot's
@@ -89,14 +89,14 @@ class Kinematic(Paced):
         *,
         grid: Grid = NO_GRID,
         seed: int = 0,
-        pace: Pace | None = None,
+        clock: RobotClock | None = None,
         timeout: float = 0.5,
         step: float = TICK,
     ) -> None:
         """timeout: without a new command for so long the robot stops by itself [s]. step: of the
         simulated world [s]; with the control period the wheels keep one speed through a period, as
         in the compiled stepper."""
-        super().__init__(model, pace)
+        super().__init__(model, clock)
         self._step = step
         self._limits = model.bounds()
         self._outline, self._reach = model.outline, model.reach
@@ -173,7 +173,7 @@ class Kinematic(Paced):
     def _catch_up(self) -> None:
         """Move the world on to now."""
         self._open()
-        due = math.floor(self._pace.due() / self._step + 1e-6)
+        due = math.floor(self._clock.due() / self._step + 1e-6)
         while self._tick < due:
             events = [due, self._next_odometry, self._commanded_at + self._timeout]
             events += [scanner.next for scanner in self._scanners]

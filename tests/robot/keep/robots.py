@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.types import Twist
+from cohelm.robot.clock import clock_of
 from cohelm.robot.model import RobotModel
-from cohelm.robot.pace import pace
 from cohelm.robot.port import Frame, Readings
 from cohelm.robot.sensors import CameraModel
 from cohelm.scenario.load import robot as described
@@ -65,7 +65,7 @@ class Traced:
 
 class _Leaving(Kinematic):
     def __init__(self, made: Traced) -> None:
-        super().__init__(made.model, obstacles=world(([], HALL)), pace=pace(True))
+        super().__init__(made.model, obstacles=world(([], HALL)), clock=clock_of(True))
         with made.trace.open("r+b") as file:
             self._trace = mmap.mmap(file.fileno(), _TRACE.size)
         camera = made.model.camera

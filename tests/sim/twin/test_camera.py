@@ -8,7 +8,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
-from cohelm.robot.pace import OnTheWall
+from cohelm.robot.clock import WallClock
 from cohelm.sim.twin.camera import camera
 from cohelm.sim.twin.robot import Twin
 from tests.sim.twin.drives import disc, drive, sally, scene
@@ -122,7 +122,7 @@ def test_frames_come_at_their_rate_and_do_not_change_the_drive():
 
 @pytest.mark.xdist_group("realtime")
 def test_in_real_time_a_thread_of_its_own_draws_and_ends_with_the_robot():
-    robot = with_cone("rays", pace=OnTheWall())
+    robot = with_cone("rays", clock=WallClock())
     end = time.monotonic() + 20.0
     while robot.read().frame is None and time.monotonic() < end:
         robot.wait(robot.now() + 0.05)

@@ -13,9 +13,9 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.achievable import achievable
+from cohelm.robot.clock import ClockedRobot, RobotClock, SteppedClock
 from cohelm.robot.limits import unbraked
 from cohelm.robot.model import RobotModel
-from cohelm.robot.pace import AsFast, Pace, Paced
 from cohelm.robot.port import Health, Readings, Scan, untouched
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID, Grid, borders
@@ -87,12 +87,12 @@ class TwinScanner:
         return self._newest
 
 
-class Twin(Paced):
+class Twin(ClockedRobot):
     """A differential-drive robot simulated in MuJoCo.
 
     What it hits holds it back. Movers of `obstacles` go with the robot's clock; one that bumps into
     it goes round it, and is never pushed aside. Runs are equal to the last bit for equal seeds and
-    calls, with the pace `AsFast`.
+    calls, with the clock `SteppedClock`.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Twin(Paced):
         *,
         grid: Grid = NO_GRID,
         seed: int = 0,
-        pace: Pace | None = None,
+        clock: RobotClock | None = None,
         timeout: float = 0.5,
         settings: TwinModel = _DEFAULT,
         step: float = STEP,
@@ -116,7 +116,7 @@ class Twin(Paced):
         pursuers: those of the moving discs that pursue the robot.
         """
         model = settings.fitted(model)
-        super().__init__(model, pace)
+        super().__init__(model, clock)
         self._step, self._grid = step, grid
         self._limits, self._outline, self._reach = model.bounds(), model.outline, model.reach
         obstacles = world(([], np.empty((0, 4)))) if obstacles is None else obstacles
@@ -173,7 +173,7 @@ class Twin(Paced):
         self._frames, self._next_frame = 0, 0
         if model.camera is not None and camera != "none":
             size = (model.camera.width, model.camera.height)
-            self._eye = Eye(self.mujoco, *size, camera, not isinstance(self._pace, AsFast))
+            self._eye = Eye(self.mujoco, *size, camera, not isinstance(self._clock, SteppedClock))
         self._happen()
 
     def read(self) -> Readings:
@@ -283,7 +283,7 @@ class Twin(Paced):
     def _catch_up(self) -> None:
         """Move the world on to now."""
         self._open()
-        due = math.floor(self._pace.due() / self._step + 1e-6)
+        due = math.floor(self._clock.due() / self._step + 1e-6)
         step = int(self._state[0]["step"])
         while step < due:
             last = min(due, self._next_odometry, step + _CHUNK)

@@ -17,7 +17,7 @@ _FASTER, _SLOWER = 0.1, 0.3
 _EVERY = 0.1  # [s], between two changes, by the least round trip in between
 
 
-class BulkPace:
+class CongestionControl:
     """Token bucket of the bytes that may be sent."""
 
     def __init__(self, now: float) -> None:

@@ -13,7 +13,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.robot.model import RobotModel
 
 
-class Pace(Protocol):
+class RobotClock(Protocol):
     """The clock of a simulated robot [s], from 0."""
 
     def due(self) -> float:
@@ -25,7 +25,7 @@ class Pace(Protocol):
         ...
 
 
-class AsFast:
+class SteppedClock:
     """A clock that only `wait` advances: two equal runs are equal to the last bit."""
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class AsFast:
         self._now = max(self._now, until)
 
 
-class OnTheWall:
+class WallClock:
     """The machine's monotonic clock, from the creation of this one."""
 
     def __init__(self) -> None:
@@ -58,18 +58,18 @@ class OnTheWall:
             left = until - self.due()
 
 
-def pace(real_time: bool) -> Pace:
+def clock_of(real_time: bool) -> RobotClock:
     """The clock for real or simulated time."""
-    return OnTheWall() if real_time else AsFast()
+    return WallClock() if real_time else SteppedClock()
 
 
-class Paced:
+class ClockedRobot:
     """The part of the port that all simulated and replayed robots share: model, clock, closing."""
 
-    def __init__(self, model: RobotModel, pace: Pace | None) -> None:
-        """pace: None is as fast as possible."""
+    def __init__(self, model: RobotModel, clock: RobotClock | None) -> None:
+        """clock: None is as fast as possible."""
         self._model = model
-        self._pace: Pace = AsFast() if pace is None else pace
+        self._clock: RobotClock = SteppedClock() if clock is None else clock
         self._closed = False
 
     @property
@@ -80,12 +80,12 @@ class Paced:
     def now(self) -> float:
         """Seconds since its time began."""
         self._open()
-        return self._pace.due()
+        return self._clock.due()
 
     def wait(self, until: float) -> None:
         """Let time pass; the world is only advanced when it is read."""
         self._open()
-        self._pace.wait(until)
+        self._clock.wait(until)
 
     def close(self) -> None:
         """Close it; no further call is allowed."""
