@@ -34,7 +34,7 @@ WITHOUT = {
 """Who needs no compiled code, and what their processes import."""
 
 
-def test_who_computes_nothing_does_not_wait_for_the_compiler():
+def test_processes_that_compute_nothing_do_not_import_the_compiler():
     """numba takes a third of a second to import, in each of the processes that begin a drive."""
     lines = [f"import {of}; print({who!r}, 'numba' in sys.modules)" for who, of in WITHOUT.items()]
     code = "\n".join(["import sys", *lines])
@@ -52,7 +52,7 @@ def test_no_name_is_missing_unsaid_or_unknown():
         cohelm.sally  # noqa: B018
 
 
-def test_a_type_checker_sees_what_is_there_at_run_time():
+def test_a_type_checker_sees_the_names_that_exist_at_run_time():
     """Every name stands among the imports for type checkers, from the home it has."""
     text = Path(cohelm.__file__).read_text()
     for name, home in cohelm._HOME.items():
@@ -107,7 +107,7 @@ def test_a_record_of_a_run_is_read_into_columns(tmp_path):
     assert "lab-track" in record.scenario
 
 
-def test_what_is_no_record_is_said(tmp_path):
+def test_a_file_that_is_no_record_is_reported(tmp_path):
     (tmp_path / "no.mcap").write_bytes(b"not a record")
     for path, said in ((tmp_path / "no.mcap", "not an MCAP"), (tmp_path / "gone", "can not be")):
         with pytest.raises(CohelmError, match=said):

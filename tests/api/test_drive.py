@@ -74,7 +74,7 @@ def test_in_real_time_it_lives_in_the_process_of_the_gate():
         ((carts.Simulated, SITE, "no-robot"), "no robot is called"),
     ],
 )
-def test_what_can_not_be_driven_is_said(given, said):
+def test_scenarios_that_can_not_be_driven_are_reported(given, said):
     with pytest.raises(cohelm.CohelmError, match=said):
         own_robot(*given)()
 
@@ -87,7 +87,7 @@ def test_a_robot_that_knows_its_own_model_needs_no_argument():
         again()
 
 
-def test_options_that_do_not_go_together_are_said():
+def test_incompatible_options_are_reported():
     for options, said in (
         ({"rate": 5.0}, "rate must be"),
         ({"rate": math.nan}, "rate must be"),
@@ -105,7 +105,7 @@ def test_the_function_and_the_room_of_one_name_are_both_to_be_had():
     assert callable(cohelm.drive)
 
 
-def test_a_real_robot_of_which_nobody_knows_how_it_brakes_is_not_driven(tmp_path):
+def test_a_real_robot_without_known_braking_is_not_driven(tmp_path):
     """The guard would count on braking without end."""
     text = (Path(cohelm.__file__).parent / "robot" / "models" / "sally.yaml").read_text()
     endless = tmp_path / "endless.yaml"

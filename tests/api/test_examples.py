@@ -37,7 +37,7 @@ def test_no_example_is_long_or_left_out_of_the_documentation(path):
     assert f"examples/{path.name}" in (ROOT / "docs" / "api.md").read_text()
 
 
-def test_the_filter_stops_somebody_elses_cart_before_the_wall(run):
+def test_the_filter_stops_an_external_cart_before_the_wall(run):
     said = run("safety_filter.py")
     centimetres = int(said.split("the bow stands ")[1].split(" cm")[0])
     assert 3 <= centimetres <= 15
@@ -72,7 +72,7 @@ def test_a_record_goes_into_pandas(tmp_path, run):
     assert "UNTOUCHED" in run("record_to_pandas.py", str(tmp_path / "run.mcap"))
 
 
-def test_somebody_elses_robot_drives_the_lab(monkeypatch):
+def test_an_external_robot_drives_the_lab(monkeypatch):
     """The example's class, on a clock of the test's."""
     monkeypatch.syspath_prepend(str(ROOT / "examples"))
     from own_robot import Cart

@@ -61,7 +61,7 @@ def test_no_twist_beyond_the_limits_or_not_finite_reaches_the_robot():
     assert cart.asked[-1][1] == cohelm.Twist(0.5, 0.1)
 
 
-def test_no_robot_goes_on_without_commands():
+def test_no_robot_continues_without_commands():
     cart = Cart()
     port = RobotAdapter(cart)
     port.send(cohelm.Twist(0.5, 0.0))
@@ -124,7 +124,7 @@ def test_no_error_of_the_robots_own_code_goes_unsaid(method):
     assert port.read().health.faults == ()
 
 
-def test_a_stop_is_said_again_and_again_but_not_at_every_call():
+def test_a_lasting_stop_is_reported_repeatedly_but_not_at_every_call():
     cart = Cart()
     port = RobotAdapter(cart)
     port.send(cohelm.Twist(0.3, 0.0))
@@ -136,7 +136,7 @@ def test_a_stop_is_said_again_and_again_but_not_at_every_call():
     assert len(stops) in (10, 11)
 
 
-def test_what_is_newest_stays_until_something_newer_comes():
+def test_the_newest_message_stays_until_a_newer_one_comes():
     cart = Cart()
     port = RobotAdapter(cart)
     scan = cart.scan(np.ones(720))

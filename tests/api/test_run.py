@@ -65,7 +65,7 @@ def test_the_filter_around_the_same_law_touches_nothing():
     assert result.metrics.path_length_m > 1.0
 
 
-def test_a_law_that_answers_no_number_stands_and_that_is_in_the_trace():
+def test_a_law_that_returns_nan_stands_and_the_trace_has_it():
     result = cohelm.run(
         "lab-track", lambda now: cohelm.Twist(math.nan, 0.0), changes=["simulation.duration_s=1"]
     )
@@ -79,7 +79,7 @@ def test_no_answer_that_is_no_twist_goes_unsaid(answer):
         cohelm.run("lab-track", lambda now: answer, changes=["simulation.duration_s=1"])
 
 
-def test_what_a_law_of_ones_own_can_not_be_given_is_said():
+def test_parameters_that_a_custom_law_can_not_have_are_reported():
     with pytest.raises(cohelm.CohelmError, match="a controller is called"):
         cohelm.run("lab-track", 0.5)
     with pytest.raises(cohelm.CohelmError, match="senses=truth"):

@@ -29,7 +29,7 @@ PROMISED = 0.5 * 0.015 + SLOP
 @pytest.mark.parametrize("name", ["sally", "jackal"])
 @pytest.mark.parametrize("delay", [0.0, 0.007, 0.02, 0.05])
 @pytest.mark.parametrize("period", [0.02, 0.013, 0.033])
-def test_no_command_lets_a_robot_reach_what_stands(name, delay, period):
+def test_no_command_lets_a_robot_reach_a_static_obstacle(name, delay, period):
     for seed in range(3):
         got = attacked(name, seed, delay, period)
         assert got.least >= PROMISED, seed
@@ -37,14 +37,14 @@ def test_no_command_lets_a_robot_reach_what_stands(name, delay, period):
 
 
 @pytest.mark.parametrize("name", ["sally", "jackal"])
-def test_no_command_reaches_what_stands_when_the_twist_is_measured_with_noise(name):
+def test_no_command_reaches_a_static_obstacle_with_a_noisy_twist(name):
     for seed in range(3):
         assert attacked(name, seed, 0.05, DT, noise=0.03).least >= PROMISED, seed
 
 
 @pytest.mark.parametrize("name", ["sally", "jackal"])
 @pytest.mark.parametrize("delay", [0.0, 0.007, 0.05])
-def test_no_command_reaches_what_stands_when_calls_come_unevenly(name, delay):
+def test_no_command_reaches_a_static_obstacle_with_irregular_calls(name, delay):
     for seed in range(3):
         got = attacked(name, seed, delay, DT, uneven=True)
         assert got.least >= PROMISED, seed
@@ -67,7 +67,7 @@ def test_a_command_is_worked_out_for_where_it_takes_effect_however_calls_come(de
         x += 0.5 * after
 
 
-def test_a_command_that_soon_had_a_successor_is_not_taken_to_have_been_reached():
+def test_a_command_that_was_soon_superseded_does_not_count_as_reached():
     """Told to brake twice within a millisecond, the wheels have not braked for two periods."""
     safe = SafetyFilter(model("sally", 0.0), DT)
     for _ in range(3):
@@ -79,13 +79,13 @@ def test_a_command_that_soon_had_a_successor_is_not_taken_to_have_been_reached()
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sally", "jackal"])
-def test_no_command_lets_a_robot_reach_what_stands_in_many_drives(name):
+def test_no_command_lets_a_robot_reach_a_static_obstacle_in_many_drives(name):
     for seed in range(100, 300):
         delay, period = (seed % 7) * 0.015, 0.01 + 0.007 * (seed % 5)
         assert attacked(name, seed, delay, period).least >= PROMISED, seed
 
 
-def test_a_robot_that_already_rolls_is_believed_at_the_first_call():
+def test_the_first_call_accepts_a_robot_that_already_moves():
     rolls = Twist(1.0, 0.0)
     assert SafetyFilter(SALLY, DT)(HERE, rolls, AHEAD).twist.v == pytest.approx(1.0)
     got = SafetyFilter(SALLY, DT)(HERE, rolls, AHEAD, Obstacles(points=[[0.6, 0.0]]))
@@ -103,7 +103,7 @@ def test_wheels_that_do_not_follow_are_believed_after_a_while():
     assert told == pytest.approx(7 * 2.0 * DT)
 
 
-def test_what_was_really_sent_is_what_it_goes_on_from():
+def test_the_filter_continues_from_the_command_that_was_sent():
     safe = SafetyFilter(SALLY, DT)
     for _ in range(10):
         safe(HERE, REST, AHEAD)
@@ -138,7 +138,7 @@ BAD = st.sampled_from([math.nan, math.inf, -math.inf, 1e308, 0.0, 0.3])
 
 @settings(max_examples=300)
 @given(st.lists(st.tuples(*[BAD] * 7), min_size=1, max_size=5), BAD)
-def test_no_number_makes_it_raise_or_answer_with_what_is_no_number(calls, corner):
+def test_no_number_makes_it_raise_or_return_nan(calls, corner):
     seen = Obstacles(points=[[corner, 0.0]], discs=[[corner, 0.0, 0.1]])
     safe = FILTER
     safe.reset()
@@ -193,7 +193,7 @@ def test_a_beam_that_hit_nothing_is_no_obstacle_and_a_broken_disc_is():
         ((HERE, REST, AHEAD, [[1.0, 2.0]]), "obstacles must be cohelm.Obstacles"),
     ],
 )
-def test_no_call_with_what_is_no_pose_twist_or_obstacles_goes_unsaid(given, said):
+def test_calls_without_pose_twist_or_obstacles_are_refused_with_the_reason(given, said):
     with pytest.raises(CohelmError, match=said):
         FILTER(*given)
 
@@ -224,7 +224,7 @@ def test_no_filter_is_made_that_could_promise_nothing(given, said):
 
 
 @pytest.mark.parametrize("sent", [None, "fast", 0.3, (0.1, 0.2, 0.3), (math.nan, 0.0)])
-def test_what_was_sent_is_a_twist(sent):
+def test_a_sent_command_must_be_a_twist(sent):
     with pytest.raises(CohelmError, match="twist"):
         FILTER.sent(sent)
 
@@ -274,7 +274,7 @@ def test_a_scan_becomes_the_points_it_hit():
     assert seen.points == pytest.approx(np.array([[1.3, 0.1], [0.3, 0.2], [-1.7, 0.1]]), abs=1e-9)
 
 
-def test_what_a_lidar_says_is_nearer_than_it_can_measure_stands_at_its_least_range():
+def test_returns_below_the_minimum_range_count_at_the_minimum_range():
     seen = Obstacles.from_ranges([0.0, 0.05, -1.0, -math.inf], 0.0, 0.1, range_min=0.1)
     assert np.hypot(*seen.points.T) == pytest.approx(0.1)
 
@@ -330,7 +330,7 @@ def test_no_array_of_the_wrong_shape_or_kind_passes_for_obstacles(given, said):
         Obstacles(**given)
 
 
-def test_who_may_be_faster_than_he_is_said_to_be_is_kept_farther_off():
+def test_a_mover_of_uncertain_speed_is_kept_farther_off():
     """A robot at 0.5 m/s, somebody who walks alongside: well, or with a velocity that is hardly
     known."""
     beside = [[0.6, 0.55, 0.2, 0.5, 0.0]]

@@ -131,7 +131,7 @@ class Backwards(Hidden):
 @pytest.mark.parametrize(
     ("kind", "said"), [(Silent, "no scan came"), (Lame, "is commanded"), (Backwards, "went back")]
 )
-def test_what_can_not_be_measured_gets_a_sentence(kind, said):
+def test_measures_that_are_not_available_get_a_sentence(kind, said):
     model, true, scale, _ = drawn(1, "kinematic")
     robot = kind(model, true, 1, "kinematic", scale)
     gated = LocalGatedRobot(robot, rules(model, PERIOD))
@@ -159,7 +159,7 @@ def test_an_interrupt_stops_the_robot_and_keeps_what_was_measured():
     assert standing(robot.inside.truth().twist)
 
 
-def test_while_it_drives_nobody_looks_for_garbage():
+def test_no_garbage_collection_runs_while_driving():
     """That holds a process up for a tenth of a second, which the gate takes for a dead loop."""
     model, true, scale, _ = drawn(1, "kinematic")
     gated = LocalGatedRobot(Hidden(model, true, 1, "kinematic", scale), rules(model, PERIOD))
@@ -184,7 +184,7 @@ def test_too_little_gets_a_sentence_and_no_numbers():
         mount(model, made)
 
 
-def test_too_short_a_floor_is_refused_with_what_is_needed():
+def test_too_short_a_floor_is_refused_with_the_required_length():
     with pytest.raises(CohelmError, match="at least"):
         excitation(load_robot("husky"), 0.8)
 

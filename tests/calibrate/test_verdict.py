@@ -45,7 +45,7 @@ def said(key, *args, model=SALLY, **more):
 RIM = "limits.wheel_acceleration_mps2"
 
 
-def test_a_robot_as_its_file_says_is_safe_and_stays_as_it_is():
+def test_a_robot_that_matches_its_file_is_safe_and_its_file_unchanged():
     found = findings(SALLY, answered(), placed())
     assert {one.verdict for one in found} == {"safe"}
     assert all(one.write == one.assumed for one in found)
@@ -82,7 +82,7 @@ def test_a_limit_is_never_raised():
     assert said(key, answered(rise=1.97, off=0.5), placed(), model=straight) == ("safe", 2.0)
 
 
-def test_what_is_hardly_known_does_not_make_a_limit_of_nothing():
+def test_an_uncertain_value_does_not_make_a_limit_of_zero():
     verdict, write = said(RIM, answered(brake=0.5, off=0.9), placed())
     assert verdict == "unsafe"
     assert write == pytest.approx(0.25)
@@ -103,7 +103,7 @@ def test_a_speed_that_is_not_reached_is_unsafe_and_one_beyond_is_not_written():
     assert said("limits.speed_mps", fast, placed()) == ("unsafe", 1.0)
 
 
-def test_the_track_is_told_by_what_is_commanded_whoever_tells_the_heading():
+def test_the_track_width_follows_from_commands_whichever_sensor_gives_the_heading():
     # 4 % farther apart than assumed: wheels' odometry turns as commanded and is wrong by 4 %, a
     # gyro's is right
     by_wheels = said("track_m", answered(), placed(heading=1.0 / 1.04))
@@ -111,7 +111,7 @@ def test_the_track_is_told_by_what_is_commanded_whoever_tells_the_heading():
     assert by_wheels == by_gyro == ("unsafe", 0.52)
 
 
-def test_without_scans_only_what_the_odometry_knows_is_told():
+def test_without_scans_only_odometry_faults_are_reported():
     keys = {one.key for one in findings(SALLY, answered(), None)}
     assert keys == {"delay_s", RIM, "limits.speed_mps", "limits.yaw_rate_radps"}
 

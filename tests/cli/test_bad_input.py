@@ -60,7 +60,7 @@ def test_a_drive_in_a_scenario_that_is_not_there_is_not_started(cohelm):
 
 
 @pytest.mark.parametrize("wanted", ["abc", "0.5", "inf,0", "0.5,nan", "1e999,0"])
-def test_a_controller_that_wants_no_twist_is_refused(cohelm, wanted):
+def test_an_invalid_controller_twist_is_refused(cohelm, wanted):
     refused(cohelm("base", "--controller", wanted, "--for", "1"), wanted, "such as 0.5,0")
 
 
@@ -68,7 +68,7 @@ def test_before_free_floor_is_asked_for_it_is_known_what_will_drive_there(cohelm
     refused(cohelm("calibrate", "sally", "--driver", "nowhere"), "nowhere", "package:name")
 
 
-def test_of_many_problems_the_first_are_told_and_the_rest_counted(cohelm, tmp_path):
+def test_of_many_problems_the_first_are_reported_and_the_rest_counted(cohelm, tmp_path):
     wrong = ", ".join(f"{{name: o{i}, center_m: [1, 1], radius_m: -1}}" for i in range(500))
     (tmp_path / "s.yaml").write_text(f"{BASE}obstacles: [{wrong}]\n")
     said = cohelm("run", "s.yaml")
@@ -87,7 +87,7 @@ def test_of_many_problems_the_first_are_told_and_the_rest_counted(cohelm, tmp_pa
         ("sc\udcff.yaml", ["no such file"]),
     ],
 )
-def test_a_scenario_that_is_not_there_is_told_with_the_nearest_that_is(cohelm, name, words):
+def test_a_missing_scenario_is_reported_with_the_nearest_name(cohelm, name, words):
     refused(cohelm("run", name), *words)
 
 
@@ -106,7 +106,7 @@ def test_a_scenario_that_is_not_there_is_told_with_the_nearest_that_is(cohelm, n
         ("name=b\udcff", ["not a YAML text file"]),
     ],
 )
-def test_a_change_that_can_not_be_made_is_told_as_it_was_typed(cohelm, change, words):
+def test_an_override_that_can_not_be_applied_is_quoted_as_typed(cohelm, change, words):
     refused(cohelm("run", "minimal", "--set", change), "--set", *words)
 
 
@@ -147,20 +147,20 @@ def test_a_stick_file_that_is_no_stick_is_refused_by_line_and_value(
         (".", ["can not be read", "Is a directory"]),
     ],
 )
-def test_what_is_no_file_of_keys_is_refused_and_not_waited_for(
+def test_a_file_that_is_no_key_file_is_refused_without_waiting(
     cohelm, tmp_path, command, name, words
 ):
     os.mkfifo(tmp_path / "pipe")
     refused(cohelm(*command, name), name, *words)
 
 
-def test_a_stick_file_that_is_not_there_is_told_with_the_nearest_that_is(cohelm, tmp_path):
+def test_a_missing_stick_file_is_reported_with_the_nearest_name(cohelm, tmp_path):
     (tmp_path / "mine.csv").write_text("t,x,psi\n0,0,0\n")
     refused(cohelm("run", "minimal", "--stick", "mein.csv"), "no such", "did you mean mine.csv?")
 
 
 @pytest.mark.parametrize("out", ["taken", "taken/below"])
-def test_a_file_in_place_of_the_output_folder_is_told(cohelm, tmp_path, out):
+def test_a_file_in_place_of_the_output_folder_is_reported(cohelm, tmp_path, out):
     (tmp_path / "taken").write_text("mine")
     refused(cohelm("run", "minimal", "--out", out), f"the folder {out} can not be made", "--out")
     assert (tmp_path / "taken").read_text() == "mine"
@@ -182,12 +182,12 @@ def test_a_name_that_is_empty_is_not_this_folder(cohelm, tmp_path, command):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_called_out_in_place_of_the_default_folder_is_told(cohelm, tmp_path):
+def test_a_file_named_out_in_place_of_the_default_folder_is_reported(cohelm, tmp_path):
     (tmp_path / "out").write_text("mine")
     refused(cohelm("run", "minimal"), "the folder out can not be made", "--out")
 
 
-def test_a_record_that_is_there_already_is_told_before_anything_starts(cohelm, tmp_path):
+def test_an_existing_record_is_reported_before_anything_starts(cohelm, tmp_path):
     (tmp_path / "r.mcap").write_text("mine")
     refused(cohelm("robot", "lab-guard", "--fast", "--record", "r.mcap"), "r.mcap exists already")
 
@@ -198,7 +198,7 @@ def test_an_empty_file_of_a_robot_is_not_mended_with_a_scenario(cohelm, tmp_path
     refused(cohelm("filter", "--robot", "sally", "--params", "r.yaml"), "r.yaml: the file is empty")
 
 
-def test_a_file_in_place_of_the_folder_of_a_record_is_told(cohelm, tmp_path):
+def test_a_file_in_place_of_the_records_folder_is_reported(cohelm, tmp_path):
     (tmp_path / "taken").write_text("mine")
     said = cohelm("robot", "lab-guard", "--fast", "--for", "1", "--record", "taken/r.mcap")
     assert said.code == 2
@@ -207,7 +207,7 @@ def test_a_file_in_place_of_the_folder_of_a_record_is_told(cohelm, tmp_path):
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 @pytest.mark.parametrize("out", ["shut", "shut/below"])
-def test_a_folder_one_may_not_write_to_is_told(cohelm, tmp_path, out):
+def test_a_read_only_folder_is_reported(cohelm, tmp_path, out):
     (tmp_path / "shut").mkdir(mode=0o555)
     refused(cohelm("run", "minimal", "--out", out), "can not be made (Permission denied)", "shut")
 
@@ -233,7 +233,7 @@ def test_nothing_that_is_in_the_folder_already_is_overwritten(cohelm, tmp_path, 
         (np.random.default_rng(0).bytes(5000), ["is not an MCAP file"]),
     ],
 )
-def test_what_is_no_record_is_not_replayed(cohelm, tmp_path, content, words):
+def test_a_file_that_is_no_record_is_not_replayed(cohelm, tmp_path, content, words):
     if content is not None:
         (tmp_path / "r.mcap").write_bytes(content)
     refused(cohelm("replay", "r.mcap", "--json"), "r.mcap", *words)
@@ -288,12 +288,12 @@ def test_a_robots_file_is_driven_from_the_browser_where_the_scenario_says(cohelm
         (("--joy", "/joy", "--joy-param", "enable=1"), "did you mean enable_button"),
     ],
 )
-def test_a_joystick_on_a_topic_that_can_not_be_used_is_told(cohelm, options, why):
+def test_an_unusable_joystick_topic_is_reported(cohelm, options, why):
     refused(cohelm("robot", "lab-guard", *options), why)
 
 
 @pytest.mark.parametrize("option", ["--goals-from", "--initial-pose-from", "--joy", "--masks-from"])
-def test_what_is_no_topics_name_is_told_before_a_robot_is_looked_for(cohelm, option):
+def test_an_invalid_topic_name_is_reported_before_discovery(cohelm, option):
     refused(cohelm("robot", "lab-guard", "--ros2", option, "bad name"), "is no name of a topic")
 
 
@@ -306,7 +306,7 @@ def test_what_is_no_topics_name_is_told_before_a_robot_is_looked_for(cohelm, opt
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "HOME"}, (), "RANGE is 'HOME', and there are SUBNET"),
     ],
 )
-def test_what_a_filter_can_not_use_is_told(cohelm, monkeypatch, environment, options, why):
+def test_unusable_filter_topics_are_reported(cohelm, monkeypatch, environment, options, why):
     pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
@@ -328,7 +328,9 @@ def test_what_a_filter_can_not_use_is_told(cohelm, monkeypatch, environment, opt
         (("--lock-timeout", "1"), "add --ros2"),
     ],
 )
-def test_what_a_drive_can_not_use_is_told_before_anything_starts(cohelm, tmp_path, options, why):
+def test_unusable_options_of_a_drive_are_reported_before_anything_starts(
+    cohelm, tmp_path, options, why
+):
     (tmp_path / "text.yaml").write_text("a" * 9999)
     refused(cohelm("drive", "lab-guard", *options), why)
 
@@ -338,7 +340,7 @@ def test_what_only_a_ros_2_robot_has_is_refused_of_another(cohelm, option):
     refused(cohelm("robot", "lab-guard", *option), "of a ROS 2 robot: add --ros2")
 
 
-def test_arguments_of_a_node_are_told_what_they_are_here(cohelm):
+def test_ros_arguments_are_refused_with_the_matching_option(cohelm):
     said = cohelm("filter", "--robot", "sally", "--ros-args", "-r", "cmd_vel_nav:=/nav/cmd_vel")
     assert said.code == 2
     assert "--ros-args: cohelm is no node of rclpy: name topics with --in, --out" in said.err
@@ -372,7 +374,7 @@ def test_a_law_without_a_name_is_not_the_guard(cohelm, option):
     refused(cohelm("campaign", "random", "--n", "1", option, ""), "name each law")
 
 
-def test_what_is_called_mcap_and_is_none_is_not_taken_for_another_log(cohelm, tmp_path):
+def test_a_file_named_mcap_that_is_none_is_not_read_as_another_log(cohelm, tmp_path):
     (tmp_path / "empty.mcap").touch()
     refused(cohelm("map", "empty.mcap"), "is not an MCAP file")
 

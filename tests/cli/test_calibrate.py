@@ -20,7 +20,7 @@ def test_a_load_without_a_run_before_is_refused_before_anything_moves(cohelm):
     assert not Path("out").exists()
 
 
-def test_where_nothing_can_be_written_is_told_before_anything_moves(cohelm):
+def test_an_unwritable_output_is_reported_before_anything_moves(cohelm):
     Path("out").write_text("mine")
     said = cohelm("calibrate", "sally", "--yes", "-o", "out/here")
     assert said.code == 2
@@ -45,7 +45,7 @@ def test_a_robot_is_measured_and_its_file_written_and_then_again_with_a_load(tmp
 
 
 @pytest.mark.slow
-def test_ctrl_c_half_way_stops_the_robot_and_says_that_it_was_not_enough(tmp_path):
+def test_ctrl_c_half_way_stops_the_robot_and_reports_that_it_was_not_enough(tmp_path):
     ran = subprocess.Popen(TYPED, cwd=tmp_path, stdout=-1, stderr=-1, text=True)
     try:
         ran.wait(20.0)
@@ -60,7 +60,7 @@ def test_ctrl_c_half_way_stops_the_robot_and_says_that_it_was_not_enough(tmp_pat
 
 
 @pytest.mark.slow
-def test_where_nothing_can_be_written_afterwards_what_was_measured_is_told_all_the_same(tmp_path):
+def test_measurements_are_printed_though_nothing_can_be_written(tmp_path):
     """As where the disk is full by then."""
     (tmp_path / "out" / "calibration.json").mkdir(parents=True)
     ran = subprocess.run(TYPED, cwd=tmp_path, capture_output=True, text=True, timeout=400)

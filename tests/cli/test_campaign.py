@@ -35,7 +35,7 @@ def driven(tmp_path_factory):
     return take
 
 
-def test_one_law_says_one_object_with_what_is_counted(cohelm, driven, tmp_path):
+def test_one_law_gives_one_json_object_with_its_counts(cohelm, driven, tmp_path):
     said = driven(cohelm, (*ONE, "--json"), tmp_path / "there")
     assert said.code == 0
     got = json.loads(said.out)
@@ -126,7 +126,9 @@ def test_a_row_is_driven_again_alone_and_is_the_same(cohelm, driven, tmp_path):
         (("campaign", "random", "--replay", "1"), ["random", "holds no campaign"]),
     ],
 )
-def test_what_can_not_be_done_is_one_sentence(cohelm, tmp_path, arguments, words):
+def test_requests_that_can_not_be_done_are_refused_in_one_sentence(
+    cohelm, tmp_path, arguments, words
+):
     said = cohelm(*arguments, "--json")
     assert (said.code, said.out) == (2, "")
     assert said.err.startswith("error: ")
@@ -147,7 +149,7 @@ def test_a_folder_of_another_campaign_is_not_touched(cohelm, driven, tmp_path):
     assert sorted((f.name, f.stat().st_size) for f in (tmp_path / "there").rglob("*")) == before
 
 
-def test_ctrl_c_keeps_what_was_driven_and_says_how_to_go_on(cohelm, tmp_path):
+def test_ctrl_c_keeps_what_was_driven_and_prints_how_to_continue(cohelm, tmp_path):
     command = [sys.executable, "-m", "cohelm", "campaign", "adversary", "--law", "none"]
     process = subprocess.Popen(
         [*command, "--n", "300", "--jobs", "2", "--out", "there"],

@@ -58,20 +58,20 @@ def test_the_summary_for_a_person_has_units_and_no_powers_of_ten():
     assert "record: a.mcap (whole)" in text
 
 
-def test_of_simulated_time_nothing_is_said_about_lateness():
+def test_in_simulated_time_no_lateness_is_reported():
     found = dict(rows(SOUND | {"scheduling": "simulated time"}))
     assert found["driven for"] == "40.0 s at 50 Hz"
     assert not [name for name in found if "period" in name]
 
 
-def test_a_record_that_is_not_whole_says_so_in_the_table():
+def test_a_record_that_is_not_whole_is_marked_in_the_table():
     text = dict(rows(SOUND | {"record_whole": False, "record_dropped": 7}))["record"]
     assert text == "a.mcap (NOT WHOLE, 7 messages dropped)"
 
 
 @pytest.mark.slow
 @pytest.mark.xdist_group("realtime")
-def test_a_drive_whose_record_fills_the_disk_ends_with_status_1_and_says_why(tmp_path):
+def test_a_drive_whose_record_fills_the_disk_ends_with_status_1_and_the_reason(tmp_path):
     command = (
         sys.executable, "-m", "cohelm", "robot", "lab-guard", "--fast", "--for", "6", "--json",
     )  # fmt: skip

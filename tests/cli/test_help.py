@@ -37,7 +37,7 @@ def test_help_fits_eighty_columns_and_cuts_nothing_short(cohelm, monkeypatch, ar
 
 
 @pytest.mark.parametrize("arguments", COMMANDS, ids=" ".join)
-def test_every_command_shows_how_it_is_typed_and_takes_what_it_shows(cohelm, arguments):
+def test_every_help_text_shows_an_example_that_the_command_accepts(cohelm, arguments):
     shown = cohelm(*arguments, "--help").out.partition("For example:")[2].splitlines()
     typed = [shlex.split(line) for line in shown if line.strip()]
     assert typed

@@ -75,7 +75,7 @@ def test_the_folder_holds_a_map_for_map_server_and_a_picture(folder):
     assert (made.cells == FREE).sum() > 20_000
 
 
-def test_the_robot_finds_its_way_on_the_map_it_made(folder):
+def test_the_robot_localizes_on_the_map_it_made(folder):
     made = read_map(folder / "map.yaml")
     truth = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1)
     path = along(TOUR[:6])
@@ -97,7 +97,7 @@ def test_the_robot_finds_its_way_on_the_map_it_made(folder):
     assert not seen.lost
 
 
-def test_json_says_what_came_out(cohelm, record, tmp_path):
+def test_json_reports_the_result(cohelm, record, tmp_path):
     done = cohelm("map", str(record), "--out", str(tmp_path / "m"), "--resolution", "0.1", "--json")
     assert done.code == 0
     said = json.loads(done.out)
@@ -106,7 +106,7 @@ def test_json_says_what_came_out(cohelm, record, tmp_path):
     assert (tmp_path / "m" / "map.yaml").exists()
 
 
-def test_what_is_no_record_is_refused_in_one_sentence(cohelm, tmp_path):
+def test_a_file_that_is_no_record_is_refused_in_one_sentence(cohelm, tmp_path):
     (tmp_path / "x.log").write_text("nothing to see\n")
     for given, said in (("nowhere.mcap", "can not be read"), ("x.log", "CARMEN")):
         done = cohelm("map", str(tmp_path / given))
@@ -144,7 +144,7 @@ def test_live_a_record_is_mapped_while_it_is_being_written(tmp_path, monkeypatch
     assert (read_map(out / "map.yaml").cells == OCCUPIED).sum() > 200
 
 
-def test_interrupted_it_goes_on_with_resume_and_makes_the_same_map(folder, record, tmp_path):
+def test_an_interrupted_mapping_resumes_and_makes_the_same_map(folder, record, tmp_path):
     def stop(what, _share):
         if what.startswith("scan 101"):
             raise KeyboardInterrupt
@@ -174,7 +174,7 @@ def test_ctrl_c_in_the_middle_of_a_scan_is_taken_after_it(folder, record, tmp_pa
     assert (tmp_path / "map.pgm").read_bytes() == (folder / "map.pgm").read_bytes()
 
 
-def test_what_is_killed_goes_on_from_what_was_kept_last(record, tmp_path, monkeypatch):
+def test_a_killed_campaign_continues_from_the_last_stored_episode(record, tmp_path, monkeypatch):
     monkeypatch.setattr(mapping, "_SAVED", 0.0)
 
     def stop(what, _share):
@@ -186,7 +186,7 @@ def test_what_is_killed_goes_on_from_what_was_kept_last(record, tmp_path, monkey
     assert len(MappingSession.read(tmp_path).stamps) == 100
 
 
-def test_another_drive_goes_on_where_the_last_one_ended(folder, tmp_path):
+def test_another_drive_continues_the_map_where_the_last_one_ended(folder, tmp_path):
     first = along(TOUR[:6])[0]
     path = along(TOUR[5:8])  # turned by 38 degrees
     shutil.copytree(folder, tmp_path / "map")
@@ -203,7 +203,7 @@ def test_another_drive_goes_on_where_the_last_one_ended(folder, tmp_path):
     assert math.hypot(rows[-1, 1] - end.x, rows[-1, 2] - end.y) < 0.1
 
 
-def test_a_drive_that_begins_elsewhere_is_not_put_where_the_last_one_ended(folder):
+def test_a_drive_that_begins_elsewhere_is_not_joined_to_the_last_one(folder):
     survey = MappingSession.read(folder).survey
     survey.set_down()
     (seen,) = mapping.mapping_scans(LIDAR.lidar(), *scanned(along(TOUR[8:10])))
@@ -221,7 +221,7 @@ def scanned(path):
     raise AssertionError("no scan came")
 
 
-def test_what_is_wrong_is_cut_or_cropped_and_that_is_undone(folder, tmp_path, cohelm):
+def test_cuts_and_crops_of_a_mapping_can_be_undone(folder, tmp_path, cohelm):
     shutil.copytree(folder, tmp_path / "map")
     whole = (folder / "map.pgm").read_bytes()
     done = cohelm("map", "map", "--crop", "0:-1.5:3:1", "--json")
@@ -263,7 +263,7 @@ def test_marks_that_make_no_sense_are_refused_in_a_sentence(
     assert (folder / "survey.npz").read_bytes() == before
 
 
-def test_a_damaged_mapping_is_told(folder, tmp_path):
+def test_a_damaged_mapping_is_reported(folder, tmp_path):
     for damaged in (b"", b"PK", (folder / "survey.npz").read_bytes()[:2000]):
         (tmp_path / "survey.npz").write_bytes(damaged)
         with pytest.raises(CohelmError, match="is damaged: map the record again"):

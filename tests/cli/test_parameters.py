@@ -51,13 +51,13 @@ def test_wildcards_and_namespaces_are_meant_as_in_ros(cohelm, tmp_path, node, si
         ("cohelm_filter: {ros__parameters: 7}", "has no parameters of this node"),
     ],
 )
-def test_what_is_wrong_in_it_is_one_sentence(cohelm, tmp_path, text, words):
+def test_errors_in_a_mask_are_reported_in_one_sentence(cohelm, tmp_path, text, words):
     said = filtered(cohelm, tmp_path, text)
     assert said.code == 2
     assert words in said.err
     assert "Traceback" not in said.err
 
 
-def test_a_file_that_is_not_there_is_told(cohelm):
+def test_a_missing_file_is_reported(cohelm):
     said = cohelm("filter", "--params", "none.yaml")
     assert (said.code, "none.yaml: no such file" in said.err) == (2, True)

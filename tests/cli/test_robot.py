@@ -10,7 +10,7 @@ from cohelm.link import keys
 from cohelm.link.station_end import StationEnd
 
 
-def test_a_paired_station_hears_a_robot_that_listens(tmp_path, monkeypatch):
+def test_a_paired_station_connects_to_a_listening_robot(tmp_path, monkeypatch):
     """From `cohelm pair new` to telemetry, with nothing but what the commands do."""
     monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "keys"))
     keys.pair("anna", tmp_path / "anna.pair")
@@ -54,7 +54,7 @@ def test_a_robot_of_ones_own_is_not_simulated(cohelm):
     assert "with --driver nothing is simulated" in said.err
 
 
-def test_a_robot_of_ones_own_that_is_not_there_is_said(cohelm):
+def test_a_missing_custom_robot_is_reported(cohelm):
     said = cohelm("robot", "sally", "--driver", "no_such_package:Cart")
     assert said.code == 2
     assert "no_such_package:Cart can not be imported" in said.err

@@ -94,7 +94,7 @@ def test_a_name_can_neither_color_nor_command_the_terminal(cohelm, tmp_path):
     assert "\x1b" not in said.out + said.err
 
 
-def test_of_a_crowd_the_nearest_are_told_and_the_others_summed_up(cohelm, tmp_path):
+def test_of_a_crowd_the_nearest_are_reported_and_the_others_counted(cohelm, tmp_path):
     crowd = "\n".join(
         f"  - {{name: o{i}, center_m: [{i % 40 - 20}, {3 + i // 40}], radius_m: 0.1}}"
         for i in range(100)
@@ -123,7 +123,7 @@ def test_a_run_of_a_single_step_is_a_run(cohelm):
     assert json.loads(said.out)["duration_s"] == 0.0
 
 
-def test_a_folder_that_is_full_is_told_and_the_record_is_whole(tmp_path, monkeypatch):
+def test_a_full_folder_is_reported_and_the_record_stays_whole(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     setup = build.setup(load.scenario(*BRIEF[:1], BRIEF[2:]))
     folder = tmp_path / "there"

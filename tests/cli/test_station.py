@@ -85,7 +85,7 @@ def test_the_token_does_not_cross_a_network_in_clear_unasked(cohelm, command, ho
     refused(cohelm(*command, "--host", host), "in clear", "add --tls", "--without-tls")
 
 
-def test_who_wants_it_in_clear_is_told_each_time(cohelm, monkeypatch):
+def test_unencrypted_mode_is_warned_of_each_time(cohelm, monkeypatch):
     from cohelm.cli import station as told
 
     monkeypatch.setattr(told, "_recorded", lambda path: None)
@@ -124,7 +124,7 @@ def test_a_certificate_of_ones_own_and_the_name_in_it(record, tmp_path):
         assert there.startswith(f"https://{NAME}:")
 
 
-def test_what_is_wrong_with_a_certificate_is_said_before_anything_starts(cohelm, tmp_path):
+def test_errors_in_a_certificate_are_reported_before_anything_starts(cohelm, tmp_path):
     _, certificate, key = signed(tmp_path)
     replay = ("station", "--replay", "x.mcap")
     other = tmp_path / "other"

@@ -24,7 +24,7 @@ def test_the_sentence_names_what_for_and_the_cure():
     )
 
 
-def test_no_message_asks_for_cohelm_from_a_registry_that_does_not_have_it():
+def test_no_message_names_a_package_registry_without_cohelm():
     told = [f.name for f in SOURCES.rglob("*.py") if "pip install cohelm" in f.read_text()]
     told += [f.name for f in SOURCES.rglob("*.py") if "cohelm[" in f.read_text()]
     assert [name for name in told if name != "extras.py"] == []

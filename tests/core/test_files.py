@@ -55,7 +55,7 @@ def test_a_scenario_from_dev_zero_is_refused_by_the_command_within_little_memory
     assert "a device or a pipe" in said.stderr
 
 
-def test_what_is_larger_than_it_may_be_is_refused_and_what_just_fits_is_read(tmp_path):
+def test_files_above_the_size_limit_are_refused_and_files_at_the_limit_are_read(tmp_path):
     path = tmp_path / "a"
     path.write_bytes(b"x" * 100)
     assert read_bytes(path, 100, "a note") == b"x" * 100
@@ -63,7 +63,7 @@ def test_what_is_larger_than_it_may_be_is_refused_and_what_just_fits_is_read(tmp
         read_bytes(path, 99, "a note")
 
 
-def test_what_is_not_there_is_for_the_reader_to_say(tmp_path):
+def test_a_missing_file_is_left_to_the_reader(tmp_path):
     check_regular(tmp_path / "nothing")
     with pytest.raises(FileNotFoundError):
         read_bytes(tmp_path / "nothing", 1, "a note")

@@ -16,12 +16,12 @@ def test_no_name_that_is_promised_is_missing():
 
 
 @pytest.mark.parametrize("block", [b for b in BLOCKS if "__main__" not in b])
-def test_what_it_shows_runs(block, capsys):
+def test_the_commands_it_shows_run(block, capsys):
     exec(block, {})
     assert capsys.readouterr().out
 
 
-def test_what_it_says_of_verdicts_is_all_there_is_to_a_guard():
+def test_the_documented_verdicts_are_all_of_the_guard():
     said = set(re.findall(r"^\| ([A-Z, ]+) \|", PAGE, re.MULTILINE))
     names = {name for row in said for name in row.split(", ")}
     assert names == {verdict.name for verdict in cohelm.Verdict} - {"POWERLESS"}

@@ -27,7 +27,7 @@ def test_every_message_is_on_the_page_with_its_kind_and_largest_size():
     }
 
 
-def test_the_bytes_of_a_command_are_where_the_page_says():
+def test_the_bytes_of_a_command_are_where_the_page_documents():
     command = Command(
         Stick(0.5, -0.5), True, False, Device.TOUCH, 0.75, (Request(7, Ask.MODE, 2, 1.5),)
     )

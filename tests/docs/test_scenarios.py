@@ -25,11 +25,11 @@ ERRORS = re.findall(r"^\| `--set (.+?)` \| (.+) \|$", PAGE, re.MULTILINE)
 
 
 @pytest.mark.parametrize("row", EXPECTED, ids=lambda row: row.split("`")[1])
-def test_every_key_is_told_with_its_range_default_and_meaning(row: str) -> None:
+def test_every_key_is_documented_with_its_range_default_and_meaning(row: str) -> None:
     assert row in PAGE
 
 
-def test_no_key_is_told_that_does_not_exist() -> None:
+def test_no_documented_key_is_missing_in_the_model() -> None:
     told = re.findall(r"^\| `([\w.]+)` \| .*\|$", PAGE, re.MULTILINE)
     assert set(told) == {row.split("`")[1] for row in EXPECTED}
 
@@ -41,7 +41,7 @@ def test_an_error_reads_as_it_is_quoted(change: str, said: str) -> None:
     assert str(refused.value) == f"--set {change}: {said}"
 
 
-def test_how_large_a_map_may_be_is_told() -> None:
+def test_the_largest_map_is_documented() -> None:
     assert f"{MOST_CELLS // 10**6} million cells" in PAGE
     assert f"{MOST_WALLS:,} borders".replace(",", " ") in PAGE
 

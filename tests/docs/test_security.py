@@ -21,7 +21,7 @@ def test_every_claim_is_held_by_a_test_that_runs_by_default(name: str) -> None:
     assert not re.search(r"^@pytest\.mark\.slow", THERE[name], re.M)
 
 
-def test_every_row_of_who_may_not_do_what_names_a_test() -> None:
+def test_every_row_of_the_threat_model_names_a_test() -> None:
     tables = PAGE.partition("## Who may try")[2].splitlines()
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in tables if "|" in line]
     rows = [row for row in rows if row[0] != "may" and row[0].strip("-")] + [

@@ -38,12 +38,12 @@ def test_the_example_is_a_stick_in_order(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(("stick", "share"), [(Stick(1.0, 1.0), 0.007), (Stick(0.5, 0.0), 0.54)])
-def test_the_automatic_share_is_as_told(stick, share) -> None:
+def test_the_automatic_share_is_as_documented(stick, share) -> None:
     assert f"{share * 100:g} %" in PAGE
     assert math.isclose(authority(intent(stick, Gains()), Gains()).x, share, rel_tol=0.05)
 
 
-def test_the_options_of_a_brunner_stick_are_told_with_what_they_are_without() -> None:
+def test_the_options_of_a_brunner_stick_are_documented_with_their_defaults() -> None:
     rows = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ([^|]*) \|", PAGE, re.MULTILINE)
     told = dict(
         pair

@@ -21,7 +21,7 @@ def test_no_table_is_out_of_date(page):
     assert text == written(text), "run python tools/tables.py"
 
 
-def test_every_table_stands_on_a_page():
+def test_every_table_is_documented_on_a_page():
     pages = "".join(page.read_text(encoding="utf-8") for page in DOCS.glob("*.md"))
     assert set(re.findall(r"<!-- table: ([\w-]+) -->", pages)) == set(TABLES)
 
@@ -41,12 +41,12 @@ def section(title: str) -> str:
     return re.split(r"^##+ ", RECORDS.split(f" {title}\n", 1)[1], maxsplit=1, flags=re.M)[0]
 
 
-def test_every_topic_is_told_with_its_type():
+def test_every_topic_is_documented_with_its_type():
     rows = re.findall(r"^\| `(/[\w/]+)` \| `([\w/]+)` \|", section("Topics"), re.M)
     assert dict(rows) == topics.TOPICS
 
 
-def test_every_verdict_is_told_with_its_number():
+def test_every_verdict_is_documented_with_its_number():
     rows = re.findall(r"^\| (\d) \| ([A-Z]+) \|", section("Verdicts"), re.M)
     assert {name: int(number) for number, name in rows} == Verdict.__members__
 
@@ -59,7 +59,7 @@ def test_every_verdict_is_told_with_its_number():
         ("behavior", {n: getattr(step, n) for n in ("FOLLOWING", "LED", "ESCAPING", "EVADING")}),
     ],
 )
-def test_every_number_of_a_choice_is_told_on_the_page_and_in_the_definition(field, names):
+def test_every_number_of_a_choice_is_documented_on_the_page_and_in_the_definition(field, names):
     (row,) = re.findall(rf"^\| `{field}` \| (.*) \|$", section("Verdicts"), re.M)
     assert {n: int(v) for n, v in re.findall(r"([A-Z]+) (\d)", row)} == names
     (constants,) = re.findall(
@@ -68,7 +68,7 @@ def test_every_number_of_a_choice_is_told_on_the_page_and_in_the_definition(fiel
     assert {n: int(v) for n, v in re.findall(r"([A-Z]+)=(\d)", constants)} == names
 
 
-def test_every_status_of_the_diagnostics_is_told_with_its_values():
+def test_every_status_of_the_diagnostics_is_documented_with_its_values():
     from cohelm.link.messages import Alarm, Mode as Chosen, Severity
     from cohelm.link.recorded_status import StatusWords
     from cohelm.record.shown import to_messages

@@ -57,7 +57,7 @@ def awaited():
     return PendingLink(lambda: there[0] if there else None, lambda: "starting (3 s)"), there
 
 
-def test_until_there_is_a_robot_everything_is_refused_and_the_page_hears_why():
+def test_before_the_robot_is_ready_all_requests_are_refused_with_the_reason():
     link, _ = awaited()
     assert link.quality()[:3] == (False, "the robot beside it", "starting (3 s)")
     link.steer(Stick(1.0, 0.0), True, True, Device.KEYBOARD, 1.0)
@@ -71,7 +71,7 @@ def test_until_there_is_a_robot_everything_is_refused_and_the_page_hears_why():
     assert link.news() == []
 
 
-def test_nothing_that_was_wanted_before_it_was_there_reaches_the_robot():
+def test_no_request_from_before_the_robot_was_ready_reaches_it():
     link, there = awaited()
     link.steer(Stick(1.0, 0.0), True, True, Device.KEYBOARD, 1.0)
     before = link.ask(Ask.TAKE)
@@ -103,7 +103,7 @@ def test_a_robot_that_still_starts_is_ended_at_once(tmp_path):
     assert robot.over == ""
 
 
-def test_a_robot_that_can_not_be_started_says_so_and_what_follows_is_called(tmp_path):
+def test_a_robot_that_can_not_be_started_is_reported_and_the_callback_runs(tmp_path):
     own, _ = keys.pair_here()
     robot = RobotProcess(NOWHERE, TeleopConfig(own, "127.0.0.1", 0, tmp_path), wait=False)
     called: list[str] = []

@@ -10,7 +10,7 @@ from cohelm.loop.operator import Scripted
 from tests.drive.faults import CORRIDOR
 
 
-def test_nobody_backs_it_into_what_it_has_never_seen_and_the_screen_says_so():
+def test_no_operator_backs_it_into_unobserved_space_and_the_screen_shows_why():
     made = simulated(CORRIDOR, "kinematic", real_time=False)
     box: list[Session] = []
 

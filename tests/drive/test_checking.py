@@ -37,7 +37,7 @@ def checked_path(process: RemoteChecking) -> CheckedPath:
     return said[-1]
 
 
-def test_a_process_that_dies_is_replaced_and_what_it_had_is_answered():
+def test_a_dead_worker_is_replaced_and_its_job_is_answered():
     process = RemoteChecking(JUDGE)
     try:
         assert checked_path(process).reference is not None
@@ -54,7 +54,7 @@ def test_a_process_that_dies_is_replaced_and_what_it_had_is_answered():
     assert process._child is None
 
 
-def test_a_check_that_never_ends_is_given_up_and_no_call_waits(monkeypatch):
+def test_a_check_that_never_ends_is_abandoned_and_no_call_waits(monkeypatch):
     monkeypatch.setattr(checking, "WITHIN", 0.5)
     process = RemoteChecking(Sleepy())
     try:

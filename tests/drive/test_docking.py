@@ -58,7 +58,7 @@ def drive(tmp_path):
         yield made
 
 
-def test_a_driver_docks_and_undocks_and_nobody_moves_in_between(drive):
+def test_a_driver_docks_and_undocks_without_a_mode_change_in_between(drive):
     loop, docking, told = drive.loop, drive.loop.supervisor.docking, events(drive)
     fastest, clear = [0.0], [math.inf]
 
@@ -211,7 +211,7 @@ def docking(settings):
     return made
 
 
-def test_it_goes_on_as_long_as_nothing_is_wrong(docking):
+def test_docking_continues_while_nothing_is_wrong(docking):
     assert over(docking, 20.0, Seen(1.5, 0.1, 0.1)) == ""
     assert docking.cap == (0.15, "docking at charger")
 
@@ -226,11 +226,11 @@ def test_it_goes_on_as_long_as_nothing_is_wrong(docking):
         (Seen(2.0, 0.01, -0.02), "docked at charger, +0.0, +1.0 cm, -1.1° off"),
     ],
 )
-def test_it_ends_by_itself(docking, seen, said):
+def test_docking_ends_by_itself(docking, seen, said):
     assert over(docking, 20.0, seen) == said
 
 
-def test_it_ends_when_its_time_is_over_or_it_comes_no_farther(docking):
+def test_docking_ends_on_timeout_or_without_progress(docking):
     assert over(docking, 49.9, Seen(1.5)) == ""
     assert over(docking, 50.1, Seen(1.5)) == "not done within 40 s"
     assert over(docking, 51.0, Seen(1.5), v=0.0) == "not done within 40 s"
@@ -242,7 +242,7 @@ def test_it_ends_when_its_time_is_over_or_it_comes_no_farther(docking):
     assert over(docking, 72.1, Seen(1.98), v=0.0).startswith("docked at charger, -2.0")
 
 
-def test_it_ends_for_who_steps_into_the_corridor_but_not_for_one_scan_of_noise(docking):
+def test_docking_ends_for_a_mover_in_the_corridor_but_not_for_one_noisy_scan(docking):
     somebody = Seen(1.2).with_somebody(2.0, 0.3)
     assert over(docking, 20.0, Seen(1.2)) == ""
     assert over(docking, 20.1, somebody) == ""
@@ -256,7 +256,7 @@ def test_it_ends_for_who_steps_into_the_corridor_but_not_for_one_scan_of_noise(d
 
 
 @pytest.mark.parametrize("stick", [Stick(0.2, 0.0), Stick(0.0, -0.2), Stick(math.nan, 0.0)])
-def test_it_ends_for_a_hand_on_the_stick(docking, stick):
+def test_docking_ends_when_the_stick_is_deflected(docking, stick):
     assert over(docking, 20.0, Seen(1.5), stick=stick) == "the stick was deflected"
 
 
@@ -268,7 +268,7 @@ def test_it_ends_for_a_hand_on_the_stick(docking, stick):
         ("turtlebot4", 0.15, "undocking from charger"),
     ],
 )
-def test_what_does_not_look_behind_backs_out_at_a_crawl(robot, speed, reason):
+def test_a_robot_without_rear_sensor_undocks_at_a_crawl(robot, speed, reason):
     made = simulated("minimal", real_time=False, changes=[f"robot={robot}"])
     model = made.model
     own = made.scenario.law.settings(model.outline, model.bounds(), 0.5, 0.02)
@@ -288,7 +288,7 @@ def test_a_site_without_docks_says_so(settings):
     assert none.phase(Seen(1.0)) == (DockPhase.AWAY, 0)  # pyright: ignore
 
 
-def test_nobody_docks_who_is_lost_or_askew(docking):
+def test_a_lost_or_misaligned_robot_does_not_dock(docking):
     docking.finish(docking.last)
     refusal = docking.refusal
     said = refusal(1, Seen(1.0, lost=True), CENTRED, False)

@@ -66,7 +66,7 @@ def away(anna: Anna, how: str, yes: bool) -> None:
 
 @pytest.mark.parametrize("how", ["page", "link"])
 @pytest.mark.parametrize("mode", first([Mode.SHARED, Mode.MANUAL]))
-def test_a_moment_of_silence_is_no_stop_and_nothing_goes_on_uncentred(session, anna, how, mode):
+def test_a_short_dropout_is_no_stop_and_resumes_only_with_a_centred_stick(session, anna, how, mode):
     lead(session, anna, mode)
     away(anna, how, True)
     drive(session, 0.5)
@@ -90,7 +90,7 @@ def test_a_moment_of_silence_is_no_stop_and_nothing_goes_on_uncentred(session, a
     assert not session.loop.alarms.worst()
 
 
-def test_in_automatic_mode_the_drivers_silence_is_forgiven_likewise(session, anna):
+def test_a_short_dropout_of_the_driver_is_no_stop_in_automatic_mode(session, anna):
     anna.ask(Ask.MODE, Mode.AUTOMATIC)
     drive(session, 1.5)
     away(anna, "link", True)
@@ -125,7 +125,7 @@ def test_more_than_a_second_latches_a_stop(session, anna, how, monkeypatch):
     assert any("the stick is lost" in a.text for a in session.loop.alarms.worst())
 
 
-def test_a_stick_that_is_not_let_go_of_latches_a_stop(session, anna):
+def test_a_stick_that_is_not_released_after_a_dropout_latches_a_stop(session, anna):
     lead(session, anna, Mode.SHARED)
     away(anna, "page", True)
     drive(session, 0.4)
@@ -135,7 +135,7 @@ def test_a_stick_that_is_not_let_go_of_latches_a_stop(session, anna):
 
 
 @pytest.mark.parametrize("what", ["disarmed", "released", "given away", "another device"])
-def test_what_somebody_does_meanwhile_is_no_short_gap(session, anna, what):
+def test_a_deliberate_act_during_a_dropout_is_not_a_dropout(session, anna, what):
     lead(session, anna, Mode.SHARED)
     if what != "disarmed":
         away(anna, "page", True)
@@ -182,7 +182,7 @@ def test_a_stop_meanwhile_wins(session, anna):
     assert speed(session) == 0.0
 
 
-def test_a_stop_is_done_before_whatever_came_with_it(session, anna):
+def test_a_stop_is_executed_before_other_requests_of_the_same_period(session, anna):
     lead(session, anna, Mode.SHARED)
     anna.ask(Ask.MODE, Mode.HOLD)
     anna.ask(Ask.STOP)

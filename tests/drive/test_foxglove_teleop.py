@@ -52,13 +52,13 @@ def test_a_twist_is_the_same_in_either_encoding(kind):
 
 
 @pytest.mark.parametrize(("v", "omega"), [(0.5, 0.0), (-0.2, 0.0), (0.3, 0.8), (0.4, -0.1)])
-def test_what_is_asked_for_is_what_the_law_makes_of_the_stick(v, omega):
+def test_the_requested_twist_is_what_the_law_makes_of_the_stick(v, omega):
     asked = human(limited(stick_of(Twist(v, omega), GAINS), GAINS), GAINS)
     assert tuple(asked) == pytest.approx((v, omega))
 
 
 @pytest.mark.parametrize("band", [0.0, 0.05, 0.2])
-def test_too_much_is_as_much_as_there_is_and_turning_alone_only_creeps(band):
+def test_a_twist_beyond_the_limits_is_clipped_and_turning_in_place_creeps_ahead(band):
     gains = GAINS._replace(dead_band=band)
     assert stick_of(Twist(2.0, 2.0), gains) == pytest.approx((1.0, 0.5))  # on the same arc
     creeps = (band + 0.01) * gains.u_d
@@ -68,7 +68,7 @@ def test_too_much_is_as_much_as_there_is_and_turning_alone_only_creeps(band):
     assert stick_of(Twist(0.0, 0.0), gains) == Stick(0.0, 0.0)
 
 
-def test_off_loopback_or_without_a_live_view_nobody_may_steer(cohelm):
+def test_teleop_is_refused_off_loopback_and_without_a_live_view(cohelm):
     assert live_view("127.0.0.1", True).teleop
     assert not live_view("127.0.0.1").teleop
     with pytest.raises(CohelmError, match=r"in clear, .* could steer: .* ssh -L 8766"):
@@ -145,7 +145,7 @@ def robot(tmp_path_factory):
         yield made
 
 
-def test_pressed_it_takes_the_lease_and_drives_and_let_go_the_robot_stands(robot):
+def test_a_press_takes_the_lease_and_drives_and_a_release_stops_the_robot(robot):
     panel = Panel(robot.view.address)
     assert panel.info["capabilities"] == ["clientPublish"]
     assert panel.info["supportedEncodings"] == ["json", "cdr"]
@@ -181,7 +181,7 @@ def test_pressed_it_takes_the_lease_and_drives_and_let_go_the_robot_stands(robot
         other.close()
 
 
-def test_a_panel_that_is_gone_in_the_middle_is_no_stick_that_was_let_go(robot):
+def test_a_lost_panel_is_not_a_released_stick(robot):
     panel = Panel(robot.view.address)
     with StationEnd(robot.anna, robot.host, robot.port) as anna:
         assert panel.drives(), panel.told
@@ -207,14 +207,14 @@ def test_a_panel_that_is_gone_in_the_middle_is_no_stick_that_was_let_go(robot):
         (TWIST, "cdr", b"\x00\x01\x00\x00\x01", "not understood"),
     ],
 )
-def test_what_can_not_be_steered_with_is_told(robot, kind, encoding, data, why):
+def test_a_topic_that_can_not_steer_is_refused_with_the_reason(robot, kind, encoding, data, why):
     panel = Panel(robot.view.address, kind, encoding)
     panel.connection.send(struct.pack("<BI", 1, 7) + data)
     assert panel.sees(lambda: panel.was_told(why)), panel.told
     panel.close()
 
 
-def test_only_one_of_those_who_look_on_steers(monkeypatch):
+def test_only_one_viewer_steers_at_a_time(monkeypatch):
     of_robot, own = with_local_station(pair_here()[0], "foxglove")
     assert own.certificate in of_robot.trusted
     monkeypatch.setattr(FoxgloveTeleop, "_run", lambda self: None)

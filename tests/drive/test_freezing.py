@@ -8,9 +8,7 @@ pytestmark = [pytest.mark.xdist_group("realtime"), pytest.mark.slow]
 
 
 @pytest.mark.parametrize("who", PROCESSES)
-def test_whichever_process_stands_still_at_whatever_moment_the_robot_does_as_promised(
-    who, tmp_path
-):
+def test_whichever_process_freezes_at_any_moment_the_robot_behaves_as_promised(who, tmp_path):
     found = rounds(who, 20, 3, tmp_path)
     assert [one for one in found if one["wrong"]] == []
     if who in ("loop", "gate process"):

@@ -58,7 +58,7 @@ def drive(session: Session, seconds: float, mode: Mode = Mode.HOLD, until=lambda
     return took
 
 
-def test_a_planner_and_a_recorder_that_hang_are_told_of_and_the_robot_drives_on(tmp_path):
+def test_a_hanging_planner_or_recorder_is_reported_and_the_robot_continues(tmp_path):
     plan = SessionConfig(
         simulated(CORRIDOR, seed=2), record=tmp_path / "drive.mcap", patience=PATIENT
     )
@@ -88,7 +88,7 @@ def test_a_planner_and_a_recorder_that_hang_are_told_of_and_the_robot_drives_on(
 
 
 @pytest.mark.slow
-def test_who_follows_no_route_waits_for_no_plan():
+def test_without_a_route_no_plan_is_waited_for():
     with Session(SessionConfig(simulated(CORRIDOR, seed=2), patience=PATIENT)) as session:
         loop, planner = session.loop, children(os.getpid())["cohelm planner"]
         drive(session, 1.0, Mode.AUTOMATIC)

@@ -105,7 +105,7 @@ class Hand:
         pass
 
 
-def test_a_stick_of_this_machine_joins_and_takes_the_helm(drive):
+def test_a_local_stick_joins_the_drive_and_takes_the_lease(drive):
     assert "cohelm stick --drive" in drive.said
     own, to = credentials_of_drive()
     hand, said = Hand(), []
@@ -163,7 +163,7 @@ def test_a_record_started_while_it_stands_says_what_the_gate_did(drive):
 
 
 @pytest.mark.slow
-def test_when_its_robot_dies_it_says_so_and_ends(drive):
+def test_when_the_robot_process_dies_the_drive_reports_it_and_ends(drive):
     os.kill(drive.robot(), signal.SIGKILL)
     assert drive.process.wait(2 * PATIENT) == 2
     drive.close()

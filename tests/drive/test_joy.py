@@ -71,7 +71,7 @@ def by_hand(t):
     return (0.8, True) if t < 6.2 else None
 
 
-def test_by_hand_it_waits_to_be_centred_stands_without_its_button_and_lost_it_stops():
+def test_in_manual_mode_a_joystick_is_armed_centred_and_enabled_and_its_loss_stops():
     seen = driven(Mode.MANUAL, by_hand, 8.2)
     assert seen.reasons[0.3] == "/joy: nothing is received"
     assert seen.reasons[0.9] == "waits for /joy to be centred"
@@ -93,7 +93,7 @@ def held(t):
 
 
 @pytest.mark.slow
-def test_held_to_run_it_is_a_dead_mans_button_in_automatic_mode():
+def test_with_hold_to_run_the_enable_button_is_a_dead_mans_switch_in_automatic_mode():
     seen = driven(Mode.AUTOMATIC, held, 8.5, hold_to_run=True)
     assert seen.speeds[2.4] > 0.2
     assert seen.reasons[3.0] == "the enable button of /joy is not held"
@@ -105,7 +105,7 @@ def test_held_to_run_it_is_a_dead_mans_button_in_automatic_mode():
     assert seen.gate.mode == GateMode.AUTOMATIC
 
 
-def test_a_joystick_is_of_a_ros2_robot():
+def test_a_joystick_topic_needs_a_ros2_robot():
     made = simulated(CORRIDOR, real_time=False)
     with (
         pytest.raises(CohelmError, match="--joy are of a ROS 2 robot: add --ros2"),

@@ -114,7 +114,7 @@ def braked_in_time(took: float) -> None:
     assert 0.05 < took < BRAKED
 
 
-def test_a_killed_loop_does_not_take_the_robot_along(drive):
+def test_a_killed_loop_does_not_leave_the_robot_moving(drive):
     going = drive()
     going.driving()
     going.process.kill()
@@ -150,7 +150,7 @@ def test_a_blocked_loop_is_late_and_the_robot_stands_before_it_is_back(drive):
         (signal.SIGTERM, "received SIGTERM"),
     ],
 )
-def test_what_ends_all_its_processes_at_once_stops_the_robot_first(drive, number, reason):
+def test_a_signal_to_all_processes_stops_the_robot_first(drive, number, reason):
     going = drive()
     going.driving()
     os.killpg(going.process.pid, number)  # as a terminal does, or systemd
@@ -225,7 +225,7 @@ def test_a_disk_that_fills_up_stops_the_record_but_not_the_robot(drive):
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.geteuid() != 0, reason="mounting a tiny file system needs root")
-def test_a_full_file_system_still_holds_the_reason(drive, tmp_path):
+def test_the_stop_reason_is_recorded_though_the_file_system_is_full(drive, tmp_path):
     small = tmp_path / "small"
     small.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(small)]

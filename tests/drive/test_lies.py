@@ -35,7 +35,7 @@ def held(lie: str, mode: str, kind: str, mapped: bool, seed: int) -> None:
 
 
 @pytest.mark.parametrize(("lie", "mode", "seed"), SOME)
-def test_no_lie_drives_the_robot_into_a_wall(lie, mode, seed):
+def test_no_false_reading_drives_the_robot_into_a_wall(lie, mode, seed):
     held(lie, mode, "kinematic", False, seed)
 
 
@@ -47,7 +47,7 @@ def test_a_lag_that_begins_close_before_a_wall_of_the_map_is_noticed():
 @pytest.mark.parametrize("kind", ["kinematic", "twin"])
 @pytest.mark.parametrize("mode", list(MODES))
 @pytest.mark.parametrize("lie", list(LIES))
-def test_no_lie_of_them_all_drives_the_robot_into_a_wall(lie, mode, kind):
+def test_no_false_reading_of_the_whole_set_drives_the_robot_into_a_wall(lie, mode, kind):
     for mapped in (True, False):
         for seed in SEEDS:
             held(lie, mode, kind, mapped, seed)

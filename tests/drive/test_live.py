@@ -122,7 +122,7 @@ def test_live_is_what_the_record_holds_message_for_message(drive):
     assert len(drive.first.heard["/scan"]) >= 10
 
 
-def test_who_listens_hears_loop_and_gate_in_the_order_they_spoke(drive):
+def test_viewers_receive_messages_of_loop_and_gate_in_their_order(drive):
     """In simulated time they are one process, and often speak at one stamp."""
     said = b"".join(data for _, data in recorded(drive.path)["/rosout"])
     found = [said.index(what.encode()) for what in drive.spoken]
@@ -142,13 +142,13 @@ def test_the_channels_are_the_records(drive):
 
 
 @pytest.mark.parametrize("who", ["recorder", "live view"])
-def test_who_is_only_told_things_never_loads_the_compiler(drive, who):
+def test_processes_that_only_receive_messages_never_load_the_compiler(drive, who):
     """Nothing in what it is told wants it either."""
     assert "numpy" in drive.loaded[who]
     assert "llvmlite" not in drive.loaded[who]
 
 
-def test_who_comes_later_gets_what_still_holds(drive):
+def test_a_late_viewer_receives_the_latched_messages(drive):
     record = recorded(drive.path)
     for topic in ONCE:
         assert drive.at_once[topic] == [record[topic][-1]]
@@ -159,7 +159,7 @@ def test_who_comes_later_gets_what_still_holds(drive):
     assert {*ONCE, "/diagnostics"} <= LASTING
 
 
-def test_a_live_view_that_dies_stops_nothing_and_is_said(drive):
+def test_a_dead_live_view_stops_nothing_and_is_reported(drive):
     said = "the live view has ended: the robot continues without it"
     assert drive.on_after >= 20
     assert drive.before[0] == drive.after[0] == Mode.AUTOMATIC
@@ -201,7 +201,7 @@ def live():
     made.close()
 
 
-def test_pictures_are_asked_for_only_while_somebody_looks(live):
+def test_pictures_are_requested_only_while_there_is_a_viewer(live):
     loop = RecordLine(live.loop)
 
     def asked() -> object:
@@ -222,7 +222,7 @@ def of_memory(pid: int) -> int:
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
-def test_who_never_reads_costs_no_memory_and_holds_nobody_up(live):
+def test_a_viewer_that_never_reads_uses_no_memory_and_blocks_no_other(live):
     photo, camera = os.urandom(100_000), RecordLine(live.loop)
     reads = Onlooker(live.address, [IMAGE])
     lazy = [
@@ -257,14 +257,14 @@ class Full:
         self.over = True
 
 
-def test_who_takes_nothing_is_let_go(monkeypatch):
+def test_a_viewer_that_never_reads_is_disconnected(monkeypatch):
     monkeypatch.setattr(of_live, "STUCK_TIMEOUT", 0.05)
     connection = Full()
     own_loop.run(_Viewer(connection, ["hello"]).send_queue())
     assert connection.over
 
 
-def test_what_lasts_is_not_dropped_for_who_is_slow():
+def test_latched_messages_are_not_dropped_for_a_slow_viewer():
     async def slow() -> list:
         viewer = _Viewer(Full(), [])
         for number, topic in enumerate([IMAGE, "/map", "/scene"]):
@@ -283,7 +283,7 @@ def test_what_lasts_is_not_dropped_for_who_is_slow():
     assert stamps == {IMAGE: 40, "/map": 39, "/scene": 0}
 
 
-def test_nothing_can_be_done_but_look_on(live):
+def test_the_live_view_is_read_only(live):
     viewer = Onlooker(live.address, [])
     assert viewer.info["capabilities"] == []
     channel = {"id": 1, "topic": "/cmd_vel", "encoding": "cdr", "schemaName": "x"}
@@ -306,7 +306,7 @@ def test_nothing_can_be_done_but_look_on(live):
 
 
 @pytest.mark.parametrize("path", ["", "wrong", "../", "%00", "?token="])
-def test_without_the_token_nobody_looks_on(live, path):
+def test_without_the_token_no_viewer_connects(live, path):
     address = live.address.rpartition("/")[0] + "/" + path
     with pytest.raises(InvalidStatus) as refused:
         connect(address, subprotocols=["foxglove.sdk.v1"], proxy=None, legacy=True)
@@ -339,7 +339,7 @@ def test_it_greets_as_foxgloves_own_server_does(live, protocol):
     server.stop()
 
 
-def test_a_port_that_is_taken_is_one_sentence():
+def test_a_port_in_use_is_reported_in_one_sentence():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(
@@ -354,7 +354,7 @@ def test_the_address_is_one_that_others_can_reach():
     assert LiveConfig().token != LiveConfig().token
 
 
-def test_the_network_is_warned_of(capsys):
+def test_a_listener_on_the_network_is_warned_of(capsys):
     assert live_view("localhost") == LiveConfig("localhost", token=ANY)
     assert live_view("[::1]:99") == LiveConfig("::1", 99, token=ANY)
     assert capsys.readouterr().err == ""

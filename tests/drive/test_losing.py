@@ -61,14 +61,14 @@ def test_a_broken_rear_lidar_stops_the_robot_too_and_is_named(fault):
         assert speed(session) == 0.0
 
 
-def test_a_loop_that_is_held_up_while_it_reads_takes_nothing_to_be_from_the_future():
+def test_a_loop_delayed_while_reading_takes_no_reading_to_be_from_the_future():
     with Session(SessionConfig(failing(HELD_UP, AT))) as session:
         drive(session, AT + 0.2, Mode.AUTOMATIC)
         assert session.loop.supervisor.problem == ""
         assert "future" not in session.gated.gate.reason
 
 
-def test_after_a_fault_has_gone_only_a_reset_and_a_choice_drive_again():
+def test_after_a_fault_only_a_reset_and_a_mode_request_drive_again():
     operator = Scripted(lambda _: None, lambda: 0.0)
     with Session(SessionConfig(failing("scans stop", AT)), operator) as session:
         drive(session, 4.5, Mode.AUTOMATIC)
@@ -111,7 +111,7 @@ def shared(session_plan: SessionConfig, script) -> tuple[Session, Scripted]:
     return session, operator
 
 
-def test_a_stick_that_vanishes_in_use_stops_the_robot_and_is_latched():
+def test_a_stick_lost_in_use_latches_a_stop():
     session, operator = shared(SessionConfig(failing("", AT)), hand(2.0, 3.0))
     with session:
         drive(session, 3.0 - session.loop.gated.now() - 0.02, Mode.SHARED)
@@ -149,7 +149,7 @@ def test_carrying_on_alone_is_a_setting_and_takes_over_without_a_jump():
     assert max(jumps) <= 2.0 * 0.02 + 1e-9
 
 
-def test_a_stick_nobody_held_is_not_missed_in_automatic_mode():
+def test_an_unarmed_stick_may_be_lost_in_automatic_mode():
     session, _ = shared(SessionConfig(failing("", AT)), hand(2.0, 3.0))
     with session:
         drive(session, 4.0, Mode.AUTOMATIC)

@@ -29,7 +29,7 @@ def stick(t: float) -> Stick:
     return Stick(0.9, 0.0) if t < ASIDE else Stick(-0.8, 0.3)
 
 
-def test_lost_it_waits_and_the_person_still_drives_with_the_guard_on_the_scan():
+def test_a_lost_robot_waits_and_can_still_be_driven_with_the_guard_on_the_scan():
     made = simulated(CORRIDOR, "twin", real_time=False, seed=3)
     walls = made.scenario.walls_m
     known = map_from_geometry(np.array(walls), made.start)

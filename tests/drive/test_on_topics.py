@@ -84,7 +84,7 @@ def test_a_goal_is_driven_in_the_mode_that_the_driver_chose(drive, told):
     drive.run(script())
 
 
-def test_no_goal_sets_a_robot_off_that_was_told_to_stand(drive, told):
+def test_no_goal_moves_a_robot_that_is_in_hold(drive, told):
     def script():
         anna = yield from anna_drives(drive)
         told.newest = AHEAD
@@ -143,7 +143,7 @@ def test_a_goal_that_can_not_be_reached_changes_nothing(drive, told, where, why)
     drive.run(script())
 
 
-def test_a_told_pose_is_taken_while_the_robot_stands_and_on_the_map(drive, told):
+def test_an_initial_pose_is_accepted_only_at_rest_and_on_the_map(drive, told):
     def script():
         anna = yield from anna_drives(drive)
         here = drive.loop.seen.pose
@@ -166,7 +166,7 @@ def test_a_told_pose_is_taken_while_the_robot_stands_and_on_the_map(drive, told)
     drive.run(script())
 
 
-def test_where_no_station_drives_it_stands_until_the_first_goal_and_then_drives_there(told):
+def test_without_a_station_it_stands_until_the_first_goal(told):
     made = simulated(CORRIDOR, real_time=False, seed=2)
     topics = OnTopics(None, told)
     with Session(SessionConfig(made, localise=True)) as session:
@@ -194,7 +194,7 @@ def test_where_no_station_drives_it_stands_until_the_first_goal_and_then_drives_
     assert (pose.x, pose.y) == pytest.approx(AHEAD, abs=0.2)
 
 
-def test_what_only_a_ros2_robot_has_is_refused_for_others():
+def test_options_of_ros2_robots_are_refused_for_others():
     made = simulated(CORRIDOR, real_time=False)
     with on_topics(made, TopicsConfig(), print) as topics:
         assert topics.path_requests() == ()

@@ -21,7 +21,7 @@ from cohelm.ros.port import Endpoint, Qos
         (signal.SIGHUP, signal.SIG_IGN, ""),  # nohup
     ],
 )
-def test_a_signal_becomes_a_wish_unless_the_drive_was_told_not_to_hear_it(number, before, said):
+def test_a_signal_requests_the_end_unless_the_drive_ignores_signals(number, before, said):
     then = signal.signal(number, before)
     try:
         with end_signals() as end:
@@ -33,7 +33,7 @@ def test_a_signal_becomes_a_wish_unless_the_drive_was_told_not_to_hear_it(number
         signal.signal(number, then)
 
 
-def test_what_does_not_fit_names_options_that_the_command_has():
+def test_errors_name_options_that_the_command_has():
     """`cohelm robot --ros2` has no --odom, --scan and --out: it names topics with --topic."""
     qos = Qos()
     seen = [("/cmd_vel", mismatch.TWIST, False), ("/cmd_vel", mismatch.STAMPED, False),

@@ -50,7 +50,7 @@ def at(seen: Playback, t: float) -> dict:
     return out
 
 
-def test_numbers_and_words_come_back_as_they_were_told(driven):
+def test_numbers_and_texts_are_played_back_as_recorded(driven):
     path, told, _ = driven
     seen = Playback(path)
     for k in (-1, -20, -49):  # standing, braking, and being stopped
@@ -63,7 +63,7 @@ def test_numbers_and_words_come_back_as_they_were_told(driven):
         assert [a for a in now.alarms if a.number < 10_000] == list(then.alarms)
 
 
-def test_who_drove_and_what_happened_is_seen(driven):
+def test_playback_shows_driver_and_events(driven):
     seen = Playback(driven[0])
     leading = at(seen, 2.9)[Status]
     assert (leading.lease.driver, leading.lease.driver_name) == (1, "script")
@@ -78,7 +78,7 @@ def test_who_drove_and_what_happened_is_seen(driven):
     assert any(a.severity == Severity.NOTICE and "asks for STOP" in a.text for a in stopped.alarms)
 
 
-def test_map_way_scan_and_obstacles_are_those_of_the_drive(driven):
+def test_playback_shows_the_map_path_scan_and_obstacles_of_the_drive(driven):
     path, _, (grid, line, points) = driven
     seen = at(Playback(path), 2.0)
     assert seen[Map] == grid
@@ -96,7 +96,7 @@ def test_map_way_scan_and_obstacles_are_those_of_the_drive(driven):
     assert np.median(np.abs(np.abs(y) - 1.5)) < 0.1
 
 
-def test_what_is_not_new_is_not_told_again_and_a_jump_back_tells_what_was(driven):
+def test_playback_repeats_nothing_except_after_a_jump_back(driven):
     now = [0.0]
     link = Replaying(Playback(driven[0]), lambda: now[0])
     first = [type(news.message) for news in link.news()]

@@ -16,7 +16,7 @@ BOUNDS = np.array([(-5.0, -5.0), (6.0, 5.0)])
 HERE = Pose(0.0, 0.0, 0.0)
 
 
-def test_a_free_way_is_followed_from_where_the_robot_is_and_keeps_its_room() -> None:
+def test_a_free_path_is_followed_from_the_present_pose_with_its_clearance() -> None:
     said = checked_path(np.array([(1.0, 0.0), (2.0, 1.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
     assert said.reference is not None
     assert said.why == ""
@@ -35,14 +35,14 @@ def test_a_free_way_is_followed_from_where_the_robot_is_and_keeps_its_room() -> 
         ([(1.0, 0.0), (9.0, 0.0)], 1),  # off the map
     ],
 )
-def test_the_way_point_to_blame_is_named(points: list[tuple[float, float]], worst: int) -> None:
+def test_the_waypoint_at_fault_is_named(points: list[tuple[float, float]], worst: int) -> None:
     said = checked_path(np.array(points), HERE, 0.5, OUTLINE, WALL, BOUNDS)
     assert said.reference is None
     assert said.worst == worst
     assert str(worst + 1) in said.why
 
 
-def test_two_equal_way_points_in_a_row_are_refused_in_words() -> None:
+def test_two_equal_consecutive_waypoints_are_refused_with_a_reason() -> None:
     said = checked_path(np.array([(1.0, 0.0), (1.0, 0.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
     assert said.reference is None
     assert said.why
@@ -56,7 +56,7 @@ def test_the_first_way_point_may_be_where_the_robot_stands() -> None:
 DOOR = WALL[(WALL[:, 1] > 3.6) | (WALL[:, 1] < 2.4)]
 
 
-def test_a_goal_behind_a_wall_is_reached_through_the_door_with_the_room_that_ways_have() -> None:
+def test_a_goal_behind_a_wall_is_reached_through_the_door_with_clearance() -> None:
     said = planned_path(Goal(5.0, 0.0), HERE, 0.5, OUTLINE, DOOR, BOUNDS)
     assert said.reference is not None, said.why
     poses = poses_along(said.reference, 0.05)
@@ -81,7 +81,7 @@ def test_in_the_open_a_goal_is_straight_ahead() -> None:
         ((0.05, 0.0), "the robot is at 0.1, 0.0 already"),
     ],
 )
-def test_a_goal_that_can_not_be_reached_is_refused_in_words(goal, why) -> None:
+def test_an_unreachable_goal_is_refused_with_a_reason(goal, why) -> None:
     shut = np.column_stack((np.full(300, 3.0), np.linspace(-6.5, 6.5, 300)))
     said = planned_path(Goal(*goal), HERE, 0.5, OUTLINE, shut, BOUNDS)
     assert said.reference is None

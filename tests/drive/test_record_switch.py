@@ -64,7 +64,7 @@ def test_five_hundred_toggles_are_one_record_more_and_the_end_waits_for_none(tmp
     assert not list(tmp_path.glob("*.part"))
 
 
-def test_only_who_drives_records(tmp_path):
+def test_only_the_driver_can_record(tmp_path):
     def script(drive: Drive):
         anna, bert = drive.station("anna"), drive.station("bert")
         yield from range(5)

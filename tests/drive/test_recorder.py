@@ -32,7 +32,7 @@ def working(line: RecordLine) -> None:
         time.sleep(0.05)
 
 
-def test_nothing_told_is_lost_when_who_told_it_ends_without_listening(recording):
+def test_no_record_message_is_lost_when_its_sender_ends(recording):
     """As a killed loop does: signs of life lie unread in its end of the line."""
     line = RecordLine(recording.loop)
     working(line)
@@ -47,7 +47,7 @@ def test_nothing_told_is_lost_when_who_told_it_ends_without_listening(recording)
     assert sum(1 for _ in messages(recording.path, ("/rosout",))) == 200
 
 
-def test_a_recorder_that_hangs_holds_nobody_up_and_does_not_outstay_the_drive(recording):
+def test_a_recorder_that_hangs_blocks_nothing_and_ends_with_the_drive(recording):
     line = RecordLine(recording.loop)
     working(line)
     os.kill(recording.pid, signal.SIGSTOP)

@@ -24,7 +24,7 @@ def begun(drive: Drive):
     return anna, bert, cleo
 
 
-def test_no_watcher_crowds_out_the_drivers_way_nor_another_watchers(drive):
+def test_no_observer_displaces_the_path_request_of_the_driver_or_of_another(drive):
     """Each check takes half a second; bert has ten checked each second, from before on."""
     drive.beside.checking.takes = 25
 
@@ -50,7 +50,7 @@ def test_no_watcher_crowds_out_the_drivers_way_nor_another_watchers(drive):
     drive.run(script())
 
 
-def test_what_could_not_be_looked_at_in_time_is_answered_with_that(drive):
+def test_a_path_that_was_not_checked_in_time_is_answered_with_the_reason(drive):
     drive.beside.checking.takes = 400
 
     def script():
@@ -65,7 +65,7 @@ def test_what_could_not_be_looked_at_in_time_is_answered_with_that(drive):
     drive.run(script())
 
 
-def test_a_way_of_more_points_than_a_person_sets_is_refused_in_words(drive):
+def test_a_path_of_too_many_waypoints_is_refused_with_a_reason(drive):
     def script():
         anna, *_ = yield from begun(drive)
         anna.propose(np.column_stack((np.linspace(1.0, 5.0, 300), np.zeros(300))))
@@ -76,7 +76,7 @@ def test_a_way_of_more_points_than_a_person_sets_is_refused_in_words(drive):
     drive.run(script())
 
 
-def test_a_watchers_way_is_checked_and_never_followed(drive):
+def test_a_path_of_an_observer_is_checked_and_never_followed(drive):
     def script():
         anna, bert, _ = yield from begun(drive)
         anna.ask(Ask.MODE, Mode.AUTOMATIC)

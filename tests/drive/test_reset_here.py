@@ -62,7 +62,7 @@ class Drive:
         return max(self.speeds[-last:])
 
 
-def test_once_it_lets_go_and_stands_and_once_more_it_goes_on():
+def test_a_first_reset_releases_the_stop_and_a_second_resumes_the_mode():
     drive = Drive()
 
     def script(loop):
@@ -87,7 +87,7 @@ def test_once_it_lets_go_and_stands_and_once_more_it_goes_on():
     drive.run(script)
 
 
-def test_what_was_asked_before_the_stop_or_while_it_brakes_or_is_wrong_still_is_none():
+def test_a_reset_from_before_the_stop_or_while_braking_or_faulty_is_refused():
     drive = Drive()
 
     def script(loop):
@@ -111,7 +111,7 @@ def test_what_was_asked_before_the_stop_or_while_it_brakes_or_is_wrong_still_is_
     drive.run(script)
 
 
-def test_one_that_was_to_hold_is_reset_and_holds():
+def test_a_robot_started_in_hold_is_reset_to_hold():
     drive = Drive(Mode.HOLD)
 
     def script(loop):
@@ -131,7 +131,7 @@ def test_one_that_was_to_hold_is_reset_and_holds():
     drive.run(script)
 
 
-def test_a_joystick_that_is_held_out_does_not_set_it_off():
+def test_a_deflected_joystick_does_not_move_the_robot_after_a_reset():
     drive = Drive(Mode.MANUAL, Topic())
     drive.hand = (0.0,)
 
@@ -163,7 +163,7 @@ class Wire:
         return lambda: None
 
 
-def test_a_topic_that_says_it_all_the_time_is_nobody_who_has_looked():
+def test_a_topic_that_publishes_resets_continuously_is_refused():
     wire, asked, said = Wire(), [], []
     resets(wire, "/reset", asked.append, said.append)
     for t in (10.0, 11.0, 12.0, 13.0, 16.0):  # ros2 topic pub without --once: every second
@@ -173,7 +173,7 @@ def test_a_topic_that_says_it_all_the_time_is_nobody_who_has_looked():
     assert said == ["/reset comes again and again: publish it once (ros2 topic pub --once)"]
 
 
-def test_typed_in_the_terminal_it_counts_and_anything_else_does_not(monkeypatch):
+def test_a_reset_typed_in_the_terminal_counts_and_other_input_does_not(monkeypatch):
     keys, end = pty.openpty()
     monkeypatch.setattr("cohelm.cli.terminal.foreground", lambda _: True)
     resets_, said = [], []
@@ -196,13 +196,13 @@ def test_typed_in_the_terminal_it_counts_and_anything_else_does_not(monkeypatch)
     os.close(end)
 
 
-def test_where_nobody_can_type_nothing_is_read(monkeypatch):
+def test_without_a_terminal_nothing_is_read(monkeypatch):
     with Path(os.devnull).open() as nothing:
         monkeypatch.setattr("sys.stdin", nothing)
         assert _terminal() == -1
 
 
-def test_a_topic_for_it_is_of_a_ros2_robot_without_stations(cohelm):
+def test_a_reset_topic_needs_a_ros2_robot_without_stations(cohelm):
     made = simulated(CORRIDOR, real_time=False)
     with (
         pytest.raises(CohelmError, match="--reset-from and --joy are of a ROS 2 robot"),
@@ -213,7 +213,7 @@ def test_a_topic_for_it_is_of_a_ros2_robot_without_stations(cohelm):
     refused(cohelm("robot", "lab-guard", *listens), "a station resets it: leave out --reset-from")
 
 
-def test_while_the_robot_has_a_fault_none_is_let_go_of():
+def test_a_stop_is_not_reset_while_the_robot_reports_a_fault():
     drive = Drive()
 
     def script(loop):

@@ -105,7 +105,7 @@ def at_speed(change):
     return at
 
 
-def test_it_drives_on_with_an_arm_out_and_ends_its_route_as_much_sooner():
+def test_with_an_extended_arm_it_continues_and_ends_its_route_earlier_by_the_arm():
     """To a wall that it reaches with its arm and not with its file's outline."""
     short, long = Ride(10.5, seconds=30.0), Ride(10.5, at_speed(longer), seconds=30.0)
     assert short.told(RESHAPED) == 0
@@ -115,7 +115,7 @@ def test_it_drives_on_with_an_arm_out_and_ends_its_route_as_much_sooner():
     assert not any("outline changes" in why for why in long.reasons)
 
 
-def test_where_it_can_not_stop_with_both_it_brakes_and_says_why():
+def test_where_it_can_not_stop_clear_of_both_outlines_it_brakes_and_reports_why():
     """Grown 5 cm before a wall, at speed: the larger outline would be in the wall."""
 
     def at(ride) -> None:
@@ -131,7 +131,7 @@ def test_where_it_can_not_stop_with_both_it_brakes_and_says_why():
     assert abs(ride.speed) < 0.05
 
 
-def test_one_that_shrinks_is_believed_as_late():
+def test_a_shrinking_outline_is_adopted_as_late_as_a_growing_one():
     """The larger one counts until a motion is certified: then it goes as near as the small one."""
 
     def at(ride) -> None:
@@ -161,7 +161,7 @@ def following(drive):
     return anna
 
 
-def test_stations_plans_and_another_way_go_by_the_outline_that_it_has(drive):
+def test_stations_and_plans_and_new_paths_use_the_present_outline(drive):
     shown = []
     drive.link.reshape = lambda outline: shown.append(outline)
 
@@ -188,7 +188,7 @@ def test_stations_plans_and_another_way_go_by_the_outline_that_it_has(drive):
     drive.run(script())
 
 
-def test_a_way_is_held_against_the_outline_that_it_has():
+def test_a_path_is_checked_against_the_present_outline():
     made = along_corridor(6.0)
     plan, narrow = SessionConfig(made), np.array([[2.0, 0.9], [4.0, 0.9]])
     known = map_from_geometry(made.scenario.walls(), made.start)
@@ -215,7 +215,7 @@ class Own(Robot):
         pass
 
 
-def test_an_outline_of_ones_own_robot_is_checked_where_it_comes_in():
+def test_the_outline_from_a_custom_robot_is_validated_on_receipt():
     adapter = RobotAdapter(own := Own(load_robot("sally")))
     own.outline = own.model.outline[::-1]
     assert np.array_equal(np.sort(adapter.read().outline, axis=0), np.sort(own.outline, axis=0))
@@ -228,7 +228,7 @@ def test_an_outline_of_ones_own_robot_is_checked_where_it_comes_in():
     adapter.close()
 
 
-def test_the_way_of_a_new_driver_is_what_is_reported(drive):
+def test_the_path_of_a_new_driver_is_the_reported_one(drive):
     """Progress was told of the way before."""
 
     def script():
@@ -248,7 +248,7 @@ class Docks(WithArm):
     """Before a bay that leaves it 11 cm on either side, of which it keeps 7.5."""
 
 
-def test_a_dock_that_it_does_not_fit_any_more_is_told_and_refused_before_it_is_driven_to():
+def test_a_dock_that_no_longer_fits_is_reported_and_refused_in_advance():
     made = simulated("dock", real_time=False)
     made = Docks(made.scenario, made.kind, False, made.seed)
     said, refused = {}, {}
@@ -275,7 +275,7 @@ def test_a_dock_that_it_does_not_fit_any_more_is_told_and_refused_before_it_is_d
     assert said[4.4] == dict.fromkeys(said[2.0], False)
 
 
-def test_a_route_that_it_does_not_fit_any_more_is_told_long_before_it_is_there():
+def test_a_route_that_no_longer_fits_is_reported_in_advance():
     told = {}
 
     def at(ride) -> None:

@@ -53,7 +53,7 @@ def driving(drive: Drive, mode: Mode = Mode.AUTOMATIC):
     return anna
 
 
-def test_a_new_way_is_taken_up_in_the_mode_it_is_and_nobody_remembers_one(drive):
+def test_a_new_path_is_adopted_in_the_present_mode_and_no_mode_is_stored(drive):
     def script():
         anna = yield from driving(drive)
         anna.propose(BACK)
@@ -73,7 +73,7 @@ def test_a_new_way_is_taken_up_in_the_mode_it_is_and_nobody_remembers_one(drive)
 
 @pytest.mark.parametrize("ends", ["hold", "stop", "stop and reset", "release", "fault", "gone"])
 @pytest.mark.parametrize("after", first([3, 0, 15]))
-def test_what_ends_a_mode_while_a_way_is_made_is_not_undone(drive, ends, after):
+def test_a_mode_that_ends_while_a_path_is_planned_stays_ended(drive, ends, after):
     drive.beside.ways.takes = 20
 
     def script():
@@ -110,7 +110,7 @@ def test_what_ends_a_mode_while_a_way_is_made_is_not_undone(drive, ends, after):
 
 
 @pytest.mark.parametrize("fails", ["check", "mistake", "build", "takes for ever"])
-def test_a_way_that_can_not_be_made_ends_in_hold_and_the_driver_is_told(drive, fails):
+def test_a_path_that_can_not_be_planned_ends_in_hold_with_an_alarm(drive, fails):
     def script():
         anna = yield from driving(drive)
         drive.beside.ways.takes = 10**9 if fails == "takes for ever" else 5
@@ -139,7 +139,7 @@ def test_a_way_that_can_not_be_made_ends_in_hold_and_the_driver_is_told(drive, f
     drive.run(script())
 
 
-def test_a_way_is_not_made_for_somebody_who_drives_no_more(drive):
+def test_no_path_is_planned_for_a_former_driver(drive):
     drive.beside.ways.takes = 20
 
     def script():
@@ -183,7 +183,7 @@ def test_no_mode_outlives_the_lease_in_which_it_was_chosen(drive, mode):
 
 
 @pytest.mark.parametrize("ends", ["release", "lost"])
-def test_carrying_on_alone_is_for_a_driver_who_is_lost_not_for_one_who_gives_up(tmp_path, ends):
+def test_carry_on_is_for_a_lost_driver_and_not_for_one_who_releases_the_lease(tmp_path, ends):
     def script(drive: Drive):
         anna = yield from driving(drive)
         if ends == "release":
@@ -212,7 +212,7 @@ class Lenient:
         self.follow = self.holds = lambda *_: None
 
 
-def test_a_mode_asked_for_before_somebody_elses_stop_is_not_done_after_it(drive):
+def test_a_mode_requested_before_another_operators_stop_is_refused(drive):
     """The network is out for 0.4 s; meanwhile anna asks, and then bert stops once more."""
 
     def script():
@@ -240,7 +240,7 @@ def test_a_mode_asked_for_before_somebody_elses_stop_is_not_done_after_it(drive)
     drive.run(script())
 
 
-def test_who_stops_together_with_the_driver_is_not_overlooked(drive):
+def test_a_stop_together_with_the_drivers_requests_is_executed(drive):
     """Two stops reach the loop in one period; what was asked before both were obeyed is not done,
     even by one of the two."""
 
@@ -263,7 +263,7 @@ def test_who_stops_together_with_the_driver_is_not_overlooked(drive):
     drive.run(script())
 
 
-def test_a_mode_asked_for_with_the_release_behind_it_is_not_done(drive):
+def test_a_mode_request_followed_by_a_release_is_refused(drive):
     def script():
         anna = drive.station("anna")
         yield from waits(10)
@@ -297,7 +297,7 @@ def test_stop_and_mode_in_one_datagram_end_in_a_stop(drive):
     drive.run(script())
 
 
-def test_a_stop_asked_for_last_wins_in_whatever_order_the_loop_has_them():
+def test_the_last_stop_wins_in_whatever_order_requests_arrive():
     """The link hands stops over before all else."""
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
     with Session(SessionConfig(failing("", 1e9)), operator) as session:
@@ -312,7 +312,7 @@ def test_a_stop_asked_for_last_wins_in_whatever_order_the_loop_has_them():
         assert session.loop.supervisor.mode == Mode.HOLD
 
 
-def test_too_many_requests_at_once_are_refused_in_words_but_for_a_stop():
+def test_too_many_requests_at_once_are_refused_except_stops():
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
     with Session(SessionConfig(failing("", 1e9)), operator) as session:
         for _ in range(100):
@@ -325,7 +325,7 @@ def test_too_many_requests_at_once_are_refused_in_words_but_for_a_stop():
         assert operator.answers[50][2] == "too many requests: wait a moment and try again"
 
 
-def test_a_start_in_a_mode_is_no_wish_that_outlives_a_stop():
+def test_the_start_mode_is_not_resumed_after_a_stop():
     """The robot can not drive at once; somebody stops it meanwhile, and has it let go."""
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
     with Session(SessionConfig(failing("", 0.0)), operator) as session:
@@ -476,7 +476,7 @@ def test_no_sequence_of_requests_deaths_and_timings_sets_the_robot_off(tmp_path,
 
 
 @pytest.mark.slow
-def test_no_sequence_of_many_does(tmp_path):
+def test_no_long_sequence_of_requests_and_deaths_moves_the_robot(tmp_path):
     """COHELM_STEPS of them, 100 000 by default, on seeds that the short one does not use, from
     COHELM_SEED on."""
     left, given, moved = int(os.environ.get("COHELM_STEPS", "100000")), 0, 0

@@ -71,7 +71,7 @@ def _slow(task: object) -> object:
     return task
 
 
-def test_a_start_waits_for_its_first_plan_and_no_longer_however_late_it_is():
+def test_a_start_waits_for_its_first_plan_only():
     """It waited three minutes, whenever compiling took longer than a plan may."""
     with Session(SessionConfig(simulated("lab-guard", real_time=False))) as session:
         session.run(lambda loop: loop.timing.punctuality().periods > 5)
@@ -83,7 +83,7 @@ def test_a_start_waits_for_its_first_plan_and_no_longer_however_late_it_is():
         assert not driver.planner_late
 
 
-def test_a_robot_that_stands_says_why_and_one_that_never_drove_too():
+def test_a_robot_that_stands_reports_why_and_so_does_one_that_never_drove():
     class Numb(Simulated):
         def __call__(self):
             robot = super().__call__()

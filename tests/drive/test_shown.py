@@ -23,7 +23,7 @@ def seen(station, what):
     return None
 
 
-def test_the_detour_that_is_driven_is_shown_and_taken_away_when_it_is_over(tmp_path):
+def test_the_detour_is_shown_while_it_is_driven(tmp_path):
     """The post stands on the way, and on no map."""
     shown = []
 
@@ -49,7 +49,7 @@ def test_the_detour_that_is_driven_is_shown_and_taken_away_when_it_is_over(tmp_p
     assert len(shown[-1]) == 0
 
 
-def test_what_the_robot_says_is_wrong_with_it_comes_to_the_station(tmp_path):
+def test_faults_reported_by_the_robot_reach_the_station(tmp_path):
     said = []
 
     def script():
@@ -66,7 +66,7 @@ def test_what_the_robot_says_is_wrong_with_it_comes_to_the_station(tmp_path):
 
 
 @pytest.mark.parametrize("mode", [Mode.HOLD, Mode.AUTOMATIC])
-def test_how_near_the_nearest_thing_is_is_shown_whether_the_filter_minds_it_or_not(mode):
+def test_the_clearance_is_shown_whether_the_filter_acts_on_it_or_not(mode):
     made = simulated(CORRIDOR, "kinematic", real_time=False)
     operator = Scripted(lambda t: CENTRED, lambda: 0.0)
     with Session(SessionConfig(made), operator) as session:

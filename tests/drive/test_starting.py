@@ -47,7 +47,7 @@ class Started:
         return said
 
 
-def test_ctrl_c_ends_a_start_at_once_with_all_that_it_has_begun():
+def test_ctrl_c_ends_a_start_and_its_processes_at_once():
     robot = Started("robot", str(CORRIDOR))
     try:
         end = time.monotonic() + STARTED

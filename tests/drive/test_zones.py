@@ -109,7 +109,7 @@ def test_it_drives_round_a_keep_out_zone_and_slowly_through_a_speed_zone(tmp_pat
     assert {s.cap_reason for s in before} == {""}
 
 
-def test_no_stick_drives_it_into_a_keep_out_zone_and_it_says_what_holds_it(tmp_path):
+def test_no_stick_drives_it_into_a_keep_out_zone_and_the_reason_is_reported(tmp_path):
     zones = read_zones(mask(tmp_path, (2.0, -1.5, 4.0, 1.5)), None, START)
     ride = Ride(zones, 5.0, 6.0, Stick(1.0, 0.0))
     assert max(ride.depths) == 0.0
@@ -117,7 +117,7 @@ def test_no_stick_drives_it_into_a_keep_out_zone_and_it_says_what_holds_it(tmp_p
     assert ride.told[-1].why == "limited: keep-out zone"
 
 
-def test_put_down_in_a_keep_out_zone_it_gets_out_and_no_deeper(tmp_path):
+def test_a_robot_placed_in_a_keep_out_zone_can_only_drive_out(tmp_path):
     zones = read_zones(mask(tmp_path, (-1.0, -1.5, 1.2, 1.5)), None, START)
     ride = Ride(zones, 3.0, 40.0)
     assert ride.depths[0] > 0.5
@@ -127,7 +127,7 @@ def test_put_down_in_a_keep_out_zone_it_gets_out_and_no_deeper(tmp_path):
     assert max(ride.depths[out:]) == 0.0
 
 
-def test_while_lost_no_zone_is_placed(tmp_path):
+def test_without_localization_no_zone_is_placed(tmp_path):
     zones = read_zones(mask(tmp_path, ACROSS), speeds(tmp_path, ACROSS, values=[40]), START)
     made = simulated(CORRIDOR, real_time=False)
     driver = driver_of(SessionConfig(made, zones=zones), real_time=False)
@@ -146,7 +146,7 @@ def test_while_lost_no_zone_is_placed(tmp_path):
         assert driver.speed_zone_cap(lost._replace(pose=Pose(2.0, 0.0, 0.0))).reason == ""
 
 
-def test_no_way_leads_through_a_keep_out_zone_but_round_it(tmp_path):
+def test_no_path_leads_through_a_keep_out_zone(tmp_path):
     zones = read_zones(mask(tmp_path, ACROSS), None, START)
     outline = simulated(CORRIDOR).model.outline
     nothing = np.empty((0, 2))
@@ -249,7 +249,7 @@ def test_zones_need_a_map_and_may_say_what_they_are_of_nav2(tmp_path):
     assert (metres.share, metres.limit(body)) == (False, pytest.approx(0.5, abs=0.01))
 
 
-def test_without_zones_the_stations_are_told_that_there_are_none(tmp_path):
+def test_without_zones_stations_receive_empty_zones(tmp_path):
     with Drive(tmp_path) as drive:
         told = drive.link.bulk._published
     for zone in Zone:

@@ -116,7 +116,7 @@ def once(when, do):
     return at
 
 
-def test_a_zone_that_comes_while_it_drives_is_driven_round_without_a_stop():
+def test_a_zone_that_appears_while_driving_is_avoided_without_a_stop():
     def when(_, loop):
         return loop.seen.twist.v > 0.3
 
@@ -127,7 +127,7 @@ def test_a_zone_that_comes_while_it_drives_is_driven_round_without_a_stop():
     assert not ride.loop.supervisor.paused
 
 
-def test_one_before_which_it_can_not_stop_makes_it_stand_first():
+def test_a_zone_before_which_it_can_not_stop_makes_it_stop_first():
     here, paused = (0.9, -1.5, 2.3, 0.1), []
 
     def at(ride, loop):
@@ -145,7 +145,7 @@ def test_one_before_which_it_can_not_stop_makes_it_stand_first():
     assert ride.arrived
 
 
-def test_one_that_comes_where_it_drives_lets_it_out_and_no_deeper():
+def test_a_zone_that_appears_under_the_robot_can_only_be_left():
     here = (-1.0, -1.5, 1.6, 1.5)
     drop = once(lambda _, loop: loop.seen.pose.x > 0.45, lambda ride: ride.topics.mask(here))
     ride = Ride(FAR, at=drop, end=3.5)
@@ -156,7 +156,7 @@ def test_one_that_comes_where_it_drives_lets_it_out_and_no_deeper():
     assert depths[-1] == 0.0
 
 
-def test_one_that_is_lifted_stands_in_nobodys_way_any_more():
+def test_a_removed_zone_no_longer_blocks():
     ride = Ride(SHUT, at=once(lambda ride, _: ride.t > 12.0, lambda ride: ride.topics.mask()))
     assert ride.poses[ride.at].x < SHUT[0]
     assert ride.arrived
@@ -178,7 +178,7 @@ def test_one_that_is_lifted_stands_in_nobodys_way_any_more():
          "/info names /elsewhere now, and nothing came there yet"),
     ],
 )  # fmt: skip
-def test_what_can_not_be_used_is_told_once_and_changes_nothing(tmp_path, spoil, why):
+def test_an_unusable_mask_is_reported_once_and_changes_nothing(tmp_path, spoil, why):
     topics, said = Topics(), []
     zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", InlineJobs(), said.append)
     with Drive(tmp_path, topics=OnTopics(None, None, zones=zones)) as drive:
@@ -203,7 +203,7 @@ def test_what_can_not_be_used_is_told_once_and_changes_nothing(tmp_path, spoil, 
         assert not any(one.active for one in drive.loop.alarms.worst() if one.text == sentence)
 
 
-def test_stations_are_shown_them_and_ways_are_held_against_them(tmp_path):
+def test_stations_show_new_zones_and_paths_are_checked_against_them(tmp_path):
     topics = Topics()
     zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", InlineJobs(), print)
     with Drive(tmp_path, topics=OnTopics(None, None, zones=zones)) as drive:
@@ -223,7 +223,7 @@ def test_stations_are_shown_them_and_ways_are_held_against_them(tmp_path):
         assert tuple(shown) == drive.session.zone_maps
 
 
-def test_a_way_made_before_they_came_has_them_too(tmp_path):
+def test_a_path_planned_before_the_zones_came_is_checked_against_them(tmp_path):
     topics = Topics()
     zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", InlineJobs(), print)
     with Drive(tmp_path, topics=OnTopics(None, None, zones=zones)) as drive:
@@ -240,7 +240,7 @@ def test_a_way_made_before_they_came_has_them_too(tmp_path):
         assert made.zones is first.zones is not None
 
 
-def test_zones_are_taken_up_where_the_robot_can_stop_and_at_once_while_it_is_lost():
+def test_zones_are_adopted_where_the_robot_can_stop_and_at_once_while_it_is_lost():
     with Session(SessionConfig(simulated(CORRIDOR, real_time=False))) as session:
         driver, here = session.loop.driver, Pose(1.05, 0.0, 0.0)
         zones, settings = masked([keep_out(ACROSS)]), driver.settings

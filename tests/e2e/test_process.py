@@ -47,7 +47,7 @@ def test_ctrl_c_in_mid_run_ends_with_130_and_a_record_that_is_replayed_so_far(tm
 
 
 @pytest.mark.slow
-def test_a_disk_that_fills_up_in_mid_run_is_told_and_what_came_before_is_replayed(tmp_path):
+def test_a_disk_that_fills_up_during_a_run_is_reported_and_the_rest_is_playable(tmp_path):
     cohelm("run", "minimal", cwd=tmp_path)  # so that nothing is compiled onto the full disk
     full = cohelm(
         "run", "lab-shared", "--out", "full", "--json", cwd=tmp_path,
@@ -77,7 +77,7 @@ def test_a_reader_that_has_seen_enough_ends_the_command_in_silence():
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
-def test_an_output_that_can_not_be_written_is_told_without_a_traceback():
+def test_an_output_that_can_not_be_written_is_reported_without_a_traceback():
     with Path("/dev/full").open("w") as full:
         said = subprocess.run(
             (*COHELM, "schema"), stdout=full, stderr=subprocess.PIPE, text=True, check=False

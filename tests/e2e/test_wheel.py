@@ -78,7 +78,7 @@ def test_a_wheel_from_a_clean_checkout_holds_the_pages_and_not_their_sources(clo
 
 
 @pytest.mark.slow
-def test_without_node_no_wheel_is_made_and_a_sentence_says_what_is_missing(clone, tmp_path):
+def test_without_node_no_wheel_is_made_and_the_missing_tool_is_named(clone, tmp_path):
     shutil.copytree(clone, tmp_path / "clone", ignore=shutil.ignore_patterns("static"))
     broken = tmp_path / "bin"
     broken.mkdir()

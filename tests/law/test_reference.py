@@ -186,7 +186,7 @@ refused = [
 
 
 @pytest.mark.parametrize(("waypoints", "speed", "words"), refused)
-def test_bad_way_points_are_refused_with_the_reason(waypoints, speed, words):
+def test_invalid_waypoints_are_refused_with_the_reason(waypoints, speed, words):
     with pytest.raises(CohelmError, match=re.escape(words)) as caught:
         through(waypoints, speed)
     assert "\n" not in str(caught.value)

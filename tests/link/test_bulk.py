@@ -68,7 +68,7 @@ def both(tmp_path):
         part.close()
 
 
-def test_what_is_published_comes_to_all_and_to_who_comes_later(both):
+def test_published_messages_reach_all_and_late_subscribers(both):
     line = Polyline(LineKind.REFERENCE, np.random.default_rng(1).random((5000, 2), np.float32))
     both.down.publish(line)
     both.down.publish(HealthReport(0.5, ("the left wheel squeaks",)))
@@ -92,7 +92,7 @@ def test_of_pictures_only_the_newest_is_sent_and_shown(both):
     assert both.up.picture() is None
 
 
-def test_way_points_come_from_the_driver_alone_and_are_answered(both):
+def test_only_the_drivers_waypoints_are_accepted_and_answered(both):
     way = np.array([[1.0, 2.0], [3.0, 4.0]])
     both.up.send(Waypoints(1, way, False))
     until(lambda: both.got(Checked), turn=both.turn)
@@ -109,7 +109,7 @@ def test_way_points_come_from_the_driver_alone_and_are_answered(both):
     assert both.got(Checked)[1].worst == 1
 
 
-def test_who_only_watches_may_have_way_points_checked(both):
+def test_observers_may_have_waypoints_checked(both):
     both.up.send(Waypoints(1, np.zeros((2, 2)), True))
     until(both.down.proposed, turn=both.turn)
 
@@ -139,7 +139,7 @@ def test_a_record_is_fetched_whole_and_nothing_else_can_be(both, tmp_path):
         assert both.got(Piece) == [Piece(name, 0, b"")]
 
 
-def test_no_more_of_a_record_leaves_the_robot_than_was_asked_for(both, tmp_path):
+def test_the_robot_sends_no_more_of_a_record_than_requested(both, tmp_path):
     (tmp_path / "run.mcap").write_bytes(os.urandom(700_000))
     both.up.send(Fetch("run.mcap", 100_000, 50_000))
     until(lambda: sum(len(p.data) for p in both.got(Piece)) == 50_000, turn=both.turn)

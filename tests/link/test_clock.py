@@ -35,7 +35,7 @@ def test_age_is_wrong_by_half_the_shortest_round_trip_at_most(ways, offset):
 
 @given(ways=delays, offset=st.floats(-1e6, 1e6))
 @settings(max_examples=200)
-def test_no_command_is_taken_for_younger_than_it_is(ways, offset):
+def test_no_age_of_a_command_is_underestimated(ways, offset):
     """However unequal the ways; and for older by the shortest way back at most."""
     path, now = Path(), 100.0
     back_shortest = math.inf
@@ -49,7 +49,7 @@ def test_no_command_is_taken_for_younger_than_it_is(ways, offset):
 
 
 @pytest.mark.parametrize("slow", [0.1, 0.25, 0.5])
-def test_a_command_is_as_old_as_it_is_where_only_its_own_way_is_slow(slow):
+def test_the_age_of_a_command_is_right_where_only_the_uplink_is_slow(slow):
     path, now = Path(), 100.0
     for number in range(20):
         now = exchange(path, 50.0, 0.0, slow, now, number + 1)

@@ -78,7 +78,7 @@ def test_the_stick_reaches_the_loop_and_the_status_the_station(both):
     assert abs(one.state().offset) < 0.1  # here both ends read the same clock
 
 
-def test_only_the_driver_is_heard_and_the_lease_is_handed_over_on_request(both):
+def test_only_the_driver_steers_and_the_lease_is_handed_over_on_request(both):
     one, two = both.stations
     assert both.ask(one, Ask.TAKE).granted
     answer = both.ask(two, Ask.TAKE)
@@ -93,7 +93,7 @@ def test_only_the_driver_is_heard_and_the_lease_is_handed_over_on_request(both):
     assert both.robot.driver == two.status().status.lease.you
 
 
-def test_what_a_driver_wanted_before_it_drove_counts_for_nothing(both):
+def test_commands_from_before_a_client_was_the_driver_do_not_count(both):
     one, two = both.stations
     both.ask(one, Ask.TAKE)
     both.stick = Stick(1.0, 0.0)
@@ -105,7 +105,7 @@ def test_what_a_driver_wanted_before_it_drove_counts_for_nothing(both):
     assert number
 
 
-def test_who_does_not_drive_may_stop_and_acknowledge_but_nothing_else(both):
+def test_observers_may_only_stop_and_acknowledge(both):
     one, two = both.stations
     both.ask(one, Ask.TAKE)
     for what in (Ask.RESET, Ask.MODE, Ask.RECORD):
@@ -130,7 +130,7 @@ def test_each_request_is_done_once_and_in_order(both):
     assert [value for _, what, value in both.done if what is Ask.MODE] == [1, 2, 3]
 
 
-def test_a_station_that_no_longer_steers_says_that_there_is_no_stick(both):
+def test_a_station_that_no_longer_steers_sends_no_stick(both):
     one = both.stations[0]
     both.ask(one, Ask.TAKE)
     both.stick = Stick(1.0, 0.0)

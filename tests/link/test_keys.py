@@ -47,7 +47,7 @@ def shaken(robot: keys.Keys, station: keys.Keys) -> tuple[Channel, Channel]:
     return server, client
 
 
-def test_a_paired_station_is_let_in_and_both_know_each_other(tmp_path, moved):
+def test_a_paired_station_is_accepted_and_both_ends_are_authenticated(tmp_path, moved):
     keys.robot("sally")
     keys.pair("anna", tmp_path / "anna.pair")
     robot = keys.robot()
@@ -104,7 +104,7 @@ def test_a_certificate_signed_by_a_paired_station_is_not_let_in():
         shaken(robot, station._replace(certificate=pem, key=stranger[1]))
 
 
-def test_only_the_owner_can_read_what_is_secret(tmp_path, home, moved):
+def test_only_the_owner_can_read_secret_files(tmp_path, home, moved):
     keys.pair("anna", tmp_path / "anna.pair")
     secret = [tmp_path / "anna.pair", home / "robot" / "robot.key"]
     moved()
@@ -118,7 +118,7 @@ def test_only_the_owner_can_read_what_is_secret(tmp_path, home, moved):
         keys.station()
 
 
-def test_what_can_not_be_paired_is_said_with_its_cure(tmp_path, moved):
+def test_a_pairing_that_fails_is_reported_with_the_cure(tmp_path, moved):
     with pytest.raises(CohelmError, match="cohelm pair new"):
         keys.station()
     for name in ("", "../x", "a b", "x" * 33, ".hidden"):
@@ -145,7 +145,7 @@ def test_what_can_not_be_paired_is_said_with_its_cure(tmp_path, moved):
         keys.station("x")
 
 
-def test_a_robot_set_up_anew_is_not_taken_for_the_old_one(tmp_path, monkeypatch, moved):
+def test_a_reinstalled_robot_is_not_taken_for_the_old_one(tmp_path, monkeypatch, moved):
     for where in ("one", "two"):
         monkeypatch.setenv("COHELM_KEYS", str(tmp_path / where))
         keys.robot("sally")
@@ -157,7 +157,7 @@ def test_a_robot_set_up_anew_is_not_taken_for_the_old_one(tmp_path, monkeypatch,
     assert keys.install(tmp_path / "one.pair") == "sally"
 
 
-def test_damaged_certificates_are_said(tmp_path, home):
+def test_damaged_certificates_are_reported(tmp_path, home):
     keys.pair("anna", tmp_path / "anna.pair")
     (home / "robot" / "robot.pem").write_text("damaged")
     with pytest.raises(CohelmError, match="pair again"):

@@ -11,7 +11,7 @@ clients = st.integers(1, 4)
 everyone = frozenset({1, 2, 3, 4})
 
 
-def test_who_asks_first_drives_and_the_next_one_waits_for_the_driver():
+def test_the_first_requester_drives_and_the_next_waits_for_the_driver():
     first = lease.take(LeaseState(), 1, 0.0)
     assert first.granted
     assert first.held.driver == 1
@@ -31,11 +31,11 @@ def test_a_driver_who_does_not_answer_loses_the_lease():
     assert lease.expired(held, ANSWER_WITHIN) == LeaseState(2)
 
 
-def test_a_driver_of_whom_nothing_is_heard_is_not_asked():
+def test_a_silent_driver_is_not_waited_for():
     assert lease.take(LeaseState(1), 2, 0.0, silent=True).held == LeaseState(2)
 
 
-def test_only_the_driver_gives_and_refuses_and_only_to_somebody():
+def test_only_the_driver_hands_over_and_refuses_and_only_to_a_client():
     assert not lease.give(LeaseState(1), 2, 0, everyone).granted
     assert not lease.refuse(LeaseState(1, 2, 5.0), 2).granted
     assert not lease.give(LeaseState(1), 1, 9, everyone).granted
@@ -43,14 +43,14 @@ def test_only_the_driver_gives_and_refuses_and_only_to_somebody():
     assert lease.give(LeaseState(1), 1, 0, everyone).held == LeaseState(0)
 
 
-def test_a_driver_who_is_gone_leaves_it_to_who_asks():
+def test_a_disconnected_driver_leaves_the_lease_to_the_requester():
     assert lease.without(LeaseState(1, 2, 5.0), 1) == LeaseState(2)
     assert lease.without(LeaseState(1, 2, 5.0), 2) == LeaseState(1)
     assert lease.without(LeaseState(1), 3) == LeaseState(1)
 
 
 @given(st.lists(st.tuples(st.sampled_from("tgrxl"), clients, st.integers(0, 4)), max_size=60))
-def test_nobody_becomes_driver_without_having_asked_or_been_given_it(steps):
+def test_no_client_becomes_driver_without_request_or_handover(steps):
     held, now, wanted = LeaseState(), 0.0, set()
     for what, client, other in steps:
         now += 1.0

@@ -91,7 +91,7 @@ def test_looking_for_a_stop_never_breaks(data):
     assert may_stop(b"\x01\x01" + data) in (True, False)
 
 
-def test_a_stop_passes_from_a_client_that_says_too_much(robot, raw):
+def test_a_stop_passes_from_a_client_over_its_rate_limit(robot, raw):
     raw = raw()
     for number in range(1, int(DATAGRAM_BURST) + 200):
         raw.say(command(number))
@@ -179,7 +179,7 @@ def test_a_station_that_takes_all_its_places_leaves_some_to_others_and_the_drive
             assert robot.driver in robot.clients()
 
 
-def test_a_driver_comes_back_on_a_new_channel_though_all_places_are_taken(robot, raw):
+def test_a_driver_reconnects_on_a_new_channel_though_all_client_slots_are_taken(robot, raw):
     first = raw()
     first.say(command(1, Request(1, Ask.TAKE, 0, time.monotonic()), session=1))
     until(lambda: robot.driver)

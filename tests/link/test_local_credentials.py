@@ -14,7 +14,7 @@ def place(tmp_path, monkeypatch):
     monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "keys"))
 
 
-def test_what_is_lent_is_borrowed_whole_and_gone_afterwards():
+def test_local_credentials_are_complete_and_removed_afterwards():
     _, _, stick = pair_here("station", "stick")
     with shared_credentials(stick, "127.0.0.1", 41000):
         assert credentials_of_drive() == (stick, ("127.0.0.1", 41000))

@@ -171,9 +171,7 @@ def test_with_delay_jitter_and_loss_commands_arrive_young_and_none_is_used_old(
 
 
 @where_the_machine_runs
-def test_after_a_black_out_nothing_old_is_used_and_driving_goes_on_without_reconnecting(
-    drive, network
-):
+def test_after_a_black_out_no_old_command_is_used_and_driving_continues(drive, network):
     network.be(delay=0.05, jitter=0.01)
     drive.start()
     session = drive.station._connection

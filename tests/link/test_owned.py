@@ -40,7 +40,7 @@ ALL = [
 
 @pytest.mark.parametrize("path", ALL)
 @pytest.mark.parametrize("who", [0o020, 0o002])
-def test_no_key_and_no_station_is_taken_from_where_others_may_write(
+def test_keys_and_stations_where_others_may_write_are_refused(
     home: Path, path: str, who: int
 ) -> None:
     whom(home, path)
@@ -53,7 +53,7 @@ def test_no_key_and_no_station_is_taken_from_where_others_may_write(
 
 @as_root
 @pytest.mark.parametrize("path", ALL)
-def test_no_key_and_no_station_of_another_user_is_taken(home: Path, path: str) -> None:
+def test_keys_and_stations_of_another_user_are_refused(home: Path, path: str) -> None:
     there = home / path
     os.chown(there, OTHERS, OTHERS)
     with pytest.raises(CohelmError, match=f"belongs to another user .*chown {os.geteuid()} "):
@@ -115,6 +115,6 @@ def test_nothing_is_written_where_others_may_write(home: Path, tmp_path: Path) -
     keys.unpair("anna")  # but whom one did not let in can be shut out
 
 
-def test_what_is_not_there_is_nobodys(tmp_path: Path) -> None:
+def test_missing_files_and_folders_are_accepted(tmp_path: Path) -> None:
     guarded(tmp_path / "none" / "file", within=tmp_path)
     make_folder(tmp_path)

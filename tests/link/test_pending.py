@@ -61,7 +61,7 @@ def test_no_client_takes_anothers_place(sequence):
 
 
 @given(st.lists(asked, max_size=60))
-def test_what_is_withdrawn_is_not_done_and_others_wait_on(sequence):
+def test_withdrawn_requests_are_not_executed_and_others_keep_waiting(sequence):
     pending = Pending()
     fill(pending, [one for one in sequence if one[1] is not Ask.STOP])
     off = pending.withdraw(1, but=frozenset({Ask.ACKNOWLEDGE}))

@@ -22,7 +22,7 @@ def test_a_quiet_sender_always_passes():
     assert all(bucket.take(0.05 * k + 1e-9) for k in range(1000))
 
 
-def test_the_first_line_is_said_at_once_and_the_flood_behind_it_once_a_second():
+def test_the_first_log_line_is_written_at_once_and_a_flood_once_a_second():
     lines, said = Coalesced(), []
     for k in range(10_000):  # ten seconds at a thousand a second
         said += lines.add(0.001 * k, "anna", "anna asks for STOP")

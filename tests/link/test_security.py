@@ -34,7 +34,7 @@ def stranger(keys: Keys) -> Keys:
     return pair_here("stranger")[1]._replace(trusted=keys.trusted)
 
 
-def test_an_unpaired_station_is_refused_and_logged_and_driving_goes_on(driven, caplog):
+def test_an_unpaired_station_is_refused_and_logged_while_driving_continues(driven, caplog):
     with StationEnd(stranger(driven.keys), HERE, driven.port) as station:
         until(lambda: driven.robot.refused_counts["certificate verify failed"] >= 2)
         assert station.status() is None

@@ -130,7 +130,7 @@ def test_a_file_that_can_not_be_a_table_is_refused(tmp_path):
     assert "damaged or cut short" in refusal(tmp_path / "half.csv.gz")
 
 
-def test_too_much_deflection_is_cut_only_when_asked(tmp_path):
+def test_too_much_deflection_is_clipped_only_on_request(tmp_path):
     file = written(tmp_path, "t,x,psi\n0,3,-1.5\n1,0.5,0.5\n")
     assert "(and" not in refusal(file)
     table = stick.read(file, clip=True)

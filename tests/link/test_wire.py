@@ -36,7 +36,7 @@ READERS = [(reader, bulk) for _, reader, bulk in UP_AND_DOWN]
 @pytest.mark.parametrize(("messages", "reader", "bulk"), UP_AND_DOWN)
 @settings(max_examples=60)
 @given(data=st.data(), header=ex.headers)
-def test_what_is_sent_is_what_arrives(data, header, messages, reader, bulk):
+def test_messages_arrive_as_sent(data, header, messages, reader, bulk):
     message = data.draw(messages)
     assert ex.same(reader(encode(header, message), bulk), (header, message))
 
@@ -137,7 +137,7 @@ def test_long_texts_are_cut_between_letters_show_that_they_are_and_are_cleaned()
     assert got.faults == ("ü" * 58 + "…", "a [31mb ")
 
 
-def test_a_whole_sentence_says_why_the_robot_stands():
+def test_the_reason_why_the_robot_stands_is_a_whole_sentence():
     why = "scans and odometry disagree: in 0.4 s 0.12 m and 14 deg against 0.31 m and -2 deg"
     got = from_robot(encode(HEADER, STATUS._replace(stopped=why, why=why)))[1]
     assert isinstance(got, m.Status)

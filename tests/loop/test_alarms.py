@@ -21,7 +21,7 @@ def test_no_number_is_too_large_for_the_link_after_a_hundred_thousand_alarms():
     assert max(numbers) == 65_535
 
 
-def test_what_is_said_of_a_cause_changes_and_it_stays_the_same_alarm():
+def test_an_alarm_keeps_its_number_when_its_text_changes():
     alarms = ActiveAlarms()
     alarms.reword("lost", "nobody is")
     assert alarms.worst() == ()
@@ -38,7 +38,7 @@ def test_what_is_said_of_a_cause_changes_and_it_stays_the_same_alarm():
 
 
 @pytest.mark.parametrize("text", [loop._NO_PLANNER, loop._LATE_PLANNER, loop._RECORDER_HANGS])
-def test_what_the_loop_says_of_its_helpers_is_shown_whole(text):
+def test_alarms_about_the_loops_helpers_fit_the_message(text):
     alarm = m.Alarm(1, m.Severity.ALARM, True, False, text)
     status = STATUS._replace(alarms=(alarm,))
     assert from_robot(encode(HEADER, status))[1].alarms == (alarm,)

@@ -79,7 +79,7 @@ scripts = st.lists(
 @settings(max_examples=300)
 @example([("deflected", 5), ("gone", 20), ("deflected", 30), ("centred", 1)])
 @example([("gone", 20), ("disarmed", 20), ("centred", 5)])
-def test_nothing_goes_on_but_the_same_stick_soon_and_centred(script):
+def test_only_the_same_stick_back_in_time_and_centred_resumes(script):
     standing, mine = None, ""
     for k, period in enumerate(periods := lived(script)):
         if period.then is DropoutAction.STAND:
@@ -146,7 +146,7 @@ def test_a_stick_that_is_never_centred_again_is_a_loss():
 
 
 @pytest.mark.parametrize("what", DONE)
-def test_what_somebody_does_is_no_dropout(what):
+def test_a_deliberate_act_is_no_dropout(what):
     periods = lived([("deflected", 20), (what, 10)])
     # another driver's stick is not this one's; it waits to be centred, as it always did
     assert [p.then for p in periods][-1] is (

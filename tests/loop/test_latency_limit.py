@@ -43,12 +43,12 @@ def test_a_driver_is_lost_after_the_watchdog_whether_there_was_a_stick_or_not(sa
     assert driver_lost(said, 0.3) == why
 
 
-def test_the_share_of_speed_is_what_was_said_last():
+def test_the_newest_speed_scale_applies():
     assert allowed_share(received(scale=0.25), 1.0) == 0.25
     assert allowed_share(received(fresh=False), 0.25) == 0.25
 
 
-def test_only_a_person_who_steers_with_delay_near_something_is_slowed_down():
+def test_only_an_operator_with_latency_near_an_obstacle_is_slowed_down():
     late = steering_delay(received(round_trip=0.6), ARMED)
     assert latency_cap(late, 0.3, SETTINGS).speed < SETTINGS.gains.u_d
     assert "latency" in latency_cap(late, 0.3, SETTINGS).reason
@@ -58,7 +58,7 @@ def test_only_a_person_who_steers_with_delay_near_something_is_slowed_down():
     assert math.isnan(steering_delay(received(round_trip=0.6), StickState()))
 
 
-def test_clear_is_the_gap_of_the_outline_to_the_nearest_thing_of_any_kind():
+def test_the_clearance_is_from_the_outline_to_the_nearest_obstacle_of_any_kind():
     driver = Driver(None, SETTINGS, 0.0, None)
     pose = Pose(1.0, 2.0, 0.5 * math.pi)  # the nose, 0.36 m before the middle, looks up
     nothing = surroundings([])

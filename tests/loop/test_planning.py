@@ -114,7 +114,7 @@ def test_a_plan_that_comes_too_late_is_not_used_and_the_next_one_is(planning):
     assert not planning.late
 
 
-def test_a_plan_that_nobody_asked_for_in_time_is_no_trouble_but_is_not_used(planning):
+def test_a_plan_that_is_not_collected_in_time_is_not_used(planning):
     """The mode was another one meanwhile."""
     assert planning.offer(0.0, b"old")
     time.sleep(0.5)

@@ -55,7 +55,7 @@ def test_sound_readings_are_sound():
         (readings(s=scan(value=NAN)), "the scan is not a number"),
     ],
 )
-def test_what_is_wrong_is_said(given, said):
+def test_invalid_readings_are_reported(given, said):
     assert senses().problem(10.0, given).startswith(said)
 
 

@@ -28,7 +28,7 @@ def after(*said, start=StickState(), dt=0.02):  # noqa: B008
 ARMED = after(received(), received())
 
 
-def test_nobody_there_is_no_stick_and_no_loss():
+def test_without_an_operator_there_is_no_stick_and_no_loss():
     stick_state = after(NO_INPUT)
     assert (stick_state.arming, stick_state.stick, stick_state.lost) == (Arming.ABSENT, CENTRED, "")
 
@@ -62,7 +62,7 @@ def test_the_deflection_in_use_moves_no_faster_than_a_hand():
         (NO_INPUT, "there is no driver any more"),
     ],
 )
-def test_a_stick_in_use_that_can_not_be_believed_is_lost_once_and_says_why(said, why):
+def test_an_invalid_stick_in_use_is_lost_once_with_the_reason(said, why):
     stick_state = after(said, start=ARMED._replace(stick=Stick(0.8, 0.0)))
     assert (stick_state.arming, stick_state.lost) == (Arming.ABSENT, why)
     assert 0.0 < stick_state.stick.x < 0.8  # let go no faster than a hand would

@@ -27,7 +27,7 @@ def test_shares_and_worst_are_those_of_what_came():
     assert kept.took_worst == 0.001
 
 
-def test_what_is_far_too_late_is_counted_and_named():
+def test_periods_that_are_far_too_late_are_counted_and_named():
     timing = Timing()
     timing.add(0.0, 1.5, 2.5, True)
     kept = timing.punctuality()

@@ -18,7 +18,7 @@ def on(t, pressed=True):
     return (Contact(t, "front", pressed), Contact(t, "unknown", True))
 
 
-def test_it_stands_across_the_bumper_where_the_robot_was():
+def test_an_obstacle_is_placed_across_the_pressed_bumper():
     memory = ContactMemory([FRONT])
     assert not memory.take(0.0, on(0.0, False), HERE)
     assert memory.take(0.1, on(0.1), HERE)
@@ -29,7 +29,7 @@ def test_it_stands_across_the_bumper_where_the_robot_was():
     assert len(memory.points) == 18
 
 
-def test_it_is_forgotten_a_while_after_it_was_on_there_last():
+def test_the_bumper_obstacle_expires_after_its_release():
     memory = ContactMemory([FRONT])
     memory.take(0.0, on(0.0), HERE)
     memory.take(20.0, on(20.0), HERE)
@@ -39,13 +39,13 @@ def test_it_is_forgotten_a_while_after_it_was_on_there_last():
     assert not len(memory.points)
 
 
-def test_a_switch_without_a_width_is_one_point():
+def test_a_bumper_without_a_width_is_one_point():
     memory = ContactMemory([ContactModel(name="front", mount_x_m=0.3, mount_y_m=0.1)])
     memory.take(0.0, on(0.0), HERE)
     assert memory.points.tolist() == [[1.3, 0.1]]
 
 
-def test_perception_tells_the_filter_of_it():
+def test_perception_passes_the_bumper_obstacle_to_the_filter():
     model = robot("sally").model_copy(update={"bumpers": (FRONT,)})
     eyes, still = Perception(model), Twist(0.0, 0.0)
 

@@ -39,7 +39,7 @@ def test_odometry_that_is_a_little_wrong_is_no_contradiction():
 
 
 @pytest.mark.parametrize("by", [(2.0, 0.0), (-2.0, 0.0), (1.2, 0.0), (0.0, -2.0)])
-def test_moved_without_the_wheels_noticing_the_next_scan_contradicts_the_one_before(by):
+def test_after_a_move_without_odometry_consecutive_scans_contradict_each_other(by):
     there = Pose(HERE.x + by[0], HERE.y + by[1], 0.0)
     log = agreement(LIDAR.lidar(), seen(HERE), seen(there, 1), Pose(0.0, 0.0, 0.0))
     assert log < LocalizerParams().contradicted

@@ -109,7 +109,7 @@ def test_after_the_robots_clock_was_set_back_who_walks_is_tracked_as_before(back
     assert disc[[VX, VY]] == pytest.approx((0.0, 0.5), abs=0.15)
 
 
-def test_without_readings_nothing_is_claimed(lab):
+def test_without_readings_nothing_is_reported(lab):
     seen = Perception(SALLY, lab, START).take(1.0, Readings(None, None, None, None))
     assert seen.lost
     assert seen.reason
@@ -249,7 +249,7 @@ def test_a_right_pose_that_is_set_is_kept_and_corrects_a_wrong_one(lab, tour):
             assert errors(seen, moment.truth)[0] < 0.15  # the corridor does not tell more
 
 
-def test_switched_on_anywhere_it_believes_no_place_before_it_has_seen_more_than_one_view(lab, tour):
+def test_after_switch_on_no_pose_is_accepted_before_more_than_one_view_was_seen(lab, tour):
     poses, twists = tour[0][300:700], tour[1][300:699]
     standing = Perception(SALLY, lab)
     for moment in drive([poses[0]] * 150, [], 4):

@@ -111,7 +111,7 @@ def test_of_a_thick_wall_each_side_is_where_it_is_seen():
     assert (np.sum(made.normals[middle] * made.normals[back], axis=1) < -0.85).all()
 
 
-def test_moved_back_on_its_way_in_a_building_with_a_poor_map_it_is_found_again():
+def test_a_robot_moved_back_along_its_path_is_relocalized_on_a_poor_map():
     place = building(1)
     poses, twists = along(tour(place, 4, 8.0))
     k = round(2.0 / DT)
@@ -221,7 +221,7 @@ def test_with_a_start_beside_unmapped_niches_it_is_not_turned_round():
 
 
 @pytest.mark.parametrize("start", few.first([16, 41, 24, 33]))
-def test_switched_on_in_a_long_corridor_it_believes_no_place_among_many_alike(start):
+def test_after_switch_on_in_a_long_corridor_no_ambiguous_pose_is_accepted(start):
     """More places look like this one than can be followed: what is left of some is no proof."""
     occupied, free, cell, origin = dotted(4, length=60.0)
     poses, twists = along([(start + 0.7 * k, 0.05 * (-1) ** k) for k in range(8)])
@@ -235,7 +235,7 @@ def test_switched_on_in_a_long_corridor_it_believes_no_place_among_many_alike(st
 
 
 @pytest.mark.parametrize("start", [22.0, 30.0])
-def test_pushed_along_a_long_corridor_it_does_not_stay_sure_of_its_old_place(start):
+def test_a_robot_pushed_along_a_corridor_does_not_stay_certain_of_its_pose(start):
     """No scan contradicts the one before, and of two places alike now one, now the other fits
     better. That the map fits so much worse all at once is enough."""
     occupied, free, cell, origin = dotted(4, length=60.0)
@@ -249,7 +249,7 @@ def test_pushed_along_a_long_corridor_it_does_not_stay_sure_of_its_old_place(sta
     assert not rows[-1, 1]
 
 
-def test_put_down_beside_the_given_start_it_is_never_sure_of_a_wrong_place():
+def test_a_robot_placed_off_its_start_pose_is_never_certain_of_a_wrong_pose():
     """A metre along a corridor and half of one across, turned by 20 deg."""
     occupied, free, cell, origin = dotted(4, length=60.0)
     poses, twists = along([(14.0 + 0.7 * k, 0.0) for k in range(3)])
@@ -265,7 +265,7 @@ def test_put_down_beside_the_given_start_it_is_never_sure_of_a_wrong_place():
 
 
 @pytest.mark.parametrize(("at", "off"), [(3977, (0.95, 0.31, -0.35)), (6858, (-0.66, 0.75, -0.35))])
-def test_set_a_metre_along_a_corridor_it_is_sure_of_no_look_alike(at, off):
+def test_a_robot_set_one_metre_along_a_corridor_accepts_no_ambiguous_pose(at, off):
     """Niches and doors make places along this corridor fit alike; by the matches the robot was
     sure to 5 cm of the one beside which its pose was set, for 5 and 9 s."""
     place = building(8677)
@@ -363,7 +363,7 @@ def standing_without_a_third(start, steps, seed=4, lidar=LIDAR, beside=0.0):
 
 
 @pytest.mark.parametrize("start", few.first([14.0, 38.0, 22.0, 30.0]))
-def test_with_a_start_where_a_third_of_the_walls_is_gone_it_believes_it(start):
+def test_a_start_pose_is_accepted_though_a_third_of_the_walls_is_missing(start):
     """The map is as wrong elsewhere, and the robot was not moved: it need not drive to be sure."""
     perception, moments = standing_without_a_third(start, 300)
     seen = None
@@ -376,7 +376,7 @@ def test_with_a_start_where_a_third_of_the_walls_is_gone_it_believes_it(start):
 
 
 @pytest.mark.parametrize("start", few.first([10.0, 38.0, 6.0, 26.0, 34.0]))
-def test_a_passer_by_where_a_third_of_the_walls_is_gone_does_not_make_it_lost_for_good(start):
+def test_a_passer_by_on_an_outdated_map_does_not_make_the_robot_lost_for_good(start):
     """That scans contradict each other for a moment is no proof of having been moved, and nobody
     carries it far in that time: what was seen before speaks for where it stands, and against what
     fits the map as well.

@@ -61,18 +61,18 @@ def test_averaging_leaves_missing_returns_missing():
     assert np.array_equal(smoothed(ranges, 0.005, 0.02), ranges, equal_nan=True)
 
 
-def test_what_went_away_in_view_is_forgotten():
+def test_a_point_that_vanished_in_view_is_forgotten():
     points = seen(NOTHING, AT, POLE)
     assert len(seen(points, AT, discs())) == 0
 
 
-def test_what_is_behind_the_robot_is_remembered():
+def test_points_behind_the_robot_are_remembered():
     points = seen(NOTHING, AT, POLE)
     after = seen(points, Pose(2.0, 0.0, -1.57), discs())  # the pole is now behind, and gone
     assert len(after) == len(points)
 
 
-def test_what_is_hidden_is_remembered_and_what_hides_it_is_seen():
+def test_occluded_points_are_remembered():
     points = seen(NOTHING, AT, POLE)
     both = discs(*POLE.tolist(), disc(1.0, 0.25, 0.2))
     after = seen(points, AT, both)
@@ -80,7 +80,7 @@ def test_what_is_hidden_is_remembered_and_what_hides_it_is_seen():
     assert (np.hypot(after[:, 0] - 1.0, after[:, 1] - 0.25) < 0.25).sum() > 5
 
 
-def test_what_is_seen_again_is_not_kept_twice():
+def test_a_point_that_is_seen_again_is_not_stored_twice():
     points = NOTHING
     counts = []
     for number in range(60):
@@ -89,13 +89,13 @@ def test_what_is_seen_again_is_not_kept_twice():
     assert max(counts) < 1.5 * counts[0]
 
 
-def test_beams_that_saw_nothing_forget_nothing():
+def test_beams_without_a_return_clear_nothing():
     points = seen(NOTHING, AT, POLE)
     blind = np.full(MODEL.beams, math.nan)
     assert len(renew(points, AT, MODEL.lidar(), blind, CARE)) == len(points)
 
 
-def test_a_beam_that_dropped_out_forgets_nothing_hidden():
+def test_a_dropped_beam_clears_no_occluded_point():
     points = seen(NOTHING, AT, POLE)
     ranges = look(AT, discs(disc(1.0, 0.25, 0.2)))
     ranges[::2] = math.inf
@@ -103,14 +103,14 @@ def test_a_beam_that_dropped_out_forgets_nothing_hidden():
     assert (off_surface(after) < 0.05).sum() == len(points)
 
 
-def test_what_is_too_near_to_be_measured_is_not_forgotten():
+def test_points_below_the_minimum_range_are_not_forgotten():
     world = discs(disc(0.25, 0.0, 0.1))  # 5 cm from the sensor, nearer than range_min
     points = seen(NOTHING, AT, world)
     distances = np.hypot(points[:, 0] - 0.1, points[:, 1])
     assert distances.min() == pytest.approx(MODEL.range_min_m, abs=0.04)
 
 
-def test_what_is_far_is_forgotten():
+def test_far_points_are_forgotten():
     points = np.array([[-3.0, 0.0], [-CARE.keep - 1.0, 0.0]])
     assert seen(points, AT, discs()).tolist() == [[-3.0, 0.0]]
 
@@ -154,5 +154,5 @@ def left_behind(seed):
     return float(np.hypot(*(points - at).T).max(initial=0.0)) - radius
 
 
-def test_nothing_stays_behind_whoever_walks_in_view():
+def test_a_walker_in_view_leaves_no_points_behind():
     assert max(left_behind(seed) for seed in range(300)) < 0.15

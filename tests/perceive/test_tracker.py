@@ -46,7 +46,7 @@ def watch(around, path, seed=0):
     return reported, moment, seen
 
 
-def test_nothing_moves_in_a_lab_that_one_drives_through():
+def test_no_mover_is_reported_in_a_static_lab():
     reported, _, _ = watch(CONES, along(TOUR), seed=4)
     assert sum(len(found) for _, found in reported) == 0
 

@@ -228,11 +228,11 @@ def test_ground_that_is_observed_is_no_longer_possibly_occupied():
     assert not len(blind(driven(poses, start, velocity=(-0.8, 0.0))))
 
 
-def test_a_lidar_that_looks_all_round_leaves_nothing_blind():
+def test_an_all_round_lidar_leaves_no_space_unobserved():
     assert driven(ahead(1.0), model=equipped(robot("sally"), "twin-all-round")).unobserved == 0
 
 
-def test_a_lidar_of_unknown_carrier_tells_no_ground():
+def test_a_lidar_of_unknown_mount_observes_no_ground():
     assert SALLY.lidar is not None
     eyes = Perception(SALLY.lidar.lidar())
     ranges = np.full(len(eyes.lidar.beams), 3.0)

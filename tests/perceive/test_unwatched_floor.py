@@ -47,7 +47,7 @@ def turned(*degrees):
 
 
 @pytest.mark.parametrize("model", [ROUND, DEEP])
-def test_floor_behind_and_beside_that_was_never_seen_stands(model):
+def test_floor_that_was_never_observed_counts_as_an_obstacle(model):
     for poses in (turned(0), turned(*range(0, 101, 10))):
         points = reported(poses, model=model)
         bearings = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
@@ -59,7 +59,7 @@ def test_floor_behind_and_beside_that_was_never_seen_stands(model):
         assert not (np.abs(bearings) < 25.0).any()  # ahead it sees
 
 
-def test_floor_that_was_seen_once_is_free_to_back_onto():
+def test_floor_that_was_observed_once_may_be_backed_onto():
     assert not len(reported(turned(*range(0, 361, 5))))
 
 
@@ -76,13 +76,13 @@ def test_floor_beneath_a_load_is_not_reported_and_stays_unobserved_without_it():
     assert np.array_equal(reported(backed, outlines=[load, ROUND.outline]), reported(backed))
 
 
-def test_a_camera_that_sees_nothing_vouches_for_no_floor():
+def test_a_camera_without_depth_confirms_no_floor():
     everywhere = reported(turned(*range(0, 361, 5)), deep=math.nan)
     assert len(everywhere)
     assert (np.abs(np.arctan2(everywhere[:, 1], everywhere[:, 0])) < 0.3).any()
 
 
-def test_what_is_nearer_than_the_whole_band_is_seen_stays_though_beams_go_past_above_it():
+def test_points_nearer_than_the_full_height_band_persist_though_beams_pass_above():
     low = np.array([[LIDAR.mount.x + 0.40, 0.02], [LIDAR.mount.x + 0.9, 0.4]])
     past = np.full(len(LIDAR.beams), math.inf)
     kept = renew(low, Pose(0.0, 0.0, 0.0), LIDAR, past, CARE)
@@ -93,7 +93,7 @@ def test_what_is_nearer_than_the_whole_band_is_seen_stays_though_beams_go_past_a
     assert low[0].tolist() not in kept.tolist()  # it is seen anew
 
 
-def test_what_is_too_near_to_be_measured_fills_no_memory():
+def test_readings_below_the_minimum_range_fill_no_memory():
     points, close = np.empty((0, 2)), np.full(len(LIDAR.beams), -math.inf)
     for _ in range(20):
         points = renew(points, Pose(0.0, 0.0, 0.0), LIDAR, close, CARE)

@@ -34,7 +34,7 @@ def test_a_robot_under_way_is_predicted_to_the_end_of_its_arc(twist, delay):
 
 @given(st.floats(0.0, 0.2))
 @example(0.05)
-def test_the_pilot_looks_at_where_the_robot_will_be_then(delay):
+def test_the_pilot_decides_for_the_predicted_pose(delay):
     """At 50 Hz a delay of 50 ms was taken for 40."""
     pilot = Pilot(through([[0.0, 0.0], [5.0, 0.0]], 0.5), SETTINGS, delay=delay)
     pilot.sent[:] = 0.5, 0.0

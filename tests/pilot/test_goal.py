@@ -27,7 +27,7 @@ def ended(*bodies: Body, seconds: float):
     return run(with_pilot(setup)).rows
 
 
-def test_a_goal_that_is_taken_is_waited_for_beside_it_and_gone_to_when_it_is_free():
+def test_an_occupied_goal_is_waited_for_nearby_and_reached_when_it_is_free():
     parked = Body((4.0, 0.35, 0.0, 0.02, 0.25, 0.6))  # rolls away slowly
     rows = ended(parked, seconds=60.0)
     waits = (rows["t"] > 9.0) & (rows["t"] < 11.0)
@@ -37,7 +37,7 @@ def test_a_goal_that_is_taken_is_waited_for_beside_it_and_gone_to_when_it_is_fre
     assert rows["clearance"].min() > 0.0075
 
 
-def test_beside_a_goal_that_stays_taken_the_robot_stands_still():
+def test_beside_a_goal_that_stays_occupied_the_robot_stands():
     rows = ended(Body((4.0, 0.35, 0.0, 0.0, 0.25, 0.6)), seconds=30.0)
     assert not rows["arrived"][-1]
     late = rows[rows["t"] > 20.0]

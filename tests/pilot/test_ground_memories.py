@@ -44,7 +44,7 @@ DRIVES = {
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-def test_what_the_filter_takes_for_known_ground_the_monitor_lets_the_robot_have(drive):
+def test_ground_that_the_filter_takes_as_known_passes_the_monitor(drive):
     sensor = Sensor(
         LIDAR.mount, LIDAR.first + LIDAR.step * np.arange(len(LIDAR.beams)), LIDAR.step, 0.06,
         0.02, 10.0, 0.0, 0.0,

@@ -9,7 +9,7 @@ from tests.few import first
 
 
 @pytest.mark.parametrize("number", first(range(40), 2))
-def test_a_robot_let_go_of_in_a_tight_spot_gets_back_on_its_path(number):
+def test_a_robot_released_in_a_tight_spot_returns_to_its_path(number):
     one = released(50, number)
     assert one.clearance < 0.04
     assert math.isfinite(one.away)

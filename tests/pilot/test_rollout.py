@@ -46,7 +46,7 @@ def test_a_path_that_ends_is_rolled_out_to_its_end():
     assert 0.8 < predicted[-1, 0] < 1.1
 
 
-def test_a_door_behind_something_in_the_way_is_driven_through_in_the_middle():
+def test_a_door_behind_an_obstacle_is_driven_through_in_the_middle():
     """Back on the route in front of the door, the robot would swing out into a post."""
     half = 0.29 + 0.08
     posts = [(3.0, half, 3.0, 5.0), (3.0, -half, 3.0, -5.0)]

@@ -44,7 +44,7 @@ def test_a_path_over_unobserved_ground_is_begun_where_there_is_no_other():
     assert made.course.poses[:, 1].max() > 1.0  # past what stands, on the left
 
 
-def test_a_path_over_observed_ground_is_taken_before_any_other():
+def test_a_path_over_observed_ground_is_preferred():
     seen = around((-3.0, -1.9), (0.9, 1.8))
     with_it, without = planned(*seen), all_stands(*seen)
     assert with_it.new

@@ -32,7 +32,7 @@ def test_between_cells_the_clearance_is_right_within_a_cell(seen, x, y):
     assert clearance(made, x, y) == pytest.approx(true, abs=0.1)
 
 
-def test_without_points_or_with_points_elsewhere_all_is_clear():
+def test_without_points_nearby_all_is_clear():
     for seen in (NOTHING, np.array([[9.0, 9.0]])):
         made = distance_field(seen, (0.0, 0.0), (1.0, 1.0), 0.1)
         assert np.isinf(made.clearance).all()

@@ -115,7 +115,7 @@ def test_of_several_docks_the_nearest_is_meant():
         (-2.2, 0.0, False, False),
     ],
 )
-def test_a_disc_where_the_robot_has_yet_to_drive_is_in_the_way(x, y, in_, out):
+def test_a_disc_ahead_on_the_path_blocks_it(x, y, in_, out):
     """The robot is 0.9 m before the dock; a disc of 0.2 m."""
     at = there(x, y)
     disc = np.array([(at.x, at.y, 0.0, 0.0, 0.2, 0.2)])

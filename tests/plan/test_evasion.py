@@ -337,7 +337,7 @@ def test_the_robot_keeps_farther_from_a_stopped_mover_that_may_turn_on_it():
     assert _passes(EvasionParams().sets_off_weight) > _passes(0.0) + 0.1
 
 
-def test_whose_velocity_is_not_known_well_is_not_taken_to_run():
+def test_a_mover_of_uncertain_velocity_is_not_taken_to_run():
     """A velocity error was once reported as acceleration. Taken to last, it doubled the distance
     that the robot kept from a stopped mover: it waited four times as long."""
     e = EvasionParams()

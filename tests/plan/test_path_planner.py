@@ -61,7 +61,7 @@ def test_it_is_refused_where_there_is_none():
     assert plan_path(AT, room(-1, -1, 1, 1), LINE, JACKAL) is None
 
 
-def test_it_is_refused_where_the_goal_is_taken_all_around():
+def test_a_goal_occupied_all_around_is_refused():
     assert plan_path(AT, room(7.4, -0.6, 8.6, 0.6), LINE, JACKAL) is None
 
 
@@ -130,7 +130,7 @@ def test_a_robot_at_the_end_has_arrived():
     assert len(found.points) == 1
 
 
-def test_a_goal_that_is_taken_is_approached_to_where_the_robot_can_turn():
+def test_an_occupied_goal_is_approached_to_where_the_robot_can_turn():
     points = circle(8.0, 0.0, 0.03)
     found = plan_path(AT, points, LINE, JACKAL)
     assert 0.33 < math.hypot(*(found.points[-1] - LINE[-1])) <= PATH_PARAMS.beside

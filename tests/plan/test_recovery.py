@@ -143,7 +143,7 @@ def test_a_move_ends_where_it_was_meant_to(distance, curvature, turn):
     assert pose.psi == pytest.approx(corner.psi + turn, abs=0.01 + 0.01 * (1 + abs(curvature)))
 
 
-def test_a_move_that_is_held_up_goes_on_where_it_was():
+def test_a_delayed_manoeuvre_continues_where_it_was():
     left = RecoveryMove(-0.5, 0.0, 1.0)
     assert rest(left, Twist(0.0, 0.0), DT) == left
     assert rest(left, Twist(-0.4, 0.0), DT).distance == pytest.approx(-0.492)

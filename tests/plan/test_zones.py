@@ -63,7 +63,7 @@ def test_a_robot_inside_has_room_all_round_and_what_is_deeper_stands(seed):
         assert under or len(points)
 
 
-def test_on_its_way_out_a_robot_finds_the_zone_closed_behind_it_and_open_before_it():
+def test_a_robot_leaving_a_zone_finds_it_closed_behind_and_open_ahead():
     fence = Fence(keep_out(mask((1.0, 0.5, 5.0, 3.5)), 0.05, ORIGIN), OUTLINE)
     ways = np.linspace(3.0, 0.3, 60)  # from the middle to the left
     for x in ways:

@@ -145,7 +145,7 @@ def test_reading_twice_gives_the_same(robot):
         assert again.odometry.stamp >= first.odometry.stamp
 
 
-def test_a_healthy_robot_says_so(robot):
+def test_a_healthy_robot_reports_no_fault(robot):
     robot.wait(robot.now() + 0.1)
     health = robot.read().health
     assert health is not None
@@ -196,7 +196,7 @@ def test_a_twist_that_is_no_number_stops_it(robot, adapter, broken):
 
 
 @pytest.mark.parametrize("asked", first([Twist(0.2, 0.5), Twist(0.4, 0.0), Twist(-0.3, 0.0)]))
-def test_it_moves_as_told(robot, adapter, asked):
+def test_it_moves_as_commanded(robot, adapter, asked):
     if not adapter.obeys:
         pytest.skip("it moves as it did")
     drive(robot, asked, 1.0)
@@ -270,7 +270,7 @@ def test_it_stops_by_itself_when_nothing_is_sent(robot, adapter):
     assert abs(odometry.twist.v) <= STILL
 
 
-def test_after_closing_every_call_says_so(adapter):
+def test_after_closing_every_call_is_refused_with_the_reason(adapter):
     robot = adapter.make()
     robot.close()
     robot.close()

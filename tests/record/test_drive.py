@@ -47,7 +47,7 @@ def test_the_replayed_drive_senses_what_the_driven_one_did(drive):
             one.wait(0.02 * (k + 1))
 
 
-def test_what_it_is_told_changes_nothing(drive):
+def test_a_replayed_robot_ignores_commands(drive):
     robot = Replayed(drive)
     robot.wait(1.0)
     robot.stop()
@@ -69,7 +69,7 @@ def test_another_reader_understands_every_message(drive):
     assert seen == set(TOPICS)
 
 
-def test_what_was_shown_comes_back(drive):
+def test_shown_messages_are_read_back(drive):
     back = [from_message(topic, said) for topic, _, said in messages(drive, list(SHOWN_TOPICS))]
     assert repr(back) == repr(list(SHOWN))
 
@@ -107,7 +107,7 @@ def test_odometry_that_is_no_number_is_recorded_and_places_nothing(tmp_path, psi
 
 
 @pytest.mark.parametrize("buffering", [0, -1])
-def test_what_was_flushed_stands_in_the_file_and_a_finished_one_has_its_end(tmp_path, buffering):
+def test_flushed_messages_are_in_the_file_and_a_finished_file_has_its_end(tmp_path, buffering):
     path = tmp_path / "one.mcap"
     with path.open("wb", buffering=buffering) as file:
         made = RecordWriter(file, About("drive", EPOCH), sally())
@@ -127,7 +127,7 @@ def test_a_drive_that_was_cut_short_is_read_as_far_as_it_goes(drive, tmp_path):
     assert 0.2 < Replayed(cut).duration < 2.9
 
 
-def test_what_is_no_record_is_said_so(tmp_path):
+def test_a_file_that_is_no_record_is_reported_as_such(tmp_path):
     text = tmp_path / "text.mcap"
     text.write_text("nothing of the kind, and long enough to be read as something")
     with pytest.raises(CohelmError, match="not an MCAP file"):
@@ -180,7 +180,7 @@ def test_the_scans_of_further_lidars_are_kept_and_played_back(tmp_path):
     assert not np.allclose(back.ranges, again.read().scan.ranges, rtol=1e-3)
 
 
-def test_a_record_says_in_a_line_what_is_in_it(tmp_path):
+def test_a_record_summarizes_its_content_in_one_line(tmp_path):
     """In a notebook, the whole of a minute's scans would be twenty thousand lines."""
     path = tmp_path / "short.mcap"
     with path.open("wb") as file:

@@ -166,7 +166,7 @@ def test_a_killed_run_is_read_up_to_its_last_piece(tmp_path: Path) -> None:
     assert len(trace) >= 5 * 200
 
 
-def test_a_full_disk_is_told_and_what_was_written_before_is_read(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_and_the_rest_is_readable(tmp_path: Path) -> None:
     mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(tmp_path)]
     if os.geteuid() != 0 or subprocess.run(mount, capture_output=True).returncode != 0:
         pytest.skip("a small disk can only be made by root")
@@ -179,7 +179,7 @@ def test_a_full_disk_is_told_and_what_was_written_before_is_read(tmp_path: Path)
         subprocess.run(["umount", str(tmp_path)], check=True)
 
 
-def test_a_file_that_may_not_grow_is_told_and_what_was_written_before_is_read(
+def test_a_file_at_its_size_limit_is_reported_and_the_rest_is_readable(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "run.mcap"
@@ -239,7 +239,7 @@ def test_a_missing_folder_is_named(tmp_path: Path) -> None:
         Recorder(tmp_path / "nowhere" / "run.mcap")
 
 
-def test_a_folder_one_may_not_write_to_is_told(tmp_path: Path) -> None:
+def test_a_read_only_folder_is_reported(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     root = os.geteuid() == 0
     if root:
@@ -301,13 +301,13 @@ def test_a_changed_byte_never_passes_for_the_run_unnoticed(
     assert told or (trace is not None and bits(trace) == bits(whole()))
 
 
-def test_a_missing_record_is_told(tmp_path: Path) -> None:
+def test_a_missing_record_is_reported(tmp_path: Path) -> None:
     with pytest.raises(CohelmError, match=r"nothing\.mcap can not be read \(No such file"):
         read(tmp_path / "nothing.mcap")
 
 
 @pytest.mark.parametrize("content", [b"time,x,y\n0.0,0.0,0.0\n", b"\x89PNG\r\n\x1a\n" * 5])
-def test_a_file_of_another_kind_is_told(tmp_path: Path, content: bytes) -> None:
+def test_a_file_of_another_kind_is_reported(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "run.csv"
     path.write_bytes(content)
     with pytest.raises(CohelmError, match=r"run\.csv is not an MCAP file"):
@@ -315,14 +315,14 @@ def test_a_file_of_another_kind_is_told(tmp_path: Path, content: bytes) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89MC", b"\x89MCAP0\r\n"])
-def test_a_record_that_never_began_is_told(tmp_path: Path, content: bytes) -> None:
+def test_a_record_without_data_is_reported(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "run.mcap"
     path.write_bytes(content)
     with pytest.raises(CohelmError, match=r"run\.mcap is no record of cohelm: give"):
         read(path)
 
 
-def test_a_record_of_another_program_is_told(tmp_path: Path) -> None:
+def test_a_record_of_another_program_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "theirs.mcap"
     with path.open("wb") as file:
         writer = Writer(file)
@@ -355,7 +355,7 @@ def _write_by_hand(path: Path, about: dict[str, str], definition: str, steps: li
         writer.finish()
 
 
-def test_a_record_of_a_newer_cohelm_is_told(tmp_path: Path) -> None:
+def test_a_record_of_a_newer_cohelm_is_reported(tmp_path: Path) -> None:
     steps = encoded(written()[0])
     _write_by_hand(tmp_path / "a.mcap", {"period_version": "99"}, period.DEFINITION, steps)
     with pytest.raises(
@@ -386,7 +386,7 @@ def test_fields_of_a_later_cohelm_do_not_disturb(tmp_path: Path) -> None:
     assert read(tmp_path / "a.mcap").rows.tobytes() == written()[0].rows.tobytes()
 
 
-def test_a_record_without_a_step_is_told(tmp_path: Path) -> None:
+def test_a_record_without_a_period_is_reported(tmp_path: Path) -> None:
     _write_by_hand(tmp_path / "a.mcap", {}, period.DEFINITION, [])
     with pytest.raises(CohelmError, match="ends before its first control period"):
         read(tmp_path / "a.mcap")
@@ -395,7 +395,9 @@ def test_a_record_without_a_step_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "about", [{"dt": "soon"}, {"obstacles": "cone"}, {"obstacles": "3"}, {"obstacles": '["one"]'}]
 )
-def test_a_record_with_a_spoilt_description_is_told(tmp_path: Path, about: dict[str, str]) -> None:
+def test_a_record_with_a_damaged_description_is_reported(
+    tmp_path: Path, about: dict[str, str]
+) -> None:
     steps = encoded(written()[0])
     _write_by_hand(tmp_path / "a.mcap", about, period.DEFINITION, steps)
     with pytest.raises(CohelmError, match="description of the run is damaged"):

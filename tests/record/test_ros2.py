@@ -164,7 +164,7 @@ def test_reference_walls_and_outline_are_drawn_once(heard: OperatorInput) -> Non
     np.testing.assert_allclose(at, LAB, atol=1e-6)
 
 
-def test_the_file_says_what_made_it(path: Path, trace: Trace) -> None:
+def test_the_file_names_its_origin(path: Path, trace: Trace) -> None:
     with path.open("rb") as file:
         reader = make_reader(file)
         (about,) = (m.metadata for m in reader.iter_metadata() if m.name == "cohelm")

@@ -101,7 +101,7 @@ def test_before_a_drop_no_wheel_goes_forward():
     omega=st.floats(-4.0, 4.0),
     on=st.sampled_from(["front", "rear", "left"]),
 )
-def test_no_motion_that_passes_moves_what_is_on_outwards(v, omega, on):
+def test_no_motion_that_passes_moves_a_pressed_bumper_outwards(v, omega, on):
     it, _ = watching(on)
     side = next(one for one in MODEL.contacts if one.name == on)
     yaw = math.radians(side.mount_yaw_deg)

@@ -70,7 +70,7 @@ def test_the_speed_never_jumps_by_more_than_the_acceleration_not_by_one_digit(ca
 
 
 @given(moving())
-def test_what_was_reached_is_reached_again_to_the_last_bit(case):
+def test_a_replayed_episode_is_equal_to_the_last_bit(case):
     """The guard limits its command, and the robot limits it once more."""
     lim, before, command, dt = case
     reached = achievable(command, before, lim, dt)
@@ -93,7 +93,7 @@ def test_a_command_within_the_limits_is_reached_to_the_last_bit(case):
 
 
 @given(any_command, any_command, st.floats(0.1, 1.0), periods)
-def test_the_papers_ideal_robot_does_what_it_is_told(command, before, track, dt):
+def test_the_ideal_robot_of_the_paper_does_what_is_commanded(command, before, track, dt):
     assert achievable(command, before, unlimited(track), dt) == command
 
 
@@ -124,7 +124,7 @@ def test_what_limits_speed_is_used_to_the_full(command, lim, dt):
 
 
 @given(moving())
-def test_asking_again_for_what_was_reached_changes_nothing_that_could_be_measured(case):
+def test_repeating_a_command_that_was_reached_changes_nothing_measurable(case):
     lim, before, command, dt = case
     reached = achievable(command, before, lim, dt)
     again = achievable(reached, before, lim, dt)
@@ -170,7 +170,7 @@ def test_a_wheel_that_can_hardly_accelerate_stays_as_it_is():
 
 
 @pytest.mark.parametrize("track", [0.0, -0.4, math.inf, math.nan])
-def test_a_track_that_is_no_length_is_told_how_to_measure_it(track):
+def test_an_invalid_track_width_is_refused_with_how_to_measure_it(track):
     with pytest.raises(CohelmError, match=r"track must be a length in metres.*measure between"):
         checked_limits(Limits(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, track))
 

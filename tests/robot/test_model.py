@@ -23,7 +23,7 @@ SQUARE = {
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_shipped_robot_carries_its_name_and_says_where_its_numbers_come_from(name):
+def test_a_shipped_robot_has_its_name_and_the_sources_of_its_numbers(name):
     model = shipped(name)
     assert model.name == name
     assert len(model.note) > 40
@@ -171,7 +171,7 @@ def test_further_lidars_that_can_not_be_told_apart_are_refused(keys, why):
         ({"mount_y_m": -150}, "150 m is outside of the robot"),
     ],
 )
-def test_a_lidar_in_other_units_is_refused_and_the_sentence_says_which(lidar, why):
+def test_a_lidar_in_wrong_units_is_refused_with_the_unit(lidar, why):
     with pytest.raises(ValidationError, match=why):
         RobotModel.model_validate(SQUARE | {"lidar": lidar})
 

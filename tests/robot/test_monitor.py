@@ -49,7 +49,7 @@ def kept(*monitors):
     return it, events
 
 
-def test_the_smallest_share_passes_on_the_same_arc_and_says_why():
+def test_the_smallest_share_passes_on_the_same_arc_with_its_reason():
     half, third = Restriction(0.5, "half"), Restriction(1.0 / 3.0, "third")
     it, events = kept(Says(at_reading=half), Says(of_twist=third))
     passed = it.propose(Proposal(1, it.now(), Twist(0.3, 0.6)))
@@ -58,7 +58,7 @@ def test_the_smallest_share_passes_on_the_same_arc_and_says_why():
     assert any("limited: third" in event.text for event in events)
 
 
-def test_a_fault_is_latched_whatever_the_others_say():
+def test_a_fault_is_latched_whatever_other_monitors_report():
     watch = Says()
     it, _ = kept(Says(), watch)
     watch.of_twist = Restriction(1.0, "a broken sense", fault=True)
@@ -68,7 +68,7 @@ def test_a_fault_is_latched_whatever_the_others_say():
     assert it.gate.reason == "a broken sense"
 
 
-def test_a_fault_of_a_reading_stops_a_robot_that_nobody_asks_anything():
+def test_a_fault_in_a_reading_stops_an_idle_robot():
     watch = Says()
     it, _ = kept(watch)
     watch.at_reading = Restriction(fault=True, reason="the scan repeats")

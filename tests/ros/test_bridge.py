@@ -44,7 +44,7 @@ def test_auto_takes_the_bridge_where_its_address_is_given_or_nothing_else_is_the
         connection("carrier pigeon")
 
 
-def test_no_bridge_or_one_that_lacks_something_is_said_with_its_cure():
+def test_a_missing_or_limited_bridge_is_reported_with_the_cure():
     with pytest.raises(CohelmError, match="no foxglove_bridge answers at ws:"):
         FoxgloveTransport("ws://127.0.0.1:9")
     for none in ("robot:8765", "ws://[::1", "wss://robot:99999"):
@@ -58,7 +58,7 @@ def test_no_bridge_or_one_that_lacks_something_is_said_with_its_cure():
         poor.close()
 
 
-def test_with_nobody_behind_the_bridge_it_is_not_dds_that_is_to_be_looked_at():
+def test_without_nodes_behind_the_bridge_the_advice_is_about_the_bridge():
     lonely = Bridge(domain=99)
     transport = FoxgloveTransport(lonely.url)
     try:
@@ -78,7 +78,7 @@ def told(made, words: str) -> None:
     )
 
 
-def test_it_drives_and_stands_when_the_bridge_is_gone():
+def test_it_drives_and_stands_when_the_bridge_is_lost():
     alone()
     bridge = Bridge()
     with stage(way=Connection(FOXGLOVE, bridge.url)) as made:
@@ -113,7 +113,7 @@ def test_it_drives_with_half_of_the_messages_and_stands_when_they_are_wrong():
     bridge.close()
 
 
-def test_a_subscription_that_came_too_early_for_the_bridge_is_asked_for_again():
+def test_a_subscription_that_was_too_early_for_the_bridge_is_repeated():
     """It tells of a new channel a moment before it takes subscriptions of it (foxglove-sdk)."""
     asked: list[int] = []
 

@@ -29,7 +29,7 @@ def published(topic, kind=COMPRESSED):
     return Endpoint(topic, kind, Qos(False, False, 5), True, "/driver")
 
 
-def test_the_only_compressed_one_is_taken_and_of_several_none_without_being_asked():
+def test_a_single_compressed_topic_is_used_and_of_several_none_by_default():
     one, depth = published(EYE), published("/camera/depth/image_raw/compressedDepth")
     assert choose(None, [one, depth, published("/scan", IMAGE)]) == (
         CameraTopic(EYE, COMPRESSED), f"pictures: {EYE}"
@@ -83,7 +83,7 @@ def compressed(data, age=0.1):
     return CompressedImage(stamp, "jpeg", np.frombuffer(data, dtype=np.uint8))
 
 
-def test_a_picture_comes_once_with_its_age_and_jpeg_goes_on_as_it_is():
+def test_a_picture_is_sent_once_with_its_age_and_jpeg_unchanged():
     air = Air()
     camera = Camera(air, CameraTopic(EYE, COMPRESSED), Clock())
     assert camera(50.0) is None
@@ -114,7 +114,7 @@ def raw(encoding, data, width, height, step):
         ("bgra8", [50, 100, 200, 255]), ("8UC3", [50, 100, 200]),
     ],
 )  # fmt: skip
-def test_raw_pictures_are_taken_whatever_the_order_of_their_colours(encoding, pixel):
+def test_raw_pictures_are_accepted_in_any_color_order(encoding, pixel):
     row = np.array(pixel * 3 + [7] * 5, dtype=np.uint8)  # rows may be longer than their pixels
     made = pixels(raw(encoding, np.tile(row, 2), 3, 2, len(row)))
     assert made.shape == (2, 3, 3)
@@ -139,7 +139,7 @@ def test_grey_is_grey():
         (raw("rgb8", np.zeros(12, np.uint8), 0, 2, 6), "does not fit"),
     ],
 )
-def test_what_is_no_picture_is_said_once_and_hurts_nobody(image, why, caplog):
+def test_an_invalid_picture_is_reported_once_and_is_harmless(image, why, caplog):
     with pytest.raises(CohelmError, match=why):
         pixels(image)
     air = Air()
@@ -150,7 +150,7 @@ def test_what_is_no_picture_is_said_once_and_hurts_nobody(image, why, caplog):
     assert len(caplog.records) == 1
 
 
-def test_a_file_that_is_no_picture_hurts_nobody():
+def test_a_file_that_is_no_picture_is_harmless():
     pictures = Pictures(waits=False)
     pictures.give(Encoded(0.0, 0, b"\xff\xd8 nonsense"), Pose(0.0, 0.0, 0.0))
     pictures.give(Encoded(0.1, 1, jpeg()), Pose(0.0, 0.0, 0.0))

@@ -70,7 +70,7 @@ def test_of_what_stands_in_the_band_the_nearest_along_each_beam_is_seen():
     assert seen == pytest.approx({0: 2.0, 90: 4.0, -90: -math.inf}, abs=1e-6)
 
 
-def test_a_tilted_sensor_on_a_mast_sees_things_where_they_are():
+def test_a_tilted_sensor_on_a_mast_measures_true_positions():
     """Pitched down by 40 deg, turned by 90 deg, 1.2 m above the origin."""
     pitch, yaw = math.radians(40.0), math.radians(90.0)
     about_y = np.array([[math.cos(pitch), 0, math.sin(pitch)], [0, 1, 0],

@@ -40,7 +40,7 @@ def cohelm(*arguments: str) -> subprocess.Popen[str]:
     )  # fmt: skip
 
 
-def test_with_nobody_there_it_says_what_to_look_at(monkeypatch):
+def test_without_nodes_the_advice_names_what_to_check(monkeypatch):
     alone()
     monkeypatch.setenv("ROS_DOMAIN_ID", str(NOBODYS))
     with cohelm("filter", "--robot", "sally", "--wait", "2") as process:
@@ -62,7 +62,7 @@ def driven():
 
 
 @pytest.mark.slow
-def test_it_drives_a_base_and_when_it_is_killed_the_base_stands(driven):
+def test_it_drives_a_base_that_stands_when_it_is_killed(driven):
     config = cohelm("filter", "--robot", "sally", "--print-config", "--json")
     out, said = config.communicate(timeout=240.0)
     found = json.loads(out)

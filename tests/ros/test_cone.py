@@ -42,7 +42,7 @@ def level(yaw=0.0, pitch=0.0):
         (0.3, 0.3, 0.3, -INF), (0.1, 0.3, 0.3, -INF), (0.31, 0.3, 0.3, INF), (NAN, 0.3, 0.3, NAN),
     ],
 )  # fmt: skip
-def test_a_range_means_what_rep_117_says(measured, low, high, means):
+def test_ranges_follow_rep_117(measured, low, high, means):
     assert rep117_range(measured, low, high) == means or math.isnan(
         rep117_range(measured, low, high)
     )
@@ -85,7 +85,7 @@ def test_a_sensor_that_looks_down_a_little_measures_along_the_floor():
         (message(), level(pitch=math.radians(-30.0)), "looks 30 deg up"),
     ],
 )
-def test_what_is_no_cone_is_one_sentence(wrong, mount, said):
+def test_an_invalid_cone_is_refused_in_one_sentence(wrong, mount, said):
     with pytest.raises(CohelmError, match=said) as error:
         described(wrong, "/left", mount, 12.0, 0.03, GIVEN)
     assert "\n" not in str(error.value)

@@ -45,7 +45,7 @@ def measured(reach, low=0.01, high=1.0):
         (measured(math.inf, 0.1, 0.1), True), (measured(-math.inf, 0.1, 0.1), False),
     ],
 )  # fmt: skip
-def test_a_range_that_looks_down_is_on_where_the_floor_is_too_far(message, means):
+def test_a_cliff_sensor_reports_when_the_floor_is_too_far(message, means):
     assert is_on(DOWN, message) is means
 
 
@@ -63,7 +63,7 @@ def test_each_has_a_topic_and_a_type():
 
 
 @pytest.mark.parametrize("on", [set(), {"front"}, {"create"}, {"left"}, {"right"}])
-def test_what_a_driver_says_is_understood_from_its_bytes(on):
+def test_messages_of_ros_drivers_are_decoded_from_their_bytes(on):
     told = dict(contact_messages(TOPICS, on, header(0, "base_link")))
     found = set()
     for one in TOPICS:

@@ -107,7 +107,7 @@ def test_a_box_is_seen_where_it_is_however_the_camera_is_mounted(mount):
     assert (ranges[beside] == math.inf).all()
 
 
-def test_a_camera_says_from_where_on_it_sees_the_whole_band():
+def test_a_camera_reports_the_distance_from_which_it_sees_the_full_height_band():
     """Its lowest row comes down to 10 cm so far from the lens; nearer, things may be below."""
     body = mounted(z=0.5, down=25.0)
     near = described(CAM, body, GIVEN, "/depth").whole_from_m
@@ -128,7 +128,7 @@ def test_neither_the_floor_nor_what_is_above_or_below_the_band_counts():
     assert ranges.min() == pytest.approx(1.0, abs=0.02)
 
 
-def test_what_was_not_measured_is_not_free():
+def test_space_that_was_not_measured_is_not_free():
     body = mounted()
     depth = room(body, [(2.0, -3.0, 0.0, 2.2, 3.0, 1.0)])
     model, ranges = seen(body, depth)
@@ -205,7 +205,7 @@ def test_numbers_that_are_none_of_a_camera_are_refused(wrong):
         camera(told(**wrong), "/info")
 
 
-def test_a_camera_is_taken_by_its_projection_for_rectified_images():
+def test_a_rectified_camera_is_described_by_its_projection_matrix():
     message, _ = unpacked(packed(rendered.info(CAM, header(0, "cam")), CAMERA_INFO), CAMERA_INFO)
     assert camera(message, "/info") == CAM
     k = np.array([50.0, 0, 30, 0, 51, 20, 0, 0, 1])

@@ -78,7 +78,9 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("fault", "reason"), first(FAULTS, 2))
-def test_it_stops_for_bad_readings_says_why_and_drives_on_once_they_are_mended(hall, fault, reason):
+def test_it_stops_for_bad_readings_with_the_reason_and_continues_once_they_are_valid(
+    hall, fault, reason
+):
     assert goes_again(hall)
     hall.filter.said.clear()
     hall.base.fault(fault)

@@ -103,14 +103,14 @@ def test_where_the_first_floor_is_not_seen_something_stands_at_the_least_range()
     assert made.floor_seen == 0.0
 
 
-def test_what_stands_is_seen_where_it_is_and_hides_the_floor_behind_it():
+def test_an_obstacle_is_seen_where_it_is_and_occludes_the_floor_behind_it():
     for x in (0.63, 0.8, 1.07):
         model, _, ranges = of_camera(room(BODY, [(x, -2.0, 0.0, x + 0.2, 2.0, 0.6)], CAM))
         assert ranges * np.cos(bearings(model)) == pytest.approx(x, abs=0.02)
 
 
 @pytest.mark.parametrize("left", [-0.3, -0.15, -0.05, 0.02, 0.11])
-def test_a_thing_before_the_first_floor_is_why_that_is_not_seen(left):
+def test_an_obstacle_before_the_first_floor_explains_why_it_is_not_seen(left):
     """Beside it, in a sector that it hides in part, nothing is too near."""
     thing = (0.42, left, 0.0, 0.47, left + 0.1, 0.3)
     model, _, ranges = of_camera(room(BODY, [thing], CAM), noise=0.01)

@@ -35,7 +35,7 @@ class Topic:
             heard(Received(message, 0.0))
 
 
-def test_until_something_is_said_the_robots_file_counts():
+def test_until_a_message_arrives_the_robots_file_applies():
     assert Topic().told.read() == (None, "")
 
 
@@ -79,7 +79,7 @@ def test_an_outline_is_taken_from_the_axle_where_that_is_not_the_bases_origin():
         (BOX, "", "in the frame ''"),
     ],
 )
-def test_what_is_no_outline_is_one_sentence_and_the_one_before_counts(corners, frame, said):
+def test_an_invalid_outline_is_refused_and_the_earlier_one_applies(corners, frame, said):
     topic = Topic()
     topic.say(BOX)
     before = topic.told.read()[0]
@@ -92,7 +92,7 @@ def test_what_is_no_outline_is_one_sentence_and_the_one_before_counts(corners, f
     assert topic.told.read() == (before, "")
 
 
-def test_bytes_that_are_no_message_are_told_of():
+def test_bytes_that_are_no_message_are_reported():
     topic = Topic()
     topic.heard[0](Received(None, 0.0, "7 bytes are no PolygonStamped"))
     assert topic.told.read() == (

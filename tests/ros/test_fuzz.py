@@ -15,7 +15,7 @@ def test_whatever_bytes_come_nothing_breaks_and_it_drives_again(seconds):
 
 
 @pytest.mark.slow
-def test_bytes_that_are_no_messages_move_nobody():
+def test_bytes_that_are_no_message_do_not_move_the_robot():
     assert fuzz.main(120.0, seed=6, driven=False) == []
 
 

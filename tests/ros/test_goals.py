@@ -103,7 +103,7 @@ def network(request):
     made.close()
 
 
-def test_goals_paths_and_told_poses_are_heard_once(network):
+def test_goals_paths_and_initial_poses_are_received_once(network):
     network.goals.way()
     network.out[GOAL].send(goal(3.0, -1.0))
     got = []
@@ -155,7 +155,7 @@ def test_a_path_that_is_the_route_already_is_no_new_one(network):
     assert got[-1][1][-1].tolist() == pytest.approx([5.5, 0.1])
 
 
-def test_a_pose_that_says_nothing_of_its_certainty_is_within_some_steps():
+def test_a_pose_without_covariance_gets_a_default_covariance():
     from cohelm.ros.goals import placed
 
     sure = [placed("/t", told(variance=v).pose) for v in (0.0, 1e-9, 0.25, 900.0)]

@@ -87,13 +87,13 @@ def test_a_lock_that_was_on_for_a_moment_is_not_missed(locked, others):
     assert says(one, "is on")
 
 
-def test_a_lock_that_has_to_be_told_again_and_again_locks_when_it_falls_silent(locked):
+def test_an_interlock_with_a_timeout_locks_when_it_falls_silent(locked):
     one = locked(silence=0.3)
     assert not one.faults()
     assert says(one, "silent for more than 0.3 s")
 
 
-def test_who_commands_the_base_too_is_a_fault_from_when_he_comes_until_he_goes(locked):
+def test_another_publisher_of_commands_is_a_fault_while_it_is_there(locked):
     one, free = locked(), locked(bypass=True)
     theirs = DdsTransport("teleop")
     theirs.publish("/cmd_vel", TWIST, COMMAND)
@@ -104,7 +104,7 @@ def test_who_commands_the_base_too_is_a_fault_from_when_he_comes_until_he_goes(l
 
 
 @pytest.mark.parametrize("error", [CohelmError("closed"), RuntimeError("damaged")])
-def test_a_watch_that_can_not_look_is_a_fault_until_it_can(error):
+def test_an_interlock_that_can_not_be_polled_is_a_fault_until_it_can(error):
     class Sightless:
         """Of a transport, what the watch asks for; it fails, once it is told to."""
 
@@ -128,7 +128,7 @@ def test_a_watch_that_can_not_look_is_a_fault_until_it_can(error):
     one.close()
 
 
-def test_what_is_no_lock_is_told_before_anything_moves():
+def test_an_unusable_interlock_is_reported_before_anything_moves():
     by = Endpoint(LOCK, "std_msgs/msg/String", COMMAND, True, "/panel")
     right = Endpoint("/stop", BOOL, COMMAND, True, "/button")
     _, wrong = lock(LOCK, [by, right])
@@ -151,7 +151,7 @@ def test_a_lock_is_in_the_namespace_or_there_is_none():
         Topics.named(lock="no name")
 
 
-def test_a_latched_stop_names_the_topic_that_lets_go_of_it():
+def test_a_latched_stop_names_the_topic_that_resets_it():
     gate = SimpleNamespace(mode=GateMode.FAULTED, reason="the robot says: /stop is on")
     kind, text = _reason(None, "", None, None, gate, "/j100/cohelm_filter/reset")
     assert kind == "gate"
@@ -162,7 +162,7 @@ def test_a_latched_stop_names_the_topic_that_lets_go_of_it():
 
 
 @pytest.mark.slow
-def test_pressed_it_stops_the_base_and_let_go_of_it_needs_a_reset(others):
+def test_a_pressed_interlock_stops_the_base_and_its_release_needs_a_reset(others):
     button = others.publish(LOCK, BOOL, LATCHED)
     button.send(Bool(False))
     reset = resetting(others)

@@ -53,7 +53,7 @@ def test_its_axes_are_those_of_teleop_twist_joy():
     assert joy.operator.problem() == ""
 
 
-def test_without_its_button_it_is_centred_and_not_gone():
+def test_without_its_enable_button_it_is_centred_and_not_lost():
     joy = Topic()
     joy.say(0.5, 0.5, held=False)
     assert joy.stick == CENTRED
@@ -94,7 +94,7 @@ def test_silent_it_is_no_centred_stick_but_none():
         ({"x": 32767.0}, "its axes are 32767 and 0, and go from -1 to 1: fix its driver"),
     ],
 )
-def test_what_is_no_stick_is_one_sentence_and_none_that_steers(wrong, said):
+def test_invalid_joystick_messages_are_refused_and_steer_nothing(wrong, said):
     joy = Topic()
     joy.say(**wrong)
     assert joy.stick is None
@@ -122,7 +122,7 @@ def test_a_deflection_that_nothing_changes_is_of_no_hand(x, patience):
     assert joy.operator.problem() == ""
 
 
-def test_why_a_stick_is_lost_is_what_its_topic_says():
+def test_the_reason_of_a_lost_stick_comes_from_its_topic():
     joy, dt = Topic(), 0.02
     joy.say()
     state = updated(StickState(), joy.operator.receive(), ArmingParams(), dt)
@@ -166,7 +166,7 @@ def test_a_parameter_that_is_none_is_refused(pair, said):
         joy_params([pair])
 
 
-def test_a_joystick_that_nobody_publishes_is_told_of(monkeypatch):
+def test_a_joystick_topic_without_publisher_is_reported(monkeypatch):
     monkeypatch.setattr("cohelm.ros.joy._WAITS", 0.05)
     assert (
         Topic()

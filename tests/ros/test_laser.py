@@ -95,7 +95,7 @@ def test_the_time_of_a_sweep_is_that_of_its_beams():
     [message(0.0, 0.0, [1.0, 2.0]), message(math.nan, STEP, [1.0, 2.0]), message(0.0, STEP, [1.0]),
      message(0.0, 0.1, np.ones(100)), message(0.0, STEP, [1.0, 2.0], range_max=math.nan)],
 )  # fmt: skip
-def test_what_is_no_scan_is_refused(wrong):
+def test_invalid_scans_are_refused(wrong):
     with pytest.raises(CohelmError, match="/scan"):
         lidar_model(wrong, "/scan", UPRIGHT, 10.0, 0.0, None)
     assert laser.NOISE > 0.0

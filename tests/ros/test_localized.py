@@ -128,7 +128,7 @@ def test_the_robot_is_found_on_the_map_by_its_odometry_and_the_transform(pair):
     )
 
 
-def test_the_path_is_told_to_who_comes_later_and_again_when_it_is_another(pair, request):
+def test_the_path_is_latched_and_published_again_when_it_changes(pair, request):
     (ours, theirs), space = pair, fresh("way")
     robot = Robot(ours, space)
     robot.take(LINE)
@@ -145,7 +145,7 @@ def test_the_path_is_told_to_who_comes_later_and_again_when_it_is_another(pair, 
 
 
 @pytest.mark.parametrize("pair", LASTING, indirect=True)
-def test_the_map_is_told_once_to_who_comes_later_too(pair):
+def test_the_map_is_published_once_and_latched(pair):
     (ours, theirs), space = pair, fresh("drawn")
     robot = Robot(ours, space)
     robot.localized.draw(ROOM)
@@ -164,7 +164,7 @@ def test_the_map_is_told_once_to_who_comes_later_too(pair):
 
 
 @pytest.mark.parametrize("pair", LASTING, indirect=True)
-def test_beside_a_map_server_no_map_is_told_and_that_is_said(pair):
+def test_beside_a_map_server_no_map_is_published_and_that_is_reported(pair):
     (ours, theirs), space = pair, fresh("served")
     other = theirs.publish(f"{space}/map", GRID, LATCHED)
     assert until(lambda: any(one.topic == f"{space}/map" for one in ours.endpoints()))
@@ -176,7 +176,7 @@ def test_beside_a_map_server_no_map_is_told_and_that_is_said(pair):
     assert other is not None
 
 
-def test_while_lost_nothing_is_said_and_found_again_it_is(pair):
+def test_while_lost_no_pose_is_published_and_when_localized_it_is(pair):
     """By their stamps: on its way through a bridge a transform may take any time."""
     (ours, theirs), space = pair, fresh("lost")
     tf = Heard(theirs, f"{space}/tf", TF)
@@ -197,7 +197,7 @@ def test_while_lost_nothing_is_said_and_found_again_it_is(pair):
 
 
 @pytest.mark.parametrize("topic", ["tf", "tf_static"])
-def test_beside_another_that_publishes_the_frame_none_is_published_and_that_is_said(
+def test_beside_another_publisher_of_the_frame_none_is_published_and_that_is_reported(
     pair, topic, request
 ):
     if topic == "tf_static" and request.node.callspec.id.startswith("to_foxglove"):
@@ -219,7 +219,7 @@ def test_beside_another_that_publishes_the_frame_none_is_published_and_that_is_s
     assert said.startswith(f"world -> {robot.odom} is published by another node (amcl, slam_")
 
 
-def test_it_goes_where_the_base_says_its_own_and_can_be_left_out(pair):
+def test_the_outline_goes_to_the_topic_beside_the_bases_own_and_can_be_left_out(pair):
     ours, theirs = pair
     base = theirs.publish("/tf", TF, COMMAND)
     tf = Heard(theirs, "/tf", TF)

@@ -42,7 +42,7 @@ def pair(request):
         transport.close()
 
 
-def test_masks_are_heard_by_who_comes_later_with_what_their_values_mean(pair):
+def test_masks_and_filter_infos_are_received_by_late_subscribers(pair):
     name, theirs, ours = pair
     space = f"/masks_{name}"
     kept_out, slow = Filter(theirs, space), Filter(theirs, space, "speed_info", "speed_mask")
@@ -154,7 +154,7 @@ def test_a_grid_that_can_not_be_used_is_one_sentence(two, n):
     assert refused(ours, f"/bad_grid_{n}", wait=5.0).startswith(f"/bad_grid_{n}/filter_mask: {why}")
 
 
-def test_what_is_not_there_or_never_comes_is_said_with_its_cure(two):
+def test_missing_or_silent_topics_are_reported_with_the_cure(two):
     theirs, ours = two
     assert refused(ours, "/none").startswith(
         "no node publishes /none/costmap_filter_info: start costmap_filter_info_server, or name "

@@ -117,7 +117,7 @@ def test_its_odometry_scans_and_mounts_are_found_and_it_hears_its_commands(peer,
     assert back[0].message.angular.z == -0.5
 
 
-def test_its_masks_are_heard_by_who_comes_later(peer, transport):
+def test_its_masks_are_received_by_late_subscribers(peer, transport):
     masks = Masks(transport, ("costmap_filter_info",), "map")
     (mask,) = masks.read(20.0)
     assert mask[:4] == ("/costmap_filter_info", "/filter_mask", KEEP_OUT, 0.0)
@@ -125,7 +125,7 @@ def test_its_masks_are_heard_by_who_comes_later(peer, transport):
     assert mask.cells.tobytes() == peer.mask.data.tobytes()
 
 
-def test_what_it_sends_that_is_no_message_harms_nothing(peer, transport):
+def test_invalid_messages_of_a_client_harm_nothing(peer, transport):
     rubbish, sound = [], []
     transport.subscribe("/rubbish", TWIST, SENSOR, rubbish.append)
     transport.subscribe("/odom", ODOMETRY, SENSOR, sound.append)
@@ -133,7 +133,7 @@ def test_what_it_sends_that_is_no_message_harms_nothing(peer, transport):
     assert all(received.message is None and received.damage for received in rubbish)
 
 
-def test_a_quality_of_service_that_it_insists_on_and_never_gets_is_said(peer, transport):
+def test_an_incompatible_quality_of_service_is_reported(peer, transport):
     with pytest.raises(CohelmError) as error:
         look(transport, SALLY, Topics(out="/strict_cmd_vel"))
     assert "commands on /strict_cmd_vel never reach the base" in str(error.value)
@@ -161,7 +161,7 @@ def test_it_sees_nodes_topics_and_hashes_as_ros_does(peer):
     transport.close()
 
 
-def test_driven_through_the_filter_it_stops_for_a_wall_and_for_what_is_wrong(peer, transport):
+def test_behind_the_filter_it_stops_for_a_wall_and_for_faults(peer, transport):
     """Twist in, Twist out, and both ends are another vendor's; at last they are killed."""
     found = look(transport, SALLY, Topics())
     made = Filter(found, transport)

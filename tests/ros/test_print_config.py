@@ -56,7 +56,7 @@ def test_a_robots_topics_types_qos_and_transport_are_printed_and_nothing_is_driv
     assert base.truth().twist.v == 0.0
 
 
-def test_a_filters_and_a_robots_are_told_alike_in_json(base, cohelm):
+def test_filter_and_robot_are_described_alike_in_json(base, cohelm):
     robot = json.loads(cohelm("robot", "lab-guard", "--ros2", "--print-config", "--json").out)
     found = json.loads(cohelm("filter", "--robot", "sally", "--print-config", "--json").out)
     assert found["topics"].pop("command") == "/cmd_vel_nav"

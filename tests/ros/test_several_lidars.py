@@ -11,7 +11,7 @@ from tests.ros.stage import stage, until
 pytestmark = [pytest.mark.xdist_group("realtime"), pytest.mark.slow]
 
 
-def test_a_rear_lidar_is_heard_too_and_without_it_the_base_stands():
+def test_a_rear_lidar_is_used_too_and_without_it_the_base_stands():
     with stage(robot="sally-rear") as made:
         assert [lidar.name for lidar in made.found.model.lidars] == ["front", "rear"]
         assert made.turned_round()

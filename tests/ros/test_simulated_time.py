@@ -20,7 +20,7 @@ def told(times: list[tuple[float, float]], monkeypatch: pytest.MonkeyPatch) -> S
     return made
 
 
-def test_nothing_is_known_before_it_is_heard(monkeypatch):
+def test_nothing_is_known_before_the_first_message(monkeypatch):
     made = told([], monkeypatch)
     assert not made.known
     assert math.isnan(made.age(1.0))

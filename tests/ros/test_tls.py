@@ -104,7 +104,7 @@ def bridge(folder: Path, talk: Callable[[ServerConnection], Awaitable[None]]) ->
         loop.close()
 
 
-def test_what_goes_both_ways_at_once_arrives_whole_and_in_its_order(tmp_path, monkeypatch):
+def test_traffic_in_both_directions_arrives_whole_and_in_order(tmp_path, monkeypatch):
     came: list[bytes] = []
 
     async def pour(there: ServerConnection, subscription: int) -> None:
@@ -152,7 +152,7 @@ def test_what_goes_both_ways_at_once_arrives_whole_and_in_its_order(tmp_path, mo
         assert said == [f"{k} " + "y" * (k % 9 * 20_000) for k in range(COUNT)]
 
 
-def test_one_whom_nobody_vouches_for_is_refused(tmp_path):
+def test_a_certificate_without_a_trusted_issuer_is_refused(tmp_path):
     async def talk(there: ServerConnection) -> None:
         await there.wait_closed()
 

@@ -58,7 +58,7 @@ def test_driven_against_it_latches_and_after_a_reset_only_backs(fault, words):
         assert until(lambda: made.base.truth().pose.x < where - 0.1)
 
 
-def test_without_the_bumpers_messages_it_stands_and_names_it():
+def test_without_bumper_messages_it_stands_and_names_the_bumper():
     with stage(robot="touching") as made:
         assert made.drives(0.4)
         made.base.fault("no bumper")

@@ -63,7 +63,7 @@ def met(pair, topic: str) -> bool:
     return until(lambda: all(any(e.topic == topic for e in t.endpoints()) for t in pair), 5.0)
 
 
-def test_what_is_sent_is_heard_in_its_order_and_stamped_with_this_machines_clock(pair):
+def test_messages_arrive_in_order_and_are_stamped_with_the_local_clock(pair):
     one, two = pair
     heard = Heard(two, "/in_order", TWIST, Qos(True, False, 50))
     out = one.publish("/in_order", TWIST, Qos(True, False, 50))
@@ -95,7 +95,7 @@ def test_a_scan_arrives_to_the_last_bit(pair):
     )  # fmt: skip
 
 
-def test_what_was_said_before_is_told_to_who_comes_late_if_it_is_transient_local(pair, request):
+def test_transient_local_messages_reach_late_subscribers(pair, request):
     one, two = pair
     offers = request.node.callspec.params["pair"].graph  # a bridge's own publishers are volatile
     one.publish("/late_latched", TF, LATCHED).send(TFMessage([]))
@@ -107,7 +107,7 @@ def test_what_was_said_before_is_told_to_who_comes_late_if_it_is_transient_local
     assert not volatile
 
 
-def test_a_subscriber_that_wants_more_than_is_offered_hears_nothing(pair, request):
+def test_a_subscriber_with_stricter_qos_than_offered_receives_nothing(pair, request):
     if not request.node.callspec.params["pair"].insists:
         pytest.skip("a bridge subscribes as its publishers offer, and zenoh refuses nobody")
     one, two = pair
@@ -158,7 +158,7 @@ def test_a_message_that_does_not_fit_its_type_is_refused(pair):
         out.send(String("no twist"))
 
 
-def test_a_type_that_nobody_knows_is_refused(pair):
+def test_an_unknown_type_is_refused(pair):
     with pytest.raises(CohelmError, match="my_msgs/msg/Mine is no message type"):
         pair[0].publish("/mine", "my_msgs/msg/Mine", COMMAND)
 
@@ -179,7 +179,7 @@ def test_it_can_be_spoken_to_from_several_threads(pair):
     assert until(lambda: len(heard) == 200)
 
 
-def test_a_subscription_that_was_ended_hears_no_more_and_others_go_on(pair):
+def test_an_ended_subscription_receives_nothing_and_others_continue(pair):
     one, two = pair
     first, other = [], Heard(two, "/ended", TWIST, Qos(True, False, 50))
     end = two.subscribe("/ended", TWIST, Qos(True, False, 50), first.append)
@@ -214,7 +214,7 @@ def test_two_on_one_topic_hear_it_both_and_the_later_one_what_lasts(kind):
 
 
 @pytest.mark.parametrize("kind", TRANSPORTS.values(), ids=TRANSPORTS)
-def test_who_leaves_is_gone_and_what_it_leaves_behind_hurts_nobody(kind):
+def test_a_client_that_leaves_is_removed_and_its_rest_is_harmless(kind):
     stays, leaves = kind.two("stays", "/"), kind.one("leaves", "/")
     topic = f"/gone_{id(leaves)}"
     heard, out = Heard(stays, topic, TWIST), leaves.publish(topic, TWIST, COMMAND)

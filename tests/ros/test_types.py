@@ -56,7 +56,7 @@ def test_types_are_those_of_the_distribution_that_is_named(monkeypatch, name):
     assert {*KINDS, FILTER_INFO} <= made.fielddefs.keys()
 
 
-def test_a_distribution_that_nobody_knows_is_refused(monkeypatch):
+def test_an_unknown_ros_distribution_is_refused(monkeypatch):
     monkeypatch.setenv("ROS_DISTRO", "foxy")
     with pytest.raises(CohelmError, match="ROS_DISTRO is 'foxy', and there are humble, iron, jazz"):
         store()

@@ -166,7 +166,7 @@ def test_every_lidar_is_found_on_its_own_topic_and_where_it_is():
     assert [one.topic for one in found.lidars] == ["/scan", "/behind"]
 
 
-def test_a_lidar_that_is_not_heard_or_not_described_is_named():
+def test_a_silent_or_undescribed_lidar_is_named():
     with pytest.raises(CohelmError, match=r"/scan_rear.*--further-scan rear=TOPIC"):
         seen_rear(ENDS, REAR_FRAMES + readings())
     with pytest.raises(CohelmError, match="no further LiDAR 'left': describe it"):
@@ -179,7 +179,7 @@ def test_a_lidar_that_is_not_heard_or_not_described_is_named():
         seen_rear(REAR_ENDS, FRAMES + readings() + behind())
 
 
-def test_point_clouds_are_heard_where_the_robots_description_has_a_height_band():
+def test_point_clouds_are_received_where_the_robot_has_a_height_band():
     front, rear = REAR.lidars
     deep = rear.model_copy(update={"height_band_m": (0.05, 1.0)})
     model = REAR.model_copy(update={"further_lidars": (deep,)})
@@ -213,7 +213,7 @@ def test_point_clouds_are_heard_where_the_robots_description_has_a_height_band()
     robot.close()
 
 
-def test_single_ranges_are_heard_where_the_robots_description_has_a_range_sensor():
+def test_ranges_are_received_where_the_robot_has_a_range_sensor():
     rear = REAR.lidars[1]
     keys = {"name": "rear", "range_sensor": True, "field_of_view_deg": 30, "mount_x_m": -0.3}
     sonar = type(rear).model_validate(keys | {"mount_yaw_deg": 180, "range_max_m": 3})
@@ -263,7 +263,7 @@ def with_camera():
     return model, [(("/scan_rear", IMAGE), seen)] * 20, [(("/camera_info", CAMERA_INFO), said)]
 
 
-def test_depth_images_are_heard_with_the_camera_info_beside_them():
+def test_depth_images_are_received_with_their_camera_info():
     model, images, info = with_camera()
     ends = [*ENDS, out("/scan_rear", IMAGE, BEST_EFFORT)]
     frames = [(("/tf_static", TF), mounts(model))]
@@ -300,7 +300,7 @@ def test_a_robot_that_is_all_there_is_found_as_it_is():
     assert found.odom_clock.ahead == 0.0
 
 
-def test_what_is_printed_is_a_robots_file_that_a_person_would_have_written(capsys):
+def test_the_printed_config_is_a_readable_robot_file(capsys):
     found = seen_rear(REAR_ENDS, REAR_FRAMES + readings() + behind())
     print_found(found, found.model, {"scan": ("/scan",)}, False)
     out = capsys.readouterr().out
@@ -360,20 +360,20 @@ MISSING = [
 
 
 @pytest.mark.parametrize(("ends", "words"), MISSING)
-def test_what_is_missing_or_does_not_fit_is_said_with_its_cure(ends, words):
+def test_missing_or_mismatched_messages_are_reported_with_the_cure(ends, words):
     said = refused(ends, [])
     assert words in said
     assert all(line and not line.endswith(".") for line in said.splitlines())
 
 
-def test_the_type_that_the_base_wants_is_spoken():
+def test_commands_have_the_type_that_the_base_subscribes_to():
     ends = [*ENDS[:2], into("/cmd_vel", STAMPED)]
     assert seen(ends, FRAMES + readings()).out_type == STAMPED
     assert seen([*ENDS, ends[2]], FRAMES + readings(), Allowed(stamped=False)).out_type == TWIST
     assert "leave out --stamped" in refused(ENDS, [], Allowed(stamped=True))
 
 
-def test_what_can_not_be_read_is_said():
+def test_unreadable_files_are_reported():
     messages = FRAMES + [m for m in readings() if m[0][0] == "/odom"]
     said = refused(ENDS, [*messages, (("/scan", SCAN), None)])
     assert "what comes on /scan can not be read (7 bytes are no scan): is ROS_DISTRO here" in said
@@ -391,7 +391,7 @@ def test_clocks_that_differ_are_taken_into_account_up_to_a_bound_and_refused_bey
     assert "use_sim_time:=false" in refused(ENDS, FRAMES + readings(off=time.time() - 100.0))
 
 
-def test_a_frame_that_nobody_tells_of_is_refused_unless_the_model_may_say():
+def test_an_unknown_frame_is_refused_unless_the_mount_comes_from_the_model():
     said = refused(ENDS, FRAMES + readings(frame="velodyne"))
     assert "/scan is measured in the frame 'velodyne', and /tf_static does not say where" in said
     assert "it has base_link, laser" in said
@@ -400,7 +400,7 @@ def test_a_frame_that_nobody_tells_of_is_refused_unless_the_model_may_say():
     assert found.model.lidar.mount_z_m == SALLY.lidar.mount_z_m
 
 
-def test_what_two_publish_on_one_topic_is_refused_and_what_one_does_twice_is_told():
+def test_two_publishers_on_one_topic_are_refused_and_one_that_is_doubled_is_reported():
     again = out("/scan", SCAN, BEST_EFFORT, "/rear_driver")
     said = refused([*ENDS, again], FRAMES + readings())
     assert said == (
@@ -438,7 +438,7 @@ def test_scans_in_two_frames_are_of_two_lidars_and_refused_and_later_ones_are_le
     robot.close()
 
 
-def test_what_can_not_be_read_any_more_is_a_fault_and_a_few_such_messages_are_not():
+def test_undecodable_messages_are_a_fault_but_a_few_are_not():
     found = seen(ENDS, FRAMES + readings())
     for topic, kind in (("/odom", ODOMETRY), ("/scan", SCAN)):
         for many in (2, 3):
@@ -454,7 +454,7 @@ def test_what_can_not_be_read_any_more_is_a_fault_and_a_few_such_messages_are_no
             robot.close()
 
 
-def test_a_controller_that_is_elsewhere_or_says_something_else_is_told():
+def test_a_missing_or_mismatched_controller_is_reported():
     def note(*ends):
         found = seen([*ENDS, *ends], FRAMES + readings())
         (said,) = (one for one in found.notes if one.startswith("commands: "))
@@ -518,7 +518,7 @@ def simulated(at: float = 100.0):
     return [*FRAMES, *readings(time.time() - at)]
 
 
-def test_stamps_of_the_time_on_clock_are_taken_by_it_and_told_so():
+def test_stamps_in_simulated_time_are_compared_to_the_clock_topic_and_reported():
     found = seen(ENDS, [*clock(100.0), *simulated()])
     assert found.simulated
     assert "simulated time: /clock, 1.00 of the wall's" in found.notes

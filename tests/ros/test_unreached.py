@@ -56,7 +56,7 @@ def told(*ends, config=CONFIG) -> list[str]:
     return said
 
 
-def test_with_nobody_there_or_who_is_heard_nothing_is_said():
+def test_without_endpoint_or_with_a_reached_one_nothing_is_reported():
     assert told() == []
     ends = (("/r2/goal_pose", GOAL), ("/r2/goal_pose", PATH), ("/plan", PATH),
             ("/r2/initialpose", POSE), ("/r2/joy", JOY, BEST_EFFORT))  # fmt: skip
@@ -77,12 +77,12 @@ def test_with_nobody_there_or_who_is_heard_nothing_is_said():
         (("/r2/joy", TWIST), "sensor_msgs/msg/Joy is needed: name another topic with --joy"),
     ],
 )  # fmt: skip
-def test_who_is_never_heard_is_told_once(end, why):
+def test_an_unreached_endpoint_is_reported_once(end, why):
     (said,) = told(end)
     assert why in said
 
 
-def test_it_looks_by_itself_and_a_transport_that_is_gone_ends_nothing(monkeypatch):
+def test_the_check_polls_by_itself_and_survives_a_lost_transport(monkeypatch):
     monkeypatch.setattr("cohelm.ros.unreached._LOOK", 0.01)
     network, said, fails = Network(), list[str](), [3]
     endpoints = network.endpoints
@@ -100,7 +100,7 @@ def test_it_looks_by_itself_and_a_transport_that_is_gone_ends_nothing(monkeypatc
     made.close()
 
 
-def test_an_emergency_stop_that_can_not_be_heard_is_a_fault_whenever_it_comes():
+def test_an_emergency_stop_topic_without_data_is_a_fault_at_any_time():
     network = Network()
     one = Interlock(network, "/cmd_vel", "/emergency_stop")
     assert not one.faults()
@@ -116,7 +116,7 @@ def test_an_emergency_stop_that_can_not_be_heard_is_a_fault_whenever_it_comes():
     one.close()
 
 
-def test_bytes_of_a_joystick_that_can_not_be_read_are_told():
+def test_joystick_messages_that_can_not_be_decoded_are_reported():
     network, now = Network(), time.monotonic()
     joy = JoyOperator(network, "/joy", JoyParams(), lambda: now)
     assert joy.problem() == "/joy: nothing is received"

@@ -130,7 +130,7 @@ def test_auto_takes_zenoh_where_it_is_the_middleware_and_is_installed(monkeypatc
     assert "eclipse-zenoh is not installed (pip install 'eclipse-zenoh>=" in why
 
 
-def test_what_is_missing_is_said_with_its_cure(monkeypatch):
+def test_missing_messages_are_reported_with_the_cure(monkeypatch):
     monkeypatch.setattr(ours, "_OPEN", 0.1)
     with pytest.raises(CohelmError, match=r"no zenoh router answers at tcp/127.0.0.1:9: .*zenohd"):
         ZenohTransport(url="tcp/127.0.0.1:9")
@@ -162,7 +162,7 @@ def test_rmw_zenohs_own_settings_name_the_router(monkeypatch, tmp_path):
     transport.close()
 
 
-def test_a_router_that_is_gone_is_said_and_found_again_when_it_is_back():
+def test_a_lost_router_is_reported_and_reconnected_when_it_is_back():
     alone()
     first = Router()
     one = ZenohTransport("one", url=first.url)

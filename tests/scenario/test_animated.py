@@ -100,7 +100,7 @@ def test_what_is_fixed_to_a_model_off_its_origin_goes_along_and_a_box_is_the_dis
     assert at(made, 0.0)[4] == pytest.approx(0.5)
 
 
-def test_a_plugin_that_nobody_has_the_source_of_is_named_and_stands(folder):
+def test_a_plugin_without_source_is_named_and_its_model_stands(folder):
     seen = read_gazebo(folder / "worlds" / "world_3.world", 0.3)
     assert seen.animations == (None,)
     assert seen.discs[0, :2] == pytest.approx([-0.225, 0.075])

@@ -133,7 +133,7 @@ def test_a_stick_file_shorter_than_the_run_is_a_warning(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["lab-avoid", "lab-shared", "lab-track"])
-def test_the_lab_asks_nothing_that_sally_can_not_do(name):
+def test_the_lab_requests_nothing_beyond_the_limits_of_sally(name):
     assert build.warnings(scenario(name=name)) == []
 
 

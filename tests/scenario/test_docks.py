@@ -36,7 +36,7 @@ def dock(**changed) -> DockModel:
     return DockModel.model_validate(keys | changed)
 
 
-def test_a_dock_with_room_is_taken(room, outline):
+def test_a_dock_with_enough_clearance_is_accepted(room, outline):
     (made,) = checked([dock()], outline, HARD, room, None)
     assert made.name == "charger"
     assert made.pose == (2.5, 0.0, 0.0)

@@ -34,7 +34,7 @@ def refusal(text: str, *overrides: str) -> str:
     return str(caught.value)
 
 
-def test_what_is_left_out_is_the_papers(tmp_path):
+def test_omitted_options_have_the_values_of_the_paper(tmp_path):
     law = parsed(GOOD).law
     assert (law.tracking.k_x, law.tracking.k_psi) == (0.9, 1.0)
     assert (law.filter, law.barrier.K, law.barrier.C) == ("guard", 0.5, 0.5)
@@ -71,7 +71,7 @@ def test_what_is_left_out_is_the_papers(tmp_path):
         ("name: mine", "name: 7", "mine.yaml:1: name: must be text, got 7; put it in quotes"),
     ],
 )
-def test_a_wrong_key_or_value_is_told_with_its_line_and_what_may_stand_there(was, becomes, said):
+def test_a_wrong_key_or_value_is_reported_with_its_line_and_the_allowed_values(was, becomes, said):
     assert was in GOOD
     assert said in refusal(GOOD.replace(was, becomes, 1))
 
@@ -96,7 +96,7 @@ def test_a_wrong_key_or_value_is_told_with_its_line_and_what_may_stand_there(was
         ("name: again", "mine.yaml:9: name: given twice, first at mine.yaml:1; remove one"),
     ],
 )
-def test_a_wrong_section_is_told(extra, said):
+def test_a_wrong_section_is_reported(extra, said):
     assert said in refusal(GOOD + extra + "\n")
 
 
@@ -115,7 +115,7 @@ def test_a_wrong_section_is_told(extra, said):
         ("[" * 5000, "nested too deeply"),
     ],
 )
-def test_what_is_not_a_yaml_scenario_is_told(text, said):
+def test_a_file_that_is_not_a_yaml_scenario_is_reported(text, said):
     assert said in refusal(text)
 
 
@@ -126,14 +126,14 @@ def test_nothing_in_a_file_is_evaluated(tmp_path):
     assert not proof.exists()
 
 
-def test_all_problems_of_a_file_are_told_at_once():
+def test_all_problems_of_a_file_are_reported_at_once():
     said = refusal(GOOD.replace("0.4", "fast").replace("m: 0.1", "m: -1") + "stik: 1\n")
     assert [line.split(": ")[0] for line in said.splitlines()] == [
         "mine.yaml:3", "mine.yaml:6", "mine.yaml:9",
     ]  # fmt: skip
 
 
-def test_two_obstacles_of_one_name_are_told_at_the_second():
+def test_two_obstacles_of_one_name_are_reported_at_the_second():
     twice = "  - {name: post, center_m: [2, 1], radius_m: 0.1}\n"
     said = refusal(GOOD.replace(twice, twice * 2))
     assert "mine.yaml:7: obstacles.1.name: obstacle 1 is called 'post' too" in said
@@ -172,13 +172,13 @@ def test_an_override_reaches_any_key_by_index_or_by_name():
         ("reference.waypoints_m=[1", "not valid YAML"),
     ],
 )
-def test_a_wrong_override_is_told_by_its_own_words(override, said):
+def test_a_wrong_override_is_quoted(override, said):
     told = refusal(GOOD, override)
     assert told.startswith(f"--set {override}")
     assert said in told
 
 
-def test_a_missing_file_is_told_with_the_nearest_name(tmp_path):
+def test_a_missing_file_is_reported_with_the_nearest_name(tmp_path):
     (tmp_path / "garden.yaml").write_text(GOOD)
     for path, said in [
         (tmp_path / "gardn.yaml", "no such file; did you mean garden.yaml?"),
@@ -192,7 +192,7 @@ def test_a_missing_file_is_told_with_the_nearest_name(tmp_path):
         assert said in str(caught.value)
 
 
-def test_a_file_that_is_not_text_or_not_ours_to_read_is_told(tmp_path):
+def test_a_binary_or_unreadable_file_is_reported(tmp_path):
     picture = tmp_path / "picture.yaml"
     picture.write_bytes(b"\x89PNG\r\n\xff\xfe")
     with pytest.raises(CohelmError, match="not a text file in UTF-8"):
@@ -216,7 +216,7 @@ def test_a_robot_is_found_by_name_or_beside_the_scenario(tmp_path):
     assert made.robot.name == "rover"
 
 
-def test_a_robot_that_is_not_there_or_not_whole_is_told(tmp_path):
+def test_a_missing_or_incomplete_robot_file_is_reported(tmp_path):
     mine, rover = tmp_path / "mine.yaml", tmp_path / "rover.yaml"
     rover.write_text(
         "name: r\ntrack_m: 0.5\nwheel_radius_m: 0\n"

@@ -50,7 +50,7 @@ THROUGH = (
 
 
 @pytest.mark.parametrize("senses", ["truth", "lidar"])
-def test_on_a_map_the_robot_finds_the_way_round_a_wall(office, senses):
+def test_on_a_map_the_robot_plans_a_path_round_a_wall(office, senses):
     made = build.setup(load.scenario(written(office, THROUGH + f"senses: {senses}\n")))
     metrics = measure(run(made))
     assert metrics.reached
@@ -171,7 +171,7 @@ def test_a_barn_world_comes_with_route_start_goal_and_time(tmp_path):
         ),
     ],
 )
-def test_what_can_not_be_run_is_told(tmp_path, text, said):
+def test_scenarios_that_can_not_run_are_reported(tmp_path, text, said):
     if "robot:" in text:
         file = tmp_path / "mine.yaml"
         file.write_text(HEAD.replace("robot: jackal\n", "") + text)

@@ -104,7 +104,7 @@ def test_a_lying_cylinder_is_not_smaller_than_it_is(gazebo):
 @pytest.mark.parametrize(
     ("height", "found"), [(0.5, 1), (-0.6, 0), (2.4, 1), (2.6, 0), (-0.49, 0), (-0.4, 1)]
 )
-def test_only_what_is_at_the_height_of_the_robot_is_in_the_way(gazebo, height, found):
+def test_only_obstacles_at_the_height_of_the_robot_count(gazebo, height, found):
     round_ = model(cylinder(), collision=f"0 0 {height} 0 0 0")
     square = model(box(1, 1), collision=f"0 0 {height} 0 0 0")
     seen = gazebo(sdf(round_, square))
@@ -463,7 +463,7 @@ def test_a_description_that_is_no_map_is_refused(tmp_path, text):
 
 
 @pytest.mark.parametrize("name", ["turtlebot3_world", "uob_vfh_training_arena"])
-def test_a_real_map_is_read_as_its_legend_says(tmp_path, name):
+def test_a_real_map_is_read_by_its_thresholds(tmp_path, name):
     about = json.loads(shared("maps/maps.json").read_text())[name]
     (tmp_path / "m.yaml").write_text(
         f"image: {DATA / 'maps' / about['png']}\nresolution: {about['resolution']}\n"

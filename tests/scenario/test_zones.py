@@ -107,7 +107,7 @@ def test_where_speed_zones_lie_over_each_other_the_lower_counts_in_either_order(
         assert slow.limit(np.array([(0.5, 0.5)])) == pytest.approx(first)
 
 
-def test_what_is_shown_of_zones_is_in_the_record_of_a_run_and_comes_back(tmp_path):
+def test_zones_are_in_the_record_of_a_run_and_are_read_back(tmp_path):
     made = zoned_scenario(
         f"{{keep_out_m: [{ACROSS}], speed: [{SLOW}]}}", "simulation.duration_s=0.2"
     )
@@ -151,7 +151,7 @@ def test_zones_that_make_no_sense_are_refused_in_a_sentence(zones, changes, why)
     assert why in str(error.value)
 
 
-def test_without_zones_nothing_is_told():
+def test_without_zones_nothing_is_published():
     assert zone_messages(None, 0.5) == ()
     assert ZonesModel().read(START) is None
     assert math.isinf(build.setup(zoned_scenario("{}")).pilot.settings.fastest)

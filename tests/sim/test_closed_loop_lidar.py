@@ -55,7 +55,7 @@ def test_a_walker_is_followed_with_its_velocity_and_let_pass(monkeypatch):
         assert math.hypot(d[2], d[3] - 0.5) < 0.3
 
 
-def test_where_nothing_moves_nothing_is_taken_to(monkeypatch):
+def test_in_a_static_world_no_mover_is_reported(monkeypatch):
     standing = [Body((2.0, 0.1, 0.0, 0.0, 0.2, 0.6)), Body((4.0, -0.8, 0.0, 0.0, 0.3, 0.6))]
     made, known = watched(monkeypatch, with_pilot(crossing(*standing), lidar=SALLY.lidar))
     assert made.rows["arrived"][-1]
@@ -65,7 +65,7 @@ def test_where_nothing_moves_nothing_is_taken_to(monkeypatch):
 
 
 @pytest.mark.slow
-def test_in_random_rooms_nobody_that_it_follows_is_driven_into(monkeypatch):
+def test_in_random_rooms_no_followed_person_is_hit(monkeypatch):
     """20 rooms with Sally's own LiDAR, blind to the rear. Walkers mind nobody: they step out from
     behind things, or through them, and come from where it does not see."""
     begun = []

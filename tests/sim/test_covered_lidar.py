@@ -36,7 +36,7 @@ def visit(there, spot):
     first([(SHUT, (-2.5, 0.1), (0.9, 0.0)), (DEAD_END, (3.5, 0.0), (0.0, 0.0))]),
     ids=["from behind", "from ahead"],
 )
-def test_it_holds_still_while_somebody_is_in_its_lidar(walls, there, spot):
+def test_the_robot_stands_while_a_person_covers_its_lidar(walls, there, spot):
     """He comes up a dead end, or from where nothing looks; after a while no track tells of him."""
     setup = Setup(
         Pose(0.0, 0.0, 0.0), through([[0, 0], [2, 0], [3.5, 0]], 0.5), SALLY.outline,

@@ -53,7 +53,7 @@ def test_a_contact_that_began_while_it_stood_is_standing_also_if_it_then_moves(s
     assert 0 < seen.touched < seen.steps == 99
 
 
-def test_who_departs_into_something_else_has_a_moving_contact_as_well():
+def test_departing_into_another_obstacle_is_a_moving_contact():
     speeds = np.zeros(100)
     speeds[90:] = -0.5
     wall = np.array([[-0.35, -1.0, -0.35, 1.0]])
@@ -89,7 +89,7 @@ def test_two_visits_are_two_contacts():
     assert run(np.zeros(200), there).standing == 2
 
 
-def test_what_is_jumped_over_within_one_step_is_touched():
+def test_an_obstacle_jumped_over_within_one_step_counts_as_touched():
     wall = np.array([[1.0, -1.0, 1.0, 1.0]])
     robot = np.array([[0.01, 0.3], [-0.01, 0.3], [-0.01, -0.3], [0.01, -0.3]])
     rows, discs = np.zeros(3, dtype=ROW), np.empty((3, 0, 6))

@@ -63,7 +63,7 @@ def test_the_same_seed_makes_the_same_run_to_the_last_bit():
     assert run(1)[1] != run(2)[1]
 
 
-def test_how_often_one_looks_does_not_change_what_happens():
+def test_the_sampling_of_a_mover_does_not_change_its_motion():
     often, seldom = (Kinematic(sally(), obstacles=room(), seed=5) for _ in range(2))
     for robot, step in ((often, TICK), (seldom, 0.1)):
         robot.send(Twist(0.4, 0.7))
@@ -127,7 +127,7 @@ def test_exact_odometry_is_the_truth():
     assert pose == pytest.approx(robot.truth().pose, abs=2e-4)
 
 
-def test_odometry_is_as_wrong_as_its_model_says():
+def test_odometry_errors_follow_its_model():
     """500 robots drive 10 m straight: scale and slip show in the distance, the gyro in the yaw."""
     model = OdometryModel(
         distance_error=0.01, slip=0.005, gyro_drift_degps=0.05, gyro_noise_degps=0.2

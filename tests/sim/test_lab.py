@@ -55,7 +55,7 @@ def test_with_less_steering_the_mover_is_met_barely_outside_its_circle():
     assert np.abs(trace.rows["safe_v"]).max() == pytest.approx(2.2, abs=0.1)
 
 
-def test_with_little_steering_the_robot_is_held_and_then_asked_for_metres_per_second():
+def test_with_a_small_k_cbf_the_robot_is_held_and_then_commanded_metres_per_second():
     """E3, E5: k_cbf = 0.25; the reference runs up to 5 m ahead."""
     trace = run(lab_run(0.25))
     assert 0.0 < min(least(trace).values()) < 0.002

@@ -110,7 +110,7 @@ def assert_between(near, ranges, far):
 
 
 @given(pose, sensor, some_discs, some_walls)
-def test_every_beam_ends_where_brute_force_says(at, model, rows, walls):
+def test_every_beam_ends_where_brute_force_computes(at, model, rows, walls):
     lidar = model.lidar()
     origin, beams = rays(at, lidar)
     near, far = (
@@ -254,7 +254,7 @@ def test_a_coarse_sensor_does_not_see_what_is_behind_a_beam():
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-12, -1e-12])
-def test_a_sensor_on_a_wall_is_blind_and_knows_it(gap):
+def test_a_sensor_against_a_wall_reports_that_it_is_blind(gap):
     wall = np.array([[-30.0, gap, 30.0, gap]])
     assert (seen(Pose(0.1, 0.0, 0.3), LidarModel().lidar(), walls=wall) == -math.inf).all()
 

@@ -65,7 +65,7 @@ def held(trace):
     return (trace.rows["stick_x"] != 0.0) | (trace.rows["stick_psi"] != 0.0)
 
 
-def test_the_person_takes_the_stick_for_an_obstacle_and_lets_go_afterwards(dodging):
+def test_the_simulated_operator_takes_the_stick_for_an_obstacle_and_releases_it_afterwards(dodging):
     on = held(dodging)
     assert on.any()
     assert not on[0]
@@ -88,7 +88,7 @@ def test_the_hand_stays_on_the_stick_and_moves_no_faster_than_a_hand(dodging):
         assert np.abs(dodging.rows[axis]).max() <= 1.0
 
 
-def test_nobody_touches_the_stick_in_an_empty_world():
+def test_the_simulated_operator_does_not_touch_the_stick_in_an_empty_world():
     trace = run(lab_run(operator=PERSON, obstacles=world(([], NO_WALLS)), names=()))
     assert not held(trace).any()
 

@@ -14,7 +14,7 @@ from cohelm.sim.world import Body, world
 LONG = np.array([[0.5, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.5, -0.2]])
 
 
-def test_the_gap_is_the_outlines_own_and_counts_only_who_moves():
+def test_the_clearance_to_movers_is_from_the_real_outline():
     random = np.random.default_rng(3)
     n, m = 200, 5
     rows, discs = np.zeros(n, dtype=ROW), np.zeros((n, m, 6))
@@ -42,7 +42,7 @@ def test_the_gap_is_the_outlines_own_and_counts_only_who_moves():
     assert seen.closest == pytest.approx(gaps.min(), abs=1e-9) or not outside.all()
 
 
-def test_nobody_who_moves_is_nobody_near():
+def test_a_robot_without_movers_has_no_mover_near():
     rows, discs = np.zeros(3, dtype=ROW), np.full((3, 1, 6), 0.0)
     assert approached(Proximity(), rows, discs, LONG, np.array([False])) == Proximity(FAR, 0)
 

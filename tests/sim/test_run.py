@@ -167,7 +167,7 @@ def test_fast_turns_in_free_space_are_blamed_on_the_heading_and_no_obstacle():
     assert (acting["limiting"] == -1).all()
 
 
-def test_a_number_that_is_not_finite_stops_the_robot_and_says_so():
+def test_a_number_that_is_not_finite_stops_the_robot_with_the_reason():
     hand = (np.array([1.0, 1.5]), np.array([math.nan, 0.0]), np.zeros(2))
     rows = run(lab_run(recorded_stick=replay(*hand), duration=3.0, limits=SALLY)).rows
     lost = (rows["t"] > 0.995) & (rows["t"] < 1.495)

@@ -129,7 +129,7 @@ def test_six_hundred_are_not_all_kept_and_the_page_is_served(server: Server) -> 
 
 
 @pytest.mark.parametrize("how", HOW)
-def test_who_sits_there_is_let_go_whatever_trickles_in(
+def test_idle_connections_are_closed_whatever_trickles_in(
     server: Server, monkeypatch: pytest.MonkeyPatch, how: str
 ) -> None:
     monkeypatch.setattr(serve, "HEAD_WITHIN", 0.5)
@@ -145,7 +145,7 @@ def test_who_sits_there_is_let_go_whatever_trickles_in(
     until(lambda: server._listener.count() == 0)
 
 
-def test_tls_handshakes_that_never_end_shut_nobody_out(tmp_path: Path, bare: Bare) -> None:
+def test_tls_handshakes_that_never_end_block_no_other_client(tmp_path: Path, bare: Bare) -> None:
     path, key, _ = certificate(tmp_path, "127.0.0.1")
     trusting = ssl.create_default_context(cafile=path)
     with (
@@ -186,7 +186,7 @@ def test_one_address_of_the_network_takes_only_its_own_room(
             sock.close()
 
 
-def test_who_is_known_is_never_let_go_for_strangers(
+def test_identified_clients_are_never_dropped_for_unidentified_ones(
     server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(listener, "MOST_WAITING", 5)

@@ -19,7 +19,7 @@ def at_dock(tmp_path: Path) -> Iterator[Robot]:
     made.close()
 
 
-def test_a_person_docks_undocks_and_is_shown_the_way_back(
+def test_an_operator_docks_and_undocks_and_sees_the_route_back(
     at_dock: Robot, context: BrowserContext
 ) -> None:
     with served(at_dock.connect) as server:

@@ -55,7 +55,7 @@ def test_our_own_page_is_let_in(open_server: Server) -> None:
 
 @pytest.mark.parametrize("origin", [None, "http://evil.example", "null", "https://127.0.0.1:{port}",
                                     "http://127.0.0.1", "http://localhost:{port}"])  # fmt: skip
-def test_a_page_from_elsewhere_is_refused(open_server: Server, origin: str | None) -> None:
+def test_a_page_of_another_origin_is_refused(open_server: Server, origin: str | None) -> None:
     origin = origin and origin.replace("{port}", str(open_server.port))
     with pytest.raises(InvalidStatus), opened(open_server, origin=origin):
         pass
@@ -84,7 +84,7 @@ def test_what_only_this_machine_reaches() -> None:
     assert not any(is_loopback(h) for h in ("0.0.0.0", "::", "10.0.0.1", "robot.local"))
 
 
-def test_nobody_drives_without_the_token_from_this_machine_neither(any_server: Server) -> None:
+def test_without_the_token_no_local_user_drives(any_server: Server) -> None:
     with pytest.raises(InvalidStatus), opened(any_server, "A" * 43):
         pass
     with pytest.raises(InvalidStatus), opened(any_server, any_server.token):  # it is no session
@@ -109,7 +109,7 @@ def test_the_token_opens_and_nothing_is_left_that_a_browser_sends_by_itself(
     assert asked(any_server, "GET", "/session", **shown).status == 204
 
 
-def test_wrong_tokens_are_soon_only_counted_and_lock_nobody_out(bare: Bare) -> None:
+def test_wrong_tokens_are_rate_limited_without_lockout(bare: Bare) -> None:
     """Whoever may guess, on this machine or behind the same address, must not shut out others."""
     with served(bare.connect, host="0.0.0.0") as server:
         said = [asked(server, "POST", "/session", "guess").status for _ in range(7)]
@@ -161,26 +161,26 @@ def test_a_link_to_the_page_may_be_followed_from_anywhere(open_server: Server) -
     assert asked(open_server, "GET", "/", **led).status == 200
 
 
-def test_pages_forbid_what_does_not_come_from_here(open_server: Server) -> None:
+def test_pages_forbid_other_origins(open_server: Server) -> None:
     answer = asked(open_server, "GET", "/")
     assert "default-src 'none'" in answer.headers["content-security-policy"]
     assert answer.headers["x-content-type-options"] == "nosniff"
 
 
 @pytest.mark.parametrize("text", ["hello", "[1]", '{"type":"dance"}'])
-def test_a_page_that_speaks_nonsense_is_let_go(open_server: Server, text: str) -> None:
+def test_a_page_that_sends_invalid_messages_is_disconnected(open_server: Server, text: str) -> None:
     with opened(open_server) as page:
         page.send(text)
         assert _closed(page) == 1008
 
 
-def test_a_page_that_says_too_much_at_once_is_let_go(open_server: Server) -> None:
+def test_a_page_that_sends_a_burst_of_messages_is_disconnected(open_server: Server) -> None:
     with opened(open_server) as page:
         page.send("x" * (serve.LARGEST_MESSAGE + 1))
         assert _closed(page) == 1009
 
 
-def test_a_page_that_says_too_much_in_a_second_is_let_go(open_server: Server) -> None:
+def test_a_page_that_sends_too_many_messages_a_second_is_disconnected(open_server: Server) -> None:
     with opened(open_server) as page:
         with suppress(ConnectionClosed):
             for _ in range(5000):
@@ -195,7 +195,7 @@ def _closed(page: ClientConnection) -> int | None:
     return page.close_code
 
 
-def test_a_request_that_never_ends_is_let_go_and_others_are_served(
+def test_a_request_that_never_ends_is_closed_and_others_are_served(
     open_server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(serve, "HEAD_WITHIN", 0.5)
@@ -214,7 +214,7 @@ def test_a_request_that_never_ends_is_let_go_and_others_are_served(
         one.close()
 
 
-def test_a_taken_port_is_said_with_the_cure(open_server: Server) -> None:
+def test_a_port_in_use_is_reported_with_the_cure(open_server: Server) -> None:
     with pytest.raises(CohelmError, match="--port"):
         Server(open_server.station.connect, "127.0.0.1", open_server.port)
 
@@ -264,6 +264,6 @@ def test_the_robots_address(text: str, where: tuple[str, int]) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "a:b", "a/b", "a:99999", ":80", "me@robot"])
-def test_what_is_no_address_is_said(text: str) -> None:
+def test_an_invalid_address_is_reported(text: str) -> None:
     with pytest.raises(CohelmError, match="HOST"):
         address(text, 7)

@@ -94,7 +94,7 @@ def test_a_download_comes_whole_with_its_length_and_its_hash(
     link.close()
 
 
-def test_a_ticket_fetches_its_record_alone_and_says_the_hash(
+def test_a_ticket_downloads_its_record_only_and_returns_the_hash(
     server: Server, tmp_path: Path
 ) -> None:
     content = written(tmp_path, 1000)
@@ -166,7 +166,7 @@ def test_three_hundred_megabytes_read_slowly_come_whole(
     print(f"\n{got / (time.monotonic() - began) / 1e6:.1f} MB/s, memory + {most / 1e6:.1f} MB")
 
 
-def test_a_download_is_gone_on_with_where_it_broke_off(server: Server, tmp_path: Path) -> None:
+def test_a_download_resumes_where_it_broke_off(server: Server, tmp_path: Path) -> None:
     content = written(tmp_path, 50_000)
     link, answer = begun(server, "/records/run.mcap")
     tag = answer.headers["etag"]
@@ -248,7 +248,7 @@ def test_a_record_that_grows_is_fetched_as_far_as_it_was(server: Server, tmp_pat
 
 
 @pytest.mark.slow
-def test_what_was_lost_with_a_connection_is_asked_for_again(
+def test_pieces_lost_with_a_connection_are_requested_again(
     server: Server, bare: Bare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(records, "AGAIN_AFTER", 0.5)
@@ -298,7 +298,7 @@ def test_a_robot_that_sends_other_bytes_than_it_has_fails_the_download(
     link.close()
 
 
-def test_a_reader_that_takes_nothing_is_let_go(
+def test_a_reader_that_never_reads_is_disconnected(
     server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(records, "TAKEN_WITHIN", 0.5)
@@ -309,7 +309,9 @@ def test_a_reader_that_takes_nothing_is_let_go(
     link.close()
 
 
-def test_downloads_are_so_many_at_once_and_the_next_is_told(server: Server, tmp_path: Path) -> None:
+def test_downloads_are_limited_and_the_next_is_refused_with_the_reason(
+    server: Server, tmp_path: Path
+) -> None:
     written(tmp_path, 20_000_000)
     going = [begun(server, "/records/run.mcap") for _ in range(records.MOST_AT_ONCE)]
     said = asked(server, "POST", "/records/run.mcap", **shown(server))
@@ -322,7 +324,7 @@ def test_downloads_are_so_many_at_once_and_the_next_is_told(server: Server, tmp_
     assert asked(server, "POST", "/records/run.mcap", **shown(server)).status == 200
 
 
-def test_a_hash_that_was_asked_for_on_a_lost_connection_is_asked_for_again(
+def test_a_hash_requested_on_a_lost_connection_is_requested_again(
     server: Server, bare: Bare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(records, "AGAIN_AFTER", 0.5)
@@ -364,7 +366,7 @@ def test_a_slow_download_holds_up_neither_pictures_nor_datagrams(
     link.close()
 
 
-def test_of_what_is_published_nothing_piles_up_at_a_station_that_does_not_look(
+def test_published_messages_do_not_accumulate_at_a_station_that_does_not_read(
     bare: Bare,
 ) -> None:
     end = StationEnd(bare.keys, "127.0.0.1", bare.port)
@@ -381,7 +383,7 @@ def test_of_what_is_published_nothing_piles_up_at_a_station_that_does_not_look(
         assert sum(isinstance(m, HealthReport) for m in watcher._news.values()) == 1
 
 
-def test_a_robot_that_sends_more_than_was_asked_for_is_left(bare: Bare, tmp_path: Path) -> None:
+def test_a_robot_that_sends_more_than_requested_is_disconnected(bare: Bare, tmp_path: Path) -> None:
     written(tmp_path, 40_000_000)
     end = StationEnd(bare.keys, "127.0.0.1", bare.port)
     with end, StationBulk(bare.keys, "127.0.0.1", bare.port, end.session) as careless:
@@ -392,9 +394,7 @@ def test_a_robot_that_sends_more_than_was_asked_for_is_left(bare: Bare, tmp_path
         assert sum(len(p.data) for p in careless.news() if isinstance(p, Piece)) < 17_000_000
 
 
-def test_the_list_and_a_hash_are_told_while_a_record_goes_out(
-    server: Server, tmp_path: Path
-) -> None:
+def test_the_list_and_a_hash_are_sent_during_a_download(server: Server, tmp_path: Path) -> None:
     written(tmp_path, 20_000_000)
     link, answer = begun(server, "/records/run.mcap")
     took: list[float] = []

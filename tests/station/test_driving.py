@@ -30,7 +30,7 @@ pytestmark = pytest.mark.xdist_group("realtime")
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
 
 
-def test_take_over_drive_with_the_keyboard_and_let_go(page: Page) -> None:
+def test_take_over_drive_with_the_keyboard_and_release(page: Page) -> None:
     expect(who(page)).to_contain_text("No driver")
     drive(page)
     page.keyboard.down("ArrowLeft")
@@ -40,7 +40,7 @@ def test_take_over_drive_with_the_keyboard_and_let_go(page: Page) -> None:
     release(page)
 
 
-def test_keys_that_do_not_steer_say_what_to_do_first(page: Page) -> None:
+def test_keys_without_effect_show_what_to_do_first(page: Page) -> None:
     stop = page.get_by_role("button", name="Stop the robot")
     place = stop.bounding_box()
     page.keyboard.down("ArrowUp")
@@ -70,7 +70,7 @@ def test_keys_in_a_field_do_not_steer(page: Page) -> None:
 
 
 @pytest.mark.parametrize("how", first(["space on a button", "space", "button"]))
-def test_stop_stops_and_only_the_driver_lets_it_drive_again(page: Page, how: str) -> None:
+def test_stop_stops_and_only_the_driver_resets_it(page: Page, how: str) -> None:
     drive(page)
     page.keyboard.down("ArrowLeft")
     expect(given(page)).to_contain_text(LEFT)
@@ -181,7 +181,7 @@ def test_after_a_stop_the_gamepad_alone_drives_on_and_by_no_less_than_a_long_pre
 
 
 @pytest.mark.slow
-def test_a_gamepad_that_stays_deflected_and_says_nothing_new_is_not_held(page: Page) -> None:
+def test_a_gamepad_that_stays_deflected_without_a_change_is_not_held(page: Page) -> None:
     """Its battery is flat, or it is out of reach: the receiver shows the last it heard."""
     page.add_init_script(PAD)
     page.reload()
@@ -228,7 +228,9 @@ def test_a_key_that_was_held_when_the_window_lost_the_focus_must_be_pressed_agai
 
 
 @pytest.mark.slow  # a busy machine makes gaps of its own
-def test_a_page_that_hangs_for_a_moment_goes_on_in_its_mode(browser: Browser, robot: Robot) -> None:
+def test_a_page_that_hangs_for_a_moment_continues_in_its_mode(
+    browser: Browser, robot: Robot
+) -> None:
     with served(robot.connect, stale=0.25) as server:
         page = browser.new_page()
         page.add_init_script(PAD)

@@ -177,7 +177,7 @@ def driven(server: Server, robot: Robot) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("how", first(["handshakes", "slow-loris", "requests"]))
-def test_who_drives_goes_on_while_the_port_is_flooded(
+def test_the_driver_continues_while_the_port_is_flooded(
     robot: Robot, server: Server, how: str
 ) -> None:
     with driven(server, robot):
@@ -206,7 +206,7 @@ def test_who_drives_goes_on_while_the_port_is_flooded(
     until(lambda: welcomed(server), WITHIN)
 
 
-def test_pages_that_leave_in_the_handshake_or_in_a_word_leave_nothing_behind(
+def test_pages_that_disconnect_in_the_handshake_or_in_a_message_leave_nothing_behind(
     server: Server, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(app, "GRACE", 0.1)
@@ -231,7 +231,7 @@ def test_pages_that_leave_in_the_handshake_or_in_a_word_leave_nothing_behind(
     assert welcomed(server)
 
 
-def test_a_page_that_is_gone_while_its_words_still_come_breaks_nothing_down(robot: Robot) -> None:
+def test_messages_of_a_page_that_is_gone_break_nothing(robot: Robot) -> None:
     operator = PageOperator("key", "operator 1", robot.connect, 0.25)
     heard, sent, gone = [0], [0], asyncio.Event()
 

@@ -11,7 +11,7 @@ from cohelm.station.operator import PageOperator
 
 
 @pytest.mark.parametrize("late", [0.0, 0.4, 5.0])
-def test_a_press_that_was_long_under_way_is_no_new_one(late):
+def test_a_press_that_was_delayed_in_transit_is_not_executed(late):
     asked = []
     link = SimpleNamespace(ask=lambda *request: asked.append(request) or 1)
     operator = PageOperator("key", "anna", lambda _: link, 0.25)

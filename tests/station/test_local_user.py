@@ -148,7 +148,7 @@ def test_another_user_of_this_machine_gets_nothing_but_the_empty_page(
     assert not server.station.operators
 
 
-def test_keys_of_a_drive_that_another_user_holds_out_are_not_taken(
+def test_drive_keys_of_another_user_are_refused(
     bare: Bare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A folder of his own making, or his files in one of ours, and he drives our stick."""

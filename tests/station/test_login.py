@@ -33,7 +33,7 @@ def inside(page: Page) -> None:
     expect(who(page)).to_contain_text("No driver")
 
 
-def test_the_token_is_asked_for_and_the_printed_address_has_it(
+def test_the_token_is_required_and_the_printed_address_has_it(
     context: BrowserContext, server: Server
 ) -> None:
     page = context.new_page()
@@ -42,7 +42,7 @@ def test_the_token_is_asked_for_and_the_printed_address_has_it(
         page.get_by_label("Token").fill(typed + "x" * wrong)
         page.get_by_role("button", name="Log in").click()
         if wrong:
-            expect(page.get_by_role("alert")).to_contain_text("not the token")
+            expect(page.get_by_role("alert")).to_contain_text("Wrong token")
     inside(page)
 
 
@@ -83,7 +83,7 @@ def test_one_click_on_the_printed_address_and_one_operator_is_in(
     assert session not in caplog.text
 
 
-def test_further_tabs_are_in_and_other_origins_know_nothing_of_it(
+def test_further_tabs_share_the_login_and_other_origins_do_not(
     context: BrowserContext, server: Server, bare: Bare
 ) -> None:
     page = context.new_page()
@@ -105,7 +105,7 @@ def test_further_tabs_are_in_and_other_origins_know_nothing_of_it(
 
 
 @pytest.mark.slow
-def test_a_login_in_one_tab_lets_the_waiting_ones_in(
+def test_a_login_in_one_tab_logs_in_the_waiting_tabs(
     context: BrowserContext, server: Server
 ) -> None:
     waiting = context.new_page()

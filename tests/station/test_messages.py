@@ -28,7 +28,7 @@ def test_the_pages_types_are_those_of_the_server() -> None:
         '{"type":"got","stream":"map"}', '{"type":"play","playing":true,"speed":0}',
     ],
 )  # fmt: skip
-def test_what_is_no_message_is_refused(text: str) -> None:
+def test_bytes_that_are_no_message_are_refused(text: str) -> None:
     with pytest.raises(ValidationError):
         from_page(text)
 

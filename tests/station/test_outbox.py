@@ -10,7 +10,7 @@ def test_a_newer_message_replaces_an_older_one_that_was_not_sent() -> None:
     assert box.take() == []
 
 
-def test_a_stream_stops_where_the_page_shows_nothing_and_goes_on_with_the_newest() -> None:
+def test_a_stream_pauses_while_the_page_is_hidden_and_resumes_with_the_newest() -> None:
     box = Outbox()
     sent: list[str | bytes] = []
     for n in range(10):
@@ -32,7 +32,7 @@ def test_credit_can_not_be_saved_up() -> None:
     assert len(sent) == CREDIT["frame"]
 
 
-def test_what_has_not_changed_is_not_sent_again() -> None:
+def test_unchanged_messages_are_not_sent_again() -> None:
     box = Outbox()
     box.put("who", "a", changed_only=True)
     assert box.take() == ["a"]

@@ -41,7 +41,7 @@ def asked():
     return ask
 
 
-def test_a_stick_is_believed_only_after_it_was_centred(asked) -> None:
+def test_a_stick_is_armed_only_after_it_was_centred(asked) -> None:
     assert asked(
         "input/arm.ts",
         "m.arm('absent', true, 0.5, 0, 0.1)", "m.arm('waiting', true, 0.2, 0, 0.1)",
@@ -71,7 +71,7 @@ def looks(*spans: tuple[int, int, str, bool], every: int = 20) -> str:
     ])  # fmt: skip
 
 
-def test_only_a_go_on_button_that_is_held_a_second_and_let_go_drives_on(asked) -> None:
+def test_only_a_resume_button_held_for_a_second_and_released_continues(asked) -> None:
     up, held = (0, 200, "reset", False), (200, 1240, "reset", True)
     cases = {
         "held and let go": looks(up, held, (1240, 1400, "reset", False)),
@@ -102,7 +102,7 @@ def test_only_a_go_on_button_that_is_held_a_second_and_let_go_drives_on(asked) -
     }
 
 
-def test_the_go_on_button_lets_go_of_a_stop_and_then_goes_on_in_the_mode_of_before(asked) -> None:
+def test_the_resume_button_resets_a_stop_and_then_resumes_the_previous_mode(asked) -> None:
     assert asked(
         "input/resume.ts",
         "m.next(false, true, 'hold', 'shared')", "m.next(true, true, 'hold', 'shared')",
@@ -111,7 +111,7 @@ def test_the_go_on_button_lets_go_of_a_stop_and_then_goes_on_in_the_mode_of_befo
     ) == ["", "reset", "shared", "", ""]  # fmt: skip
 
 
-def test_who_deflects_a_stick_that_does_not_steer_is_told_what_to_do_first(asked) -> None:
+def test_a_deflected_stick_without_effect_shows_what_to_do_first(asked) -> None:
     assert asked(
         "input/arm.ts",
         "m.needed(false, true, 'hold')", "m.needed(true, true, 'hold')",
@@ -124,7 +124,7 @@ def test_who_deflects_a_stick_that_does_not_steer_is_told_what_to_do_first(asked
     ]  # fmt: skip
 
 
-def test_alarms_that_say_the_same_are_one_with_one_button_and_over_once_all_are(asked) -> None:
+def test_equal_alarms_are_merged_and_cleared_once_all_are(asked) -> None:
     def alarm(number: int, active: bool, text: str = "the stick is lost") -> str:
         told = {"number": number, "active": active, "text": text, "severity": "alarm"}
         return json.dumps(told | {"acknowledged": False})
@@ -246,7 +246,7 @@ def test_what_comes_as_bytes_is_read_as_it_was_written(asked) -> None:
     assert nothing is None
 
 
-def test_zones_come_as_bytes_and_out_of_one_leads_the_shortest_way(asked) -> None:
+def test_zones_come_as_bytes_and_the_nearest_exit_is_the_shortest(asked) -> None:
     import math
     import zlib
 
@@ -274,7 +274,7 @@ def test_zones_come_as_bytes_and_out_of_one_leads_the_shortest_way(asked) -> Non
     assert out == pytest.approx([1.6, 1.5], abs=0.051)
 
 
-def test_what_the_robots_own_limits_shaped_is_not_said_to_be_held_back_for_something(asked) -> None:
+def test_a_command_shaped_by_the_robots_own_limits_names_no_obstacle(asked) -> None:
     def shaped(limiting: str, clearance: float) -> str:
         return (
             "m.why({why: '', nominal: [0, 1], applied: [0, 0.5], verdict: 'shaped', "
@@ -287,7 +287,7 @@ def test_what_the_robots_own_limits_shaped_is_not_said_to_be_held_back_for_somet
     ) == [own, near, near]  # fmt: skip
 
 
-def test_the_way_to_a_dock_comes_along_its_line(asked) -> None:
+def test_the_route_to_a_dock_arrives_along_its_axis(asked) -> None:
     (way,) = asked("map/view.ts", "m.routeTo({pose: [4, 1, Math.PI / 2], approach_m: 1.3})")
     assert way[0] == pytest.approx([4.0, -1.0])
     assert way[1] == pytest.approx([4.0, -0.3])

@@ -42,7 +42,7 @@ def open_page(context: BrowserContext, server: Server) -> Page:
     return page
 
 
-def test_while_the_robot_starts_the_page_says_so_and_nothing_that_is_not_known(
+def test_while_the_robot_starts_the_page_reports_that_and_shows_no_unknown_values(
     context: BrowserContext,
 ) -> None:
     starting = "starting the robot in lab-guard (5 s)"
@@ -60,7 +60,7 @@ def test_while_the_robot_starts_the_page_says_so_and_nothing_that_is_not_known(
 
 
 @pytest.mark.slow
-def test_a_second_browser_asks_the_driver_who_keeps_it_then_hands_it_over(
+def test_a_second_browser_requests_control_and_the_driver_refuses_then_hands_over(
     page: Page, browser: Browser, server: Server
 ) -> None:
     drive(page)
@@ -150,7 +150,7 @@ def test_way_points_are_added_dragged_checked_and_sent(page: Page) -> None:
     release(page)
 
 
-def test_escape_closes_what_has_only_just_been_shown(
+def test_escape_closes_a_dialog_that_has_just_opened(
     context: BrowserContext, server: Server
 ) -> None:
     page = open_page(context, server)
@@ -169,7 +169,7 @@ def test_escape_closes_what_has_only_just_been_shown(
     expect(page.get_by_role("dialog")).to_have_count(0)
 
 
-def test_everything_has_a_name_and_nothing_comes_from_elsewhere(
+def test_everything_has_an_accessible_name_and_nothing_is_loaded_from_another_origin(
     context: BrowserContext, server: Server
 ) -> None:
     asked: list[str] = []

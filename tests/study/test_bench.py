@@ -66,7 +66,7 @@ def test_the_bench_has_every_promised_number():
     assert found["machine"]["numba"]
 
 
-def test_a_peer_that_fails_is_reported_in_its_own_words():
+def test_a_peer_that_fails_is_reported_with_its_own_error():
     with Peer("qpax") as peer, pytest.raises(PeerFailed, match=r"qpax failed: .*Error"):
         peer.ask({"time": 7, "calls": 1})  # no filter for 7 discs was made
 
@@ -130,7 +130,7 @@ def test_cbfpy_keeps_the_same_distance_from_the_same_disc(backend):
 
 
 @needs_cbfpy
-def test_cbfpy_lets_a_free_wish_pass_as_ours_does():
+def test_cbfpy_passes_a_free_command_as_ours_does():
     pose, wish = Pose(-9.0, 0.3, 0.4), Twist(0.5, 0.1)
     scene = {"discs": [[0.0, 0.0, 0.2]], "poses": [list(pose)], "wishes": [list(wish)]}
     with Peer("qpax") as peer:
@@ -140,7 +140,7 @@ def test_cbfpy_lets_a_free_wish_pass_as_ours_does():
     assert barrier(pose, wish, HEAD_ON, Gains()).input == Twist(0.0, 0.0)
 
 
-def test_our_step_keeps_the_distance_that_is_asked_of_the_peer():
+def test_our_step_keeps_the_distance_required_of_the_peer():
     def ours(pose: Pose) -> Twist:
         done = step(pose, Desired(pose.x, pose.y, 0.0, 0.5, 0.0), Stick(0.0, 0.0), HEAD_ON)
         return Twist(done.safe_v, done.safe_omega)

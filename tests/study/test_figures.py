@@ -40,13 +40,13 @@ def said(figure):
     return " ".join(text.get_text() for text in figure.texts)
 
 
-def test_a_collision_is_said_in_the_title():
+def test_a_collision_is_named_in_the_title():
     run_over = made("lab-avoid", "law.filter=none", "obstacles.0.center_m=[0, 0.2]")
     assert run_over.metrics.contact
     assert "IN CONTACT" in said(figure_run(run_over))
 
 
-def test_a_run_that_ends_beside_its_reference_is_said_to():
+def test_a_run_that_ends_off_its_reference_is_reported_so():
     beside = made("lab-track", "start.y_m=-2.5", "simulation.duration_s=0.2")
     assert "ENDS OFF its reference" in said(figure_run(beside))
     assert "ends on its reference" in said(figure_run(made("lab-track")))

@@ -96,7 +96,7 @@ def test_the_person_leads_where_the_papers_person_did(result, numbers):
     assert numbers["shared"]["min_auto_authority"] < 0.5
 
 
-def test_after_the_person_lets_go_the_robot_returns_to_the_path(result, numbers):
+def test_after_the_operator_releases_the_stick_the_robot_returns_to_the_path(result, numbers):
     assert all(t is not None for t in numbers["shared"]["return_s"])
     assert numbers["shared"]["final_pose_error"] < 0.03
     assert numbers["shared"]["min_h"] > 0.1
@@ -110,7 +110,7 @@ def test_with_limits_on_no_command_jumps_more_than_the_wheels_can(result):
         assert jump <= wheels.wheel_acceleration * (1.0 + 1e-9)
 
 
-def test_the_sweep_shows_where_the_robot_creeps_and_asks_for_too_much(numbers):
+def test_the_sweep_shows_where_the_robot_creeps_and_requests_too_much(numbers):
     sweep = {trial["k_cbf"]: trial for trial in numbers["k_cbf_sweep"]}
     assert min(sweep) == 0.25
     assert max(sweep) == 2.0
@@ -177,7 +177,7 @@ def test_a_second_time_the_same_bytes_are_written(out, result):
     assert {name: (out / name).read_bytes() for name in names} == before
 
 
-def test_a_folder_that_can_not_be_made_is_said_in_a_sentence(tmp_path):
+def test_a_folder_that_can_not_be_made_is_reported_in_one_sentence(tmp_path):
     taken = tmp_path / "a-file"
     taken.write_text("in the way")
     with pytest.raises(CohelmError, match="choose another folder with --out"):

@@ -53,7 +53,7 @@ def certificate(outline, twist, lim, around, clear=0.015):
 
 
 @given(outlines(), commands(), still_things())
-def test_what_is_certified_stays_clear_of_all_that_rests(outline, command, around):
+def test_a_certified_command_stays_clear_of_all_static_obstacles(outline, command, around):
     lim, twist = command
     around = beyond(outline, around, 0.015)
     if certificate(outline, twist, lim, around) == CLEAR:
@@ -62,7 +62,7 @@ def test_what_is_certified_stays_clear_of_all_that_rests(outline, command, aroun
 
 
 @given(outlines(), commands(), still_things())
-def test_what_is_refused_comes_near_the_named_obstacle(outline, command, around):
+def test_a_refused_path_comes_near_the_named_obstacle(outline, command, around):
     """No needless refusal: within `clear` and what lies between two looks of this test."""
     lim, twist = command
     around = beyond(outline, around, 0.015)
@@ -104,7 +104,9 @@ def walked(walker, robot, dt):
 
 
 @given(outlines(), commands(), walkers(), st.sampled_from([0.0, 0.0, 0.1, 0.6]), angles)
-def test_what_is_certified_is_hit_by_no_walker_before_it_stands(outline, command, walker, off, way):
+def test_a_certified_command_is_hit_by_no_walker_before_it_stands(
+    outline, command, walker, off, way
+):
     """Nor by one whose velocity is wrong by its velocity_error."""
     lim, twist = command
     radius, max_acceleration, state, push = walker
@@ -254,7 +256,7 @@ def test_every_command_finds_a_mover_no_nearer_than_clear_or_than_it_was(outline
 
 
 @pytest.mark.parametrize("speed", [0.5, 1e-3, 4e-4, 1e-6])
-def test_no_patience_creeps_up_on_what_is_too_near(speed):
+def test_repeated_waits_never_creep_towards_a_near_obstacle(speed):
     """However little a step takes: fifty a second would add up."""
     wall = surroundings(segments=[[0.367, -3.0, 0.367, 3.0]])
     assert certificate(SALLY, Twist(speed, 0.0), SALLY_LIMITS, wall) == 0

@@ -69,7 +69,7 @@ def test_a_nominal_command_far_from_every_bound_passes_to_the_last_bit(outline, 
 
 
 @given(outlines(), driving(), still_things())
-def test_the_verdict_says_what_was_done_and_the_change_by_how_much(outline, state, around):
+def test_verdict_and_change_describe_the_filters_action(outline, state, around):
     lim, before, nominal = state
     got = guard_step(HERE, before, nominal, around, outline, lim)
     change = math.hypot(got.v - nominal.v, RULES.steer_weight * (got.omega - nominal.omega))
@@ -250,7 +250,7 @@ def depth(outline, pose, around):
 
 
 @given(overlapping(), driving())
-def test_what_is_in_the_footprint_at_the_start_never_gets_deeper(scene, state):
+def test_an_obstacle_inside_the_footprint_never_gets_deeper(scene, state):
     outline, around = scene
     lim, _, nominal = state
     pose, before = HERE, REST
@@ -297,7 +297,7 @@ def test_the_robots_side_of_a_wall_is_that_of_its_outline_not_of_its_origin():
     assert guard_step(HERE, REST, Twist(-1.0, 0.0), wall, body, SALLY_LIMITS).v == 0.0
 
 
-def test_things_that_do_not_fit_together_are_refused_with_a_word():
+def test_incompatible_parts_are_refused_with_the_reason():
     with pytest.raises(CohelmError, match="max_acceleration"):
         surroundings([disc(1, 0, 0.1)], [0.0, 1.0])
     with pytest.raises(CohelmError, match="velocity_error"):

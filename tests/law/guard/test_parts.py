@@ -87,7 +87,7 @@ def bounds_of(before: Twist, lim: Limits) -> np.ndarray:
     return rows[: wheel_rows(rows, before, lim, DT)]
 
 
-def test_what_is_not_limited_has_no_bound():
+def test_without_limits_the_command_has_no_bound():
     assert len(bounds_of(Twist(0.3, -0.2), unlimited(0.5))) == 0
     assert len(bounds_of(Twist(0.3, -0.2), unlimited(0.5)._replace(speed=1.0))) == 2
     got = guard_step(HERE, REST, Twist(7.0, -9.0), EMPTY, SALLY, unlimited(0.5))
@@ -176,7 +176,7 @@ def test_a_bound_is_the_closing_speed_of_the_clearance(outline, x, y, psi, reque
 
 
 @given(outlines(), still_things(), twists(ALL))
-def test_what_has_no_bound_is_out_of_reach(outline, around, before):
+def test_obstacles_left_out_of_the_rows_are_out_of_reach(outline, around, before):
     """Nothing is left out that the robot could close in on too fast in the next step."""
     assume(len(around.discs) + len(around.segments) + len(around.points))
     rows = rows_of(HERE, before, around, outline)

@@ -114,7 +114,7 @@ def test_the_obstacle_is_named_where_the_wheels_hold_the_answer_too():
         assert (got.twist, got.owner) == (pytest.approx(Twist(0.3, 0.5)), 5)
 
 
-def test_what_gives_way_steering_or_speed_is_a_choice():
+def test_whether_steering_or_speed_yields_is_configurable():
     """Turning in beside a wall: v + 0.4 omega may be 0.5 at most."""
     rows = np.array([[-1.0, -0.4, -0.5, 0.0]])
     steering = project(Twist(0.5, 1.0), rows.copy(), 1, 100.0).twist

@@ -154,7 +154,7 @@ def test_the_limiting_obstacle_is_numbered_through_discs_walls_and_points(limiti
         assert (got.v, got.verdict, got.limiting) == (pytest.approx(left), verdict, limiting)
 
 
-def test_standing_is_told_from_braking():
+def test_standing_is_distinguished_from_braking():
     """Somebody upon the robot lets it only stand; spinning, it first has to stop."""
     upon = surroundings([disc(0.367, 0.0, 0.0)], [1.0])
     still = guard_step(HERE, Twist(0.0, 0.0), Twist(-1.0, 0.0), upon, SALLY, SALLY_LIMITS)

@@ -85,7 +85,7 @@ def test_an_answer_is_as_documented():
         struct.pack("<i4f", 0xAF, 0.5, 1.01, 0.5, 0.5),
     ],
 )
-def test_what_is_no_answer_is_refused(data):
+def test_invalid_answers_are_refused(data):
     assert positions(data) is None
 
 
@@ -133,7 +133,9 @@ def test_the_spring_is_that_of_equation_35():
 
 @pytest.mark.parametrize(("forward", "left"), [(1, 1), (0, 1), (1, 0), (0, 0)])
 @pytest.mark.parametrize(("elevator", "aileron"), [(1, 1), (-1, 1), (1, -1), (-1, -1)])
-def test_let_go_it_comes_back_to_the_centre_whatever_the_signs(forward, left, elevator, aileron):
+def test_a_released_stick_returns_to_the_centre_whatever_the_signs(
+    forward, left, elevator, aileron
+):
     stick = SimulatedStick(Axis(unit=0.001 * elevator), Axis(unit=0.001 * aileron), forward, left)
     bench = Bench(
         f"brunner://h?force={1000 * elevator},{1000 * aileron}&forward={forward}&left={left}", stick
@@ -157,7 +159,7 @@ def test_the_cue_is_felt_by_a_hand_and_bounded_with_the_spring():
 
 @pytest.mark.parametrize("delay", [0.001, 0.02])
 @pytest.mark.parametrize("push", [Stick(-0.4, 0.4), Stick(0.4, 0.0)])
-def test_let_go_it_comes_back_against_any_cue_of_the_guard(delay, push):
+def test_a_released_stick_returns_to_the_centre_against_any_cue(delay, push):
     bench = Bench(delay=delay, stick=SimulatedStick(Axis(mass=0.03), Axis(mass=0.03)))
     bench.stick.hold(Stick(0.8, 0.1))
     bench.run(2.5)
@@ -200,7 +202,7 @@ def test_a_network_that_is_slow_or_loses_does_not_make_it_swing(delay, loss, mas
     assert bench.stick.stick == pytest.approx((0.0, 0.0), abs=0.05)
 
 
-def test_a_stick_that_swings_by_itself_is_gone_and_says_so():
+def test_a_stick_that_oscillates_is_lost_with_the_reason():
     axes = (Axis(mass=0.01, friction=0.0), Axis(mass=0.01, friction=0.0))
     bench = Bench("brunner://h?force=4000&damping=0", SimulatedStick(*axes), delay=0.03)
     bench.stick.hold(Stick(0.5, 0.0))
@@ -219,7 +221,7 @@ def test_a_hand_that_weaves_does_not_swing():
         assert not swings.too_many(Stick(0.2, math.sin(2.0 * math.pi * 0.9 * now)), now)
 
 
-def test_a_stick_that_is_silent_is_gone_within_its_time_and_without_force():
+def test_a_silent_stick_is_lost_within_its_timeout_and_without_force():
     bench = Bench()
     bench.stick.hold(Stick(0.5, 0.5))
     bench.run(2.5)
@@ -282,7 +284,7 @@ def test_after_a_pause_of_this_process_it_asks_anew_and_begins_without_force():
         ("brunner://h?force=1&silence_ms=5", "silence_ms: must be in"),
     ],
 )
-def test_what_is_wrong_in_the_address_is_said(text, said):
+def test_errors_in_the_address_are_reported(text, said):
     with pytest.raises(CohelmError, match=r".") as refused:
         parameters(text)
     assert said in str(refused.value)
@@ -325,13 +327,13 @@ def turned(device: BrunnerStick) -> None:
     device.feel(SPRING)
 
 
-def test_where_nobody_answers_is_said_at_once(monkeypatch):
+def test_an_address_without_answer_is_reported_at_once(monkeypatch):
     monkeypatch.setattr("cohelm.link.sticks.brunner_stick._PATIENCE", 0.1)
     with pytest.raises(CohelmError, match="CLS2Sim does not answer"):
         BrunnerStick(parameters("brunner://127.0.0.1:9?force=1"))
 
 
-def test_what_answers_but_not_as_low_level_control_is_told_apart(server, monkeypatch):
+def test_a_device_that_answers_without_low_level_control_is_recognized(server, monkeypatch):
     monkeypatch.setattr("cohelm.link.sticks.brunner_stick._PATIENCE", 0.1)
     server.mangle = lambda answer: [b"\x03\0\x04"]  # a status, as protocol v2 sends
     with pytest.raises(CohelmError, match="Low level control"):
@@ -358,7 +360,7 @@ def test_garbage_counts_as_silence(server, mangle):
     device.close()
 
 
-def test_what_nobody_asked_for_is_not_believed(server):
+def test_unrequested_answers_are_ignored(server):
     line = Cls2SimLine("127.0.0.1", server.port, 10.0)
     line.ask(Forces(0, 0), time.monotonic())
     until(lambda: line.answers(time.monotonic()), 2.0)
@@ -369,7 +371,7 @@ def test_what_nobody_asked_for_is_not_believed(server):
     line.close()
 
 
-def test_an_answer_that_is_too_late_is_not_believed(server):
+def test_a_late_answer_is_ignored(server):
     server.delay = 0.1
     line = Cls2SimLine("127.0.0.1", server.port, 0.05)
     line.ask(Forces(0, 0), time.monotonic())
@@ -378,7 +380,7 @@ def test_an_answer_that_is_too_late_is_not_believed(server):
     line.close()
 
 
-def test_what_comes_from_another_address_is_not_believed(server):
+def test_answers_from_another_address_are_ignored(server):
     device = opened(server)
     stranger = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     lie = struct.pack("<i4f", 0xAF, 1.0, 1.0, 0.5, 0.5)
@@ -420,7 +422,7 @@ while True:
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGSTOP])
-def test_the_force_is_taken_away_when_the_process_dies_or_hangs(server, how):
+def test_the_force_is_removed_when_the_process_dies_or_hangs(server, how):
     server.stick.hold(Stick(0.9, 0.9))
     program = subprocess.Popen([sys.executable, "-c", PUSHING, f"{server.url}?force=500"])
     try:
@@ -486,7 +488,7 @@ def test_the_trial_finds_the_signs_and_moves_the_stick_little(elevator, aileron,
     assert max(map(abs, stick.stick)) < 0.3
 
 
-def test_a_stick_that_has_fallen_over_is_not_taken_for_one_that_is_held():
+def test_a_stick_that_has_fallen_over_does_not_count_as_held():
     stick = SimulatedStick()
     stick.hold(Stick(-1.0, 0.0))
     helped = Helped(stick)
@@ -495,7 +497,7 @@ def test_a_stick_that_has_fallen_over_is_not_taken_for_one_that_is_held():
         helped.run()
 
 
-def test_the_trial_says_what_does_not_move():
+def test_the_trial_reports_an_axis_that_does_not_move():
     stick = SimulatedStick(aileron=Axis(unit=0.0))
     with pytest.raises(CohelmError, match=r"aileron .* did not move, pushed with 500"):
         Helped(stick).run()

@@ -39,7 +39,7 @@ def test_the_cue_never_takes_more_than_its_share_of_the_force(asked, given):
     assert max(map(abs, push)) <= RULES.strongest
 
 
-def test_the_cue_points_to_what_the_robot_does_and_is_nothing_where_that_is_asked():
+def test_the_cue_points_to_the_applied_command_and_is_zero_where_that_is_requested():
     held = wanted(Twist(0.5, 0.0), Twist(0.2, 0.3), 1.0, 1.0, RULES)
     assert held.x < 0.0 < held.psi
     assert wanted(Twist(0.5, 0.2), Twist(0.5, 0.2), 1.0, 1.0, RULES) == STILL
@@ -62,7 +62,7 @@ def test_it_changes_no_faster_than_the_steepest_and_never_overshoots(before, pus
 
 
 @given(st.builds(Stick, shares, shares), st.builds(Stick, shares, shares), st.floats(0.0, 1.0))
-def test_no_cue_holds_a_stick_out_that_nobody_holds(push, stick, stiffness):
+def test_no_cue_holds_a_released_stick_deflected(push, stick, stiffness):
     cue = returning(push, stick, stiffness)
     force = Stick(cue.x - stiffness * stick.x, cue.psi - stiffness * stick.psi)
     out = math.hypot(*stick)
@@ -76,7 +76,7 @@ def test_the_cue_against_a_hand_is_felt_whole():
 
 
 @pytest.mark.parametrize("delay", [0, 5, 10, 20, 30])
-def test_a_hand_that_lets_go_near_a_wall_is_not_swung_by_the_cue(delay):
+def test_a_released_stick_near_a_wall_is_not_swung_by_the_cue(delay):
     """Stick, spring and cue with the delay of a round trip (in steps of 10 ms): it comes to rest.
 
     The stick is a mass on the device's spring; the guard takes away all speed above a half.

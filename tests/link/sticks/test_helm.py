@@ -140,7 +140,7 @@ def test_a_recorded_hand_drives_and_its_end_is_no_centred_stick(robot):
     assert robot.side.stopped in ("no valid stick input", "there is no driver any more")
 
 
-def test_the_command_says_what_is_missing_and_lists_what_there_is(tmp_path, monkeypatch):
+def test_the_command_names_what_is_missing_and_lists_what_there_is(tmp_path, monkeypatch):
     monkeypatch.setenv("COHELM_KEYS", str(tmp_path))
     run = CliRunner().invoke
     assert "--robot" in str(run(app, ["stick"]).exception)

@@ -96,7 +96,7 @@ def test_it_is_valid_and_follows_the_hand_forward_and_left_positive(plug):
     device.close()
 
 
-def test_one_that_is_gone_is_not_centred_but_not_valid_and_says_why(plug):
+def test_a_lost_stick_is_not_centred_but_invalid_with_the_reason(plug):
     device = plug.open()
     device.read()
     plug.move(Stick(0.5, -0.5))
@@ -124,7 +124,7 @@ def test_it_can_be_felt_at_any_time_and_closed_twice(plug):
 
 
 @pytest.mark.parametrize("kind", [Sdl, pytest.param(Evdev, marks=needs_uinput)])
-def test_a_button_is_told_once_for_each_time_it_goes_down(kind):
+def test_a_button_press_is_reported_once(kind):
     plug = kind()
     device = plug.open()
     device.read()

@@ -21,7 +21,7 @@ def gone(share, reaction, braking, crawl):
 
 
 @given(TIMES, st.floats(0.01, 0.5), TIMES, st.floats(0.0, 0.9))
-def test_what_is_allowed_ends_where_the_room_does(room, reaction, braking, crawl):
+def test_the_permitted_path_ends_where_the_clearance_does(room, reaction, braking, crawl):
     share = allowed(room, reaction, braking, crawl)
     assert share >= crawl
     if share > crawl:
@@ -44,7 +44,7 @@ def test_without_room_nothing_but_a_crawl_and_without_end_everything():
     assert allowed(math.inf, 0.1, 0.5) == math.inf
 
 
-def test_who_stops_at_once_is_only_stopped_by_contact():
+def test_an_operator_who_stops_at_once_stops_only_on_contact():
     assert allowed(0.2, 0.1, 0.0) == pytest.approx(2.0)
     assert allowed(0.2, 0.0, 0.0) == math.inf
     assert allowed(0.0, 0.0, 0.0) == 0.0

@@ -52,7 +52,7 @@ def backed(by):
     return [Pose(-x, 0.0, 0.0) for x in np.arange(0.0, by + 0.01, 0.04)]
 
 
-def test_it_backs_no_farther_than_floor_was_seen_though_a_lidar_looks_there():
+def test_it_backs_no_farther_than_floor_was_observed_though_a_lidar_looks_there():
     it, t = after(backed(0.64), model=ALL_ROUND)
     found = it.restrict(t, BACK)
     assert found.share == 0.0
@@ -146,7 +146,7 @@ def test_a_picture_that_fails_for_a_moment_or_that_something_fills_makes_no_floo
     assert known_floor(it, t)
 
 
-def test_who_came_to_an_edge_on_floor_that_it_has_seen_may_turn_there():
+def test_a_robot_at_an_edge_on_observed_floor_may_turn_there():
     """What was floor as it came is known, though the picture now begins behind the edge."""
     poses = [Pose(x, 0.0, 0.0) for x in np.arange(0.0, 0.5, 0.04)]
     deeps = [np.full(BEAMS, math.inf)] * (len(poses) - 1)
@@ -156,7 +156,7 @@ def test_who_came_to_an_edge_on_floor_that_it_has_seen_may_turn_there():
     assert it.restrict(t, Twist(1.0, 0.0)).share < 0.6
 
 
-def test_what_was_too_near_is_not_where_the_robot_has_turned_to_since():
+def test_a_return_below_the_minimum_range_is_not_where_the_robot_turned_to_since():
     """While it turned, something was closer than the minimum range: anywhere up to the lens, except
     where the robot is itself now."""
     near = np.full(BEAMS, math.inf)

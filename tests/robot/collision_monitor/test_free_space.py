@@ -140,7 +140,7 @@ def test_ground_is_unknown_if_and_only_if_no_beam_went_there(moves, discs, mount
             )
 
 
-def test_what_a_thing_hid_is_unknown_when_it_goes_out_of_view():
+def test_what_an_obstacle_occluded_is_unknown_when_it_leaves_the_view():
     """A disc to its left hides its inside; the robot drives on."""
     s = sensor()
     it = FreeSpace(s, SHAPE, WITHIN)
@@ -164,7 +164,7 @@ def test_a_beam_without_a_number_shows_nothing(value):
 
 @pytest.mark.parametrize("start", [HERE, Pose(1.0, -2.0, 0.7)])
 @pytest.mark.parametrize("along", [0, 1])
-def test_a_sensor_that_has_not_moved_sees_the_same_and_one_that_has_looks_again(start, along):
+def test_a_sensor_renders_again_only_when_it_has_moved(start, along):
     def there(by, turned=0.0):
         x, y = (by, 0.0) if along == 0 else (0.0, by)
         return Pose(start.x + x, start.y + y, start.psi + turned)
@@ -184,7 +184,7 @@ def from_sensor(far, bearing_deg):
     return 0.3 + far * math.cos(bearing), far * math.sin(bearing)
 
 
-def test_what_is_short_hides_the_ground_behind_its_own_beam():
+def test_a_short_return_occludes_the_ground_behind_it():
     """14 beams 20.8 deg apart, of which one is short."""
     coarse = sensor(beams=14)
     ranges = np.full(14, math.inf)
@@ -213,7 +213,7 @@ def test_an_outermost_beam_that_is_short_hides_the_ground_behind_it_too(beam, si
     assert unknown(short).all()
 
 
-def test_ground_is_looked_at_as_far_as_the_return_and_where_it_stands():
+def test_ground_is_observed_up_to_the_return_and_where_the_sensor_stands():
     it = FreeSpace(sensor(), SHAPE, WITHIN)
     it.look(np.full(BEAMS, 0.6), HERE, 0.0, 0.0)
     round_ = it.look(np.full(BEAMS, math.nan), Pose(0.0, 0.0, math.pi), 0.0, 0.0)
@@ -247,7 +247,7 @@ def test_wherever_the_robot_heads_the_view_is_as_wide(psi, side):
     assert unknown_at(beyond, found.points).all()
 
 
-def test_what_was_seen_at_the_edge_of_the_window_is_known_when_the_robot_comes_there():
+def test_ground_seen_at_the_edge_of_the_window_is_known_on_arrival():
     """Backwards, without a beam that looks."""
     it = FreeSpace(sensor(mount=HERE), SHAPE, WITHIN)
     it.look(empty(), HERE, 0.0, 0.0)

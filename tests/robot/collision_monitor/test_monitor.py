@@ -143,7 +143,7 @@ def test_where_noise_may_hide_it_there_is_a_crawl_and_no_more():
     assert it.restrict(1.0, Twist(-0.5, 0.0)).share == pytest.approx(CRAWL / 0.5)
 
 
-def test_what_moves_too_fast_brakes_whatever_is_asked():
+def test_a_robot_that_moves_too_fast_brakes_whatever_is_commanded():
     """Braking from the measured 0.5 m/s: delay, a period and 62.5 mm."""
     needs = 0.5 * (DELAY + PERIOD) + 0.5**2 / (2.0 * BRAKES) - CRAWL**2 / (2.0 * BRAKES)
     margin = 0.006
@@ -161,7 +161,7 @@ def test_the_age_of_the_odometry_is_way():
     assert it.restrict(1.03, Twist(0.001, 0.0)).share == 0.0
 
 
-def test_poses_that_move_are_believed_though_the_twist_says_it_stands():
+def test_moving_poses_are_trusted_over_a_twist_of_zero():
     it = watch()
     for k in range(10):
         t = 0.02 * k
@@ -184,7 +184,7 @@ def rolling(ranges, poses=True, twists=True):
 
 
 @pytest.mark.parametrize("senses", [(True, True), (True, False), (False, True)])
-def test_motion_that_nobody_sent_is_braked_for_by_whichever_sense_shows_it(senses):
+def test_motion_without_a_command_is_braked_for_by_whichever_sensor_shows_it(senses):
     """Odometry's age, delay and a period of it, and 62.5 mm."""
     needs = 0.5 * (DELAY + PERIOD) + 0.5**2 / (2.0 * BRAKES) - CRAWL**2 / (2.0 * BRAKES)
     margin, ask = 0.006, Twist(0.001, 0.0)
@@ -204,7 +204,7 @@ def test_the_opposite_of_what_was_sent_is_not_explained_by_it(sent):
     assert it._unexplained(Twist(-sent.v, -sent.omega))
 
 
-def test_a_robot_is_where_what_it_was_sent_took_it_a_delay_later():
+def test_the_predicted_pose_follows_the_sent_commands_by_the_delay():
     it = watch()
     it.observe(0.0, readings(0.0, empty()), STILL)
     for k in range(10):
@@ -224,7 +224,7 @@ def test_a_robot_is_where_what_it_was_sent_took_it_a_delay_later():
     assert it._commanded.stamp == pytest.approx(0.36 + DELAY)
 
 
-def test_the_ground_about_a_robot_that_stands_is_the_same_whichever_way_it_looks():
+def test_the_ground_around_a_standing_robot_does_not_depend_on_its_heading():
     def unknown(psi):
         it = watch(sweep_s=0.075)
         for k in range(5):
@@ -236,7 +236,7 @@ def test_the_ground_about_a_robot_that_stands_is_the_same_whichever_way_it_looks
 
 
 @pytest.mark.parametrize("back", [None, 0.3, 1.5, 3600.0])
-def test_what_was_sent_is_believed_though_the_odometry_is_frozen(back):
+def test_sent_commands_are_trusted_though_the_odometry_is_frozen(back):
     """The scan is 0.1 s old and the odometry stands; but 0.5 m/s is sent. Before that the robot's
     clock may have been set back."""
     it = watch()
@@ -304,14 +304,14 @@ def test_what_may_touch_its_side_is_passed_along_at_a_crawl_and_not_turned_into(
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_what_is_measured_in_its_side_may_only_be_left(side):
+def test_an_obstacle_measured_in_its_side_may_only_be_left(side):
     it = standing(beside(-0.004, side, 1.8, 1.83), noise=0.02)
     assert it.restrict(1.0, Twist(0.5, 0.0)).share == 0.0
     assert it.restrict(1.0, Twist(-0.5, 0.0)).share == 0.0
     assert it.restrict(1.0, Twist(0.0, -0.3 * side)).share > 0.0
 
 
-def test_who_walks_out_of_view_past_a_robot_that_stands_does_not_stay_beside_it():
+def test_a_walker_out_of_view_past_a_standing_robot_does_not_stay_beside_it():
     """1 cm off its side, with odometry that drifts by 0.01 deg/s."""
     it = watch()
     for k in range(60):
@@ -379,7 +379,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("said", list(WRONG))
-def test_what_can_not_be_used_stops_it_and_says_why(said):
+def test_unusable_readings_stop_it_with_the_reason(said):
     it = standing(empty())
     assert it.observe(1.02, WRONG[said], STILL) == UNRESTRICTED
     assert it.restrict(1.02, Twist(0.3, 0.0)) == (0.0, f"collision monitor: {said}", False)
@@ -407,7 +407,7 @@ def test_before_any_reading_nothing_passes():
     assert found == (0.0, "collision monitor: there is no scan", False)
 
 
-def test_a_scan_from_the_future_is_not_believed():
+def test_a_scan_from_the_future_is_refused():
     it = standing(empty())
     it.observe(1.02, readings(1.02 + AHEAD - 1e-6, empty()), STILL)
     assert it.restrict(1.02, Twist(0.3, 0.0)) == UNRESTRICTED
@@ -418,7 +418,7 @@ def test_a_scan_from_the_future_is_not_believed():
     )
 
 
-def test_odometry_from_the_future_is_not_believed_and_what_was_seen_is_still_known_after_it():
+def test_odometry_from_the_future_is_refused_and_memory_is_kept():
     it = standing(wall(0.02))
     tomorrow = Odometry(86_400.0, HERE, STILL)
     it.observe(1.02, readings(1.02, wall(0.02))._replace(odometry=tomorrow), STILL)
@@ -431,7 +431,7 @@ def test_odometry_from_the_future_is_not_believed_and_what_was_seen_is_still_kno
     assert "something 0.0" in it.restrict(2.08, Twist(-0.3, 0.0)).reason
 
 
-def test_after_the_clock_went_back_what_was_seen_before_does_not_count():
+def test_after_the_clock_went_back_earlier_readings_do_not_count():
     it = standing(wall(0.02))
     it.observe(0.5, Readings(Odometry(0.5, HERE, STILL), None, None, None), STILL)
     assert it.restrict(0.5, Twist(0.3, 0.0)).reason.endswith("there is no scan")
@@ -439,7 +439,7 @@ def test_after_the_clock_went_back_what_was_seen_before_does_not_count():
     assert it.restrict(0.52, Twist(0.3, 0.0)) == UNRESTRICTED
 
 
-def test_a_reason_is_told_in_the_same_words_while_it_lasts():
+def test_a_reason_keeps_its_text_while_it_lasts():
     it = standing(wall(0.05))
     first = it.restrict(1.0, Twist(1.0, 0.0)).reason
     assert first == "collision monitor: slower, something 0.05 m ahead"
@@ -478,7 +478,7 @@ def test_what_went_out_of_sight_is_not_turned_or_backed_into():
     assert "unobserved ground" in it.restrict(0.5, Twist(-0.8, 0.0)).reason
 
 
-def test_what_was_seen_afar_and_went_out_of_sight_is_still_a_thing_when_it_is_backed_at():
+def test_an_obstacle_seen_from_afar_counts_when_backed_at():
     """It stood 2.3 m before the LiDAR; then the robot turned, and backed at it."""
     it = watch()
     for k in range(200):
@@ -544,7 +544,7 @@ def test_ground_that_was_in_view_is_backed_onto_as_fast_as_one_likes():
         assert it.restrict(t, twist) == UNRESTRICTED
 
 
-def test_what_stood_behind_a_minute_ago_may_be_gone_or_not_and_is_approached_at_a_crawl():
+def test_a_stale_obstacle_behind_is_approached_at_a_crawl():
     it = watch()
     at = np.array([-0.5, 0.0])
     for k in range(200):
@@ -582,7 +582,7 @@ def test_after_it_was_switched_on_anew_ground_is_unknown_again():
     assert it.restrict(0.5, Twist(-1.0, 0.0)).share < 1.0
 
 
-def test_a_lidar_that_looks_all_round_leaves_no_ground_unknown():
+def test_an_all_round_lidar_leaves_no_ground_unknown():
     it = watch(field_of_view_deg=360.0, mount_x_m=0.0)
     for t in (1.0, 0.5):  # its clock goes back, too
         it.observe(t, readings(t, empty()), STILL)
@@ -590,7 +590,7 @@ def test_a_lidar_that_looks_all_round_leaves_no_ground_unknown():
             assert it.restrict(t, twist) == UNRESTRICTED
 
 
-def test_it_says_on_which_side_the_thing_is():
+def test_the_reason_has_the_side_of_the_obstacle():
     it = standing(empty())
     nothing, unknown = np.zeros(1), np.full(1, -math.inf)
     for point, said in (
@@ -604,7 +604,7 @@ def test_it_says_on_which_side_the_thing_is():
         assert it._where(there, 0) == f"unobserved ground {said}"
 
 
-def test_what_is_too_near_to_be_measured_is_said_to_be():
+def test_returns_below_the_minimum_range_are_named_so():
     """Else who has a driver that says 0, or less, where nothing came back looks for a thing."""
     ranges = empty()
     ranges[len(ranges) // 2] = -math.inf
@@ -706,7 +706,7 @@ def test_every_robot_with_a_lidar_is_watched():
         described(blind, rules(blind, PERIOD))
 
 
-def test_what_has_no_limits_is_watched_all_the_same():
+def test_a_robot_without_limits_is_monitored_too():
     none = dict.fromkeys(
         ("speed_mps", "yaw_rate_radps", "wheel_speed_mps", "wheel_acceleration_mps2")
     )
@@ -796,7 +796,7 @@ def test_what_left_the_view_while_the_scan_turned_is_remembered():
     assert len(it._sources[0].by_odometry.points) == 0
 
 
-def test_what_was_sent_a_moment_ago_explains_motion_and_what_was_sent_long_ago_does_not():
+def test_recent_commands_explain_motion_and_old_ones_do_not():
     for ago, explained in ((0.06, True), (0.3, False)):
         it = watch()
         for k in range(50, -1, -1):

@@ -80,7 +80,7 @@ def test_its_error_is_that_of_one_measurement():
     assert shares[0] == pytest.approx(shares[1], abs=0.02)
 
 
-def test_out_of_its_cone_a_thing_is_forgotten_after_a_while():
+def test_out_of_its_cone_an_obstacle_is_forgotten_after_a_while():
     whole = SALLY.model_copy(update={"further_lidars": (BEHIND,)})
     it = CollisionMonitor(described(whole, rules(whole, 0.02)))
     for k in range(200):

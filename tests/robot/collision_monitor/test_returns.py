@@ -47,7 +47,7 @@ def test_a_return_stands_where_its_beam_ends():
     assert found.passed == pytest.approx([100 / 719])
 
 
-def test_no_return_is_nothing_and_what_is_far_does_not_count():
+def test_beams_without_return_and_far_points_do_not_count():
     ranges = NOTHING.copy()
     ranges[3], ranges[7], ranges[9] = math.nan, 5.001, 5.0
     assert returns(ranges, SENSOR, 5.0).passed == pytest.approx([9 / 719])
@@ -128,7 +128,7 @@ def test_few_beams_are_a_scan_too(beams):
     assert found.errors == pytest.approx(np.full(beams, 0.02 / math.sqrt(beams)))
 
 
-def test_a_sensor_without_noise_is_taken_at_its_word():
+def test_a_sensor_without_noise_is_used_unfiltered():
     exact = SENSOR._replace(noise=0.0)
     ranges = wall(0.5)
     mean, _ = averaged(ranges, np.arange(300, 400), exact)

@@ -21,7 +21,7 @@ def test_without_the_monitor_the_same_drive_hits_hard():
     assert drive(2, 300, all_round=True, watched=False).hit > 0.5
 
 
-def test_a_lidar_that_does_not_look_behind_keeps_what_it_drives_at():
+def test_a_forward_lidar_keeps_points_that_it_drives_towards():
     row = drive(0, 300, ahead=True)
     assert row.hit <= HARD
     assert row.acted > 0

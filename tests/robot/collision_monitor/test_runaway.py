@@ -19,7 +19,7 @@ def noticed_after(speed, moved_before=True, commanded=lambda t: False):
     return None
 
 
-def test_a_robot_that_goes_on_is_noticed_as_soon_as_it_should_stand():
+def test_a_robot_that_continues_is_detected_as_soon_as_it_should_stand():
     after = noticed_after(lambda t: 0.3)
     assert STOPPING + PATIENCE < after <= STOPPING + PATIENCE + 0.021
 
@@ -39,13 +39,13 @@ def test_a_nudge_is_none_and_a_second_one_neither():
     assert noticed_after(lambda t: 0.3 if 1.0 < t < 1.2 or 1.3 < t < 1.5 else 0.0) is None
 
 
-def test_who_is_told_to_drive_may_and_the_time_begins_anew():
+def test_a_robot_commanded_to_drive_may_and_the_time_restarts():
     assert noticed_after(lambda t: 0.3, commanded=lambda t: True) is None
     after = noticed_after(lambda t: 0.3, commanded=lambda t: 0.4 < t < 1.0)
     assert 1.0 + STOPPING + PATIENCE < after <= 1.0 + STOPPING + PATIENCE + 0.041
 
 
-def test_one_that_has_stood_and_is_told_to_drive_has_all_its_time_again():
+def test_a_robot_that_has_stood_and_is_commanded_to_drive_has_the_full_time_again():
     def speed(t):
         return 0.0 if t < 0.4 else 0.3
 
@@ -60,7 +60,7 @@ def test_turning_by_either_hand_or_backing_is_driving():
             assert not watch.noticed(0.02 * k, twist, 0.3)
 
 
-def test_one_that_had_not_begun_to_move_when_it_was_told_to_stand_has_all_its_time():
+def test_a_robot_that_had_not_begun_to_move_has_the_full_stopping_time():
     """Its drives lag: it speeds up yet for a reading, and brakes then."""
     watch = Runaway(STOPPING)
     assert not watch.noticed(0.0, DRIVES, 0.0)

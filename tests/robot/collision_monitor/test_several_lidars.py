@@ -98,7 +98,7 @@ def test_each_has_a_time_out_of_its_own():
     assert it.restrict(1.16, BACK).reason == "collision monitor: rear LiDAR: no scan for 160 ms"
 
 
-def test_all_scans_gone_is_as_one_gone():
+def test_the_loss_of_all_scans_counts_like_that_of_one():
     it = standing()
     assert it.restrict(2.0, Twist(0.3, 0.0)).reason.endswith("front LiDAR: no scan for 1000 ms")
 
@@ -135,7 +135,7 @@ def test_what_one_lidar_remembers_goes_when_another_as_high_sees_past_it():
 
 
 @pytest.mark.parametrize("heights", [(None, None), (0.2, None), (None, 0.2), (0.2, 0.25)])
-def test_it_stays_where_nobody_says_that_both_are_as_high(heights):
+def test_an_obstacle_persists_where_lidar_heights_differ_or_are_unknown(heights):
     found = who_went_ahead(described_at(*heights))
     assert found.share < 0.9
     assert "ahead" in found.reason
@@ -154,7 +154,7 @@ def test_it_stays_where_the_other_ones_range_ends_before_it():
     assert who_went_ahead(described_at(0.2, 0.2, range_max_m=0.3)).share < 0.9
 
 
-def test_what_stands_there_is_returned_by_the_other_one_itself():
+def test_an_obstacle_persists_where_another_lidar_returns_it():
     front = empty()
     front[340:380] = 0.3
     found = who_went_ahead(described_at(0.2, 0.2), front)

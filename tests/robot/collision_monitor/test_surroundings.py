@@ -64,7 +64,7 @@ def test_a_scan_of_nothing_is_nothing():
     assert len(of_scan(none, Scan(1.0, 0, np.zeros(3), 0.0), PoseHistory()).points) == 0
 
 
-def test_what_went_out_of_sight_behind_is_remembered_and_what_is_in_view_is_not():
+def test_obstacles_out_of_view_are_remembered_and_those_in_view_are_not():
     old = things((-0.8, 0.0), (-0.8, 0.5), (1.0, 0.0), (0.3, 1.0), (0.2, -0.05))
     kept = out_of_sight(old, 1.0, HERE, HERE, sensor(270.0), 0.46)
     assert sorted(kept.points.tolist()) == [[-0.8, 0.0], [-0.8, 0.5], [0.2, -0.05]]
@@ -122,14 +122,14 @@ def test_it_is_forgotten_when_it_is_far(bearing):
     assert len(out_of_sight(at(bearing, near + 0.01), 1.0, HERE, HERE, s, 0.46).points) == 0
 
 
-def test_after_a_minute_nobody_knows_whether_it_still_stands_there():
+def test_after_a_minute_a_remembered_obstacle_may_be_gone():
     old, s = things((-1.0, 0.0), seen=5.0), sensor(270.0)
     assert out_of_sight(old, 5.0 + REMEMBERED - 0.1, HERE, HERE, s, 0.46).errors == 0.01
     assert out_of_sight(old, 5.0 + REMEMBERED, HERE, HERE, s, 0.46).errors == -math.inf
     assert old.errors == 0.01
 
 
-def test_a_sensor_that_looks_all_round_remembers_nothing():
+def test_an_all_round_sensor_needs_no_memory():
     old = things((-1.0, 0.0), (-1.0, 0.001), (1.0, 0.0))
     assert out_of_sight(old, 1.0, HERE, HERE, sensor(360.0), 0.46) is NOTHING
     assert len(out_of_sight(old, 1.0, HERE, HERE, sensor(358.0), 0.46).points) >= 1
@@ -137,13 +137,13 @@ def test_a_sensor_that_looks_all_round_remembers_nothing():
 
 
 @pytest.mark.parametrize(("gap", "round_"), [(1.0, True), (1.4, True), (1.6, False), (2.4, False)])
-def test_who_leaves_less_than_a_beam_and_a_half_out_looks_all_round(gap, round_):
+def test_a_scan_with_a_gap_below_one_and_a_half_beams_is_all_round(gap, round_):
     step = 2.0 * math.pi / (719 + gap)
     s = sensor(360.0)._replace(bearings=step * np.arange(720), step=step)
     assert all_round(s) == round_
 
 
-def test_of_what_is_remembered_one_stands_for_its_neighbours():
+def test_one_remembered_point_represents_its_neighbours():
     row = [(-1.0 - 0.001 * k, 0.2) for k in range(200)]
     kept = out_of_sight(things(*row), 1.0, HERE, HERE, sensor(270.0), 0.46)
     assert 0.2 / GRAIN <= len(kept.points) <= 0.2 / GRAIN + 2
@@ -202,7 +202,7 @@ def test_they_have_to_go_past_it_by_its_error_and_their_own():
 
 
 @pytest.mark.parametrize("there", [0.5, math.nan, -math.inf])
-def test_no_beam_that_may_meet_it_may_end_before_it_or_say_nothing(there):
+def test_an_obstacle_accounts_for_every_beam_that_can_meet_it(there):
     """Any one of them, and none of the others matters."""
     bearing, half = 0.3, math.asin(WIDE)
     for k, along in enumerate(CENTRE.bearings.tolist()):
@@ -276,7 +276,7 @@ def test_the_nearest_and_the_farthest_that_it_was_count():
     assert not past(at(0.0), ranges_but(math.inf, edge, 0.3), last=on)
 
 
-def test_a_mount_that_looks_elsewhere_is_heeded():
+def test_a_rotated_mount_is_applied():
     back = sensor(180.0, mount=Pose(-0.3, 0.1, math.pi))._replace(range_max=12.0)
     thing = things((-1.3, 0.1))
     assert past(thing, ranges_but(), back)

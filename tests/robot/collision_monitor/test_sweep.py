@@ -74,7 +74,7 @@ def test_contact_is_when_small_steps_find_it(name, far, bearing, v, omega, margi
         assert found <= less + 1e-9
 
 
-def test_straight_ahead_it_is_the_way_by_the_speed():
+def test_straight_ahead_it_is_the_distance_by_the_speed():
     box = SHAPES["box"]
     assert contact_times(AHEAD, NO, Twist(0.5, 0.0), box) == pytest.approx([1.28])
     assert contact_times(AHEAD, np.array([0.04]), Twist(0.5, 0.0), box) == pytest.approx([1.2])
@@ -82,7 +82,7 @@ def test_straight_ahead_it_is_the_way_by_the_speed():
     assert contact_times(AHEAD, NO, Twist(-0.5, 0.0), box)[0] == math.inf
 
 
-def test_what_is_beside_the_way_is_passed_and_what_touches_it_is_met():
+def test_obstacles_beside_the_swept_path_are_passed_and_others_are_hit():
     box, ahead = SHAPES["box"], Twist(1.0, 0.0)
     assert contact_times(np.array([[1.0, 0.2901]]), NO, ahead, box)[0] == math.inf
     assert contact_times(np.array([[1.0, 0.29]]), NO, ahead, box)[0] == pytest.approx(0.64)
@@ -131,7 +131,7 @@ def test_inside_is_now_and_standing_still_is_never():
     assert contact_times(points, np.full(2, 0.15), Twist(-1.0, 0.0), box).tolist() == [0.0, 0.0]
 
 
-def test_leaving_is_what_lets_a_point_out():
+def test_a_point_may_only_move_outwards_of_the_outline():
     box = SHAPES["box"]
     points = np.array([[0.35, 0.0], [-0.35, 0.0], [0.34, 0.28], [0.34, -0.28], [0.0, 0.28]])
 
@@ -145,7 +145,7 @@ def test_leaving_is_what_lets_a_point_out():
     assert out(-0.5, -0.3)[2]  # out through the front, turned or not
 
 
-def test_what_is_passed_along_comes_neither_out_nor_in():
+def test_motion_along_the_outline_moves_a_point_neither_out_nor_in():
     box = SHAPES["box"]
     points = np.array([[0.1, 0.28], [-0.2, -0.30]])
     assert outwards(points, Twist(0.7, 0.0), box) == pytest.approx([0.0, 0.0], abs=1e-12)

@@ -56,7 +56,7 @@ def test_in_all_other_modes_the_robot_brakes_and_stands(mode):
     assert gate.mode == mode
 
 
-def test_standing_idle_says_so():
+def test_an_idle_robot_reports_idle():
     assert ask(ready(mode=GateMode.IDLE), 0.5)[1] == Passed(STANDING, "idle")
     assert g.tick(ready(mode=GateMode.IDLE), 10.0, RULES)[1] == Passed(STANDING, "idle")
 
@@ -78,7 +78,7 @@ def test_standing_idle_says_so():
         (Twist(0.0, 0.0), Twist(0.0, 0.0)),
     ],
 )
-def test_what_is_too_fast_is_slowed_on_its_own_curve(asked, allowed):
+def test_a_twist_that_is_too_fast_is_slowed_on_its_arc(asked, allowed):
     assert within_speeds(asked, BOUNDS) == pytest.approx(allowed, rel=1e-12)
 
 
@@ -127,7 +127,7 @@ def test_no_time_allows_no_change():
         assert towards(Twist(0.1, 0.2), Twist(0.9, 0.6), BOUNDS, time) == (Twist(0.1, 0.2), 0.0)
 
 
-def test_too_fast_is_said():
+def test_too_high_a_speed_is_reported():
     slow = RULES._replace(bounds=BOUNDS._replace(wheel_acceleration=INF, acceleration=INF,
                                                  yaw_acceleration=INF))  # fmt: skip
     _, passed = g.propose(ready(), Proposal(8, 10.0, Twist(5.0, 0.0)), 10.0, slow)
@@ -187,7 +187,7 @@ def test_old_readings_are_refused():
     assert ask(ready(), 0.02, stamp=10.0 - 0.0999)[1].reason == ""
 
 
-def test_a_refused_proposal_moves_nobody_who_rests():
+def test_a_refused_proposal_does_not_move_a_robot_at_rest():
     gate, passed = ask(ready(out=Twist(0.3, 0.0), mode=GateMode.IDLE), 0.2, n=3)
     assert passed.out.v == pytest.approx(0.24)
     assert gate.refused == 1
@@ -208,7 +208,7 @@ def test_a_refused_proposal_moves_nobody_who_rests():
         ),
     ],
 )
-def test_what_is_broken_is_a_fault_at_once(proposal, said):
+def test_a_broken_sensor_is_a_fault_at_once(proposal, said):
     gate, passed = g.propose(ready(out=Twist(0.3, 0.0)), proposal, 10.0, RULES)
     assert gate.mode == GateMode.FAULTED
     assert gate.reason == passed.reason == said
@@ -248,7 +248,7 @@ def test_a_late_proposal_does_not_hide_that_it_is_late():
 
 
 @pytest.mark.parametrize("mode", [GateMode.IDLE, GateMode.STOPPED, GateMode.FAULTED])
-def test_who_does_not_drive_needs_no_watchdog(mode):
+def test_an_idle_robot_needs_no_watchdog(mode):
     gate = ready(mode=mode)
     assert g.due(gate, RULES) == INF
     assert g.tick(gate, 99.0, RULES)[0].mode == mode
@@ -376,6 +376,6 @@ def test_which_modes_drive_and_which_are_latched():
     assert [m for m in GateMode if latched(m)] == [GateMode.STOPPED, GateMode.FAULTED]
 
 
-def test_a_new_gate_stands_idle():
+def test_a_new_gate_is_idle():
     assert Gate() == Gate(GateMode.IDLE, "", STANDING, -INF, -INF, -1, -INF, 0)
     assert RULES[1:] == (0.1, 0.01, 0.1, 0.02, 0.01)

@@ -99,7 +99,7 @@ def test_nothing_but_a_choice_makes_it_drive(events):
 
 
 @given(history)
-def test_who_does_not_drive_never_gets_faster(events):
+def test_an_idle_robot_never_gets_faster(events):
     for before, gate, now, _ in played(events):
         if not driving(gate.mode) and math.isfinite(now):
             assert abs(gate.out.v) <= abs(before.out.v)

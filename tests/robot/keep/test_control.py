@@ -26,7 +26,7 @@ def ends():
         end.close()
 
 
-def test_a_line_that_nobody_reads_fills_up_and_nobody_waits(ends):
+def test_a_pipe_that_is_not_read_fills_up_without_blocking(ends):
     ours, theirs = ends
     begun = time.monotonic()
     said = [ours.send((number, "x" * 1000)) for number in range(3000)]
@@ -73,7 +73,7 @@ def test_no_half_of_a_message_is_waited_for(ends):
         os.waitpid(pid, 0)
 
 
-def test_the_other_end_s_death_is_told_and_is_no_message(ends):
+def test_the_death_of_the_other_end_is_reported_and_is_no_message(ends):
     ours, theirs = ends
     ours.close()
     assert theirs.wait(PATIENT)

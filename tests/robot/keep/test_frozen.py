@@ -139,7 +139,7 @@ def test_in_whatever_call_the_loop_freezes_the_robot_stands(tmp_path, call):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("wrong", ["only reads", "listens no more"])
-def test_a_loop_that_asks_and_asks_but_never_proposes_does_not_drive(tmp_path, wrong):
+def test_a_loop_that_requests_modes_but_never_proposes_commands_does_not_drive(tmp_path, wrong):
     with frozen(tmp_path, wrong, width=640) as loop:
         at = loop.came()
         loop.stands(at + SPEED * 0.3 + STOPPING + SLACK)  # ten periods after it said it drives

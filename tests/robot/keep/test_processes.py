@@ -20,7 +20,7 @@ def alive(pid: int) -> bool:
 
 
 @pytest.mark.parametrize("how", ["bound", "free"])
-def test_a_child_hears_no_terminal_and_ends_with_its_parent_while_it_is_bound(how):
+def test_a_child_process_ignores_terminal_signals_and_ends_with_its_parent(how):
     parent = subprocess.Popen(
         [sys.executable, "-m", "tests.robot.keep.children", how],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,

@@ -63,7 +63,7 @@ def test_readings_come_as_they_were(readings):
     same(readings, packed_readings, readings_of)
 
 
-def test_what_is_no_number_stays_none():
+def test_nan_stays_nan():
     told = packed_proposal(Proposal(1, math.nan, Twist(math.nan, math.inf)))
     proposal = proposal_of(pickle.loads(pickle.dumps(told)))
     assert math.isnan(proposal.stamp)

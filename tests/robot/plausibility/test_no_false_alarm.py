@@ -51,7 +51,7 @@ def test_no_alarm_in_a_room_however_it_is_driven(drive, seed):
 
 
 @pytest.mark.parametrize("drive", [ahead, winding])
-def test_after_stamps_of_tomorrow_all_is_believed_again(drive):
+def test_after_future_stamps_all_readings_are_accepted_again(drive):
     """Scans without odometry of their time are not compared with where it said the robot was."""
 
     def told(t, readings, _):
@@ -140,7 +140,7 @@ def test_no_alarm_among_people_who_walk():
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_no_alarm_when_all_that_is_in_sight_are_people_who_walk_away(seed):
+def test_no_alarm_when_only_people_walking_away_are_in_view(seed):
     rng = np.random.default_rng(seed)
     people = []
     for bearing in rng.uniform(-2.2, 2.2, 12):
@@ -176,7 +176,7 @@ def test_an_oblique_wall_tells_neither_the_way_ahead_nor_aside_and_a_corner_both
     assert Match(np.zeros(3), wall, 0.0, 0.0).seen(*square[:2]) > 99.0
 
 
-def test_a_way_that_a_few_people_seem_to_show_is_none():
+def test_an_apparent_motion_of_a_few_people_does_not_count():
     # the last look of crowd 66 of seed 2504: of the way aside one point's worth was seen
     people = np.diag([14.0, 1.0, 27.0])
     match = Match(np.array([0.01, 0.12, -0.03]), people, 0.6, 0.0)
@@ -285,7 +285,7 @@ def test_a_push_holds_the_robot_for_a_moment_and_is_no_fault(off):
     assert sum(one.share == 0.0 for _, one in said) * 0.02 < 1.5
 
 
-def test_who_carries_the_robot_about_is_no_fault_while_it_is_not_driven():
+def test_carrying_an_idle_robot_is_no_fault():
     def told(t, _, robot):
         if 2.0 < t < 4.0:
             robot.push(0.01, 0.004, 0.005)

@@ -107,7 +107,7 @@ def behind(change):
     return told
 
 
-def test_two_lidars_that_do_not_lie_are_believed():
+def test_two_consistent_lidars_are_accepted():
     assert watched(ahead, AT + 1.0, model=REAR) == []
 
 
@@ -211,7 +211,7 @@ def test_odometry_against_itself_and_the_command_is_a_fault_within_half_a_second
     assert said in faults[0][1]
 
 
-def test_a_robot_that_nobody_drives_may_be_pushed_on_its_wheels():
+def test_an_idle_robot_may_be_pushed():
     blind = SALLY.model_copy(update={"lidar": None})
 
     def told(t, readings, _):
@@ -288,7 +288,7 @@ def test_a_mount_that_is_five_degrees_off_slows_the_robot_within_metres():
 
 
 @pytest.mark.parametrize("share", [0.8, 1.2])
-def test_odometry_that_measures_the_way_wrongly_is_noticed_within_metres(share):
+def test_odometry_with_a_wrong_scale_is_detected_within_metres(share):
     def told(t, readings, _):
         o = readings.odometry
         pose = Pose(share * o.pose.x, share * o.pose.y, o.pose.psi)
@@ -301,7 +301,7 @@ def test_odometry_that_measures_the_way_wrongly_is_noticed_within_metres(share):
     assert "scans" in found[0][1].reason
 
 
-def test_a_circle_that_goes_along_with_the_robot_is_not_taken_for_agreement():
+def test_a_circle_of_returns_that_moves_with_the_robot_is_no_agreement():
     """As slow as it may be after its scans have changed; the circle's points are so far apart that
     few fall on half a metre of it."""
     noise = np.random.default_rng(4)
@@ -377,7 +377,7 @@ def test_a_wall_says_how_much_too_long_all_ranges_are():
         assert abs(best.bias - bias) < 0.1
 
 
-def test_one_wall_that_is_bowed_says_nothing_about_the_ranges_however_often_it_is_seen():
+def test_one_bowed_wall_shows_no_range_bias_however_often_it_is_seen():
     """A bay of 4 m radius, on the way to it and turning before it; two walls are believed."""
     lidar, nobody = SALLY.lidar.lidar(), np.empty((0, 6))
     angles = np.linspace(-0.35, 0.35, 30)

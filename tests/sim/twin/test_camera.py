@@ -85,7 +85,7 @@ def test_what_is_to_the_left_is_on_the_left():
     assert np.nonzero(orange(frame.pixels))[1].mean() < 60
 
 
-def test_without_opengl_rays_take_over_and_say_so(monkeypatch):
+def test_without_opengl_ray_casting_takes_over_with_a_warning(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco.egl", None)
     robot = with_cone("auto")
     robot.wait(0.1)
@@ -93,7 +93,7 @@ def test_without_opengl_rays_take_over_and_say_so(monkeypatch):
     assert "ray casting" in robot.draws
 
 
-def test_asking_for_opengl_where_there_is_none_says_what_to_install(monkeypatch):
+def test_requesting_opengl_without_it_names_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco.egl", None)
     robot = with_cone("gl")
     robot.wait(0.1)

@@ -69,7 +69,7 @@ def test_physics_and_geometry_agree_on_what_touches(model):
     assert 50 < touched < 350
 
 
-def test_who_walks_into_a_standing_robot_finds_the_way_round_it():
+def test_a_walker_into_a_standing_robot_finds_a_path_round_it():
     robot = Twin(sally(), obstacles=scene(disc(2.0, 0.0, 0.25, -0.8, 0.0)))
     seen = []
     for _ in range(1200):
@@ -92,14 +92,14 @@ def test_who_walks_into_a_standing_robot_finds_the_way_round_it():
 FAR = Pose(20.0, 20.0, 0.0)
 
 
-def test_who_walks_at_a_wall_stays_on_this_side_of_it():
+def test_a_walker_towards_a_wall_stays_on_its_side():
     robot = Twin(sally(), FAR, scene(disc(2.0, 0.0, 0.25, -0.8, 0.0), walls=[[0, -9, 0, 9]]))
     for _ in range(300):
         brake(robot, 0.02)
         assert robot.discs()[0, 0] >= 0.25 - 1e-9
 
 
-def test_who_walks_at_a_thing_goes_round_it_and_on():
+def test_a_walker_towards_an_obstacle_goes_round_it():
     robot = Twin(sally(), FAR, scene(disc(2.0, 0.02, 0.25, -0.8, 0.0), disc(0.0, 0.0, 0.3)))
     clearances = []
     for _ in range(1200):
@@ -169,14 +169,14 @@ def test_an_attacker_changes_its_velocity_no_faster_than_it_is_assumed_to(seed: 
     assert np.hypot(*np.transpose(velocities)).max() > 0.6  # it does walk
 
 
-def test_who_is_driven_into_is_a_contact_of_a_moving_robot():
+def test_a_person_that_is_hit_is_a_contact_of_a_moving_robot():
     robot = Twin(sally(), obstacles=scene(disc(2.0, 0.0, 0.25, -0.5, 0.0)))
     truth = drive(robot, Twist(0.5, 0.0), 2.0)[-1]
     assert truth.touched_moving >= 1
     assert truth.least_moving <= 0.0
 
 
-def test_movers_out_of_reach_go_their_way():
+def test_movers_out_of_reach_continue():
     robot = Twin(sally(), obstacles=scene(disc(-3.0, 2.0, 0.25, 1.0, 0.5)))
     clearance = math.hypot(-2.0 + 0.36, 2.5 - 0.29) - 0.25
     assert brake(robot, 1.0).clearance == pytest.approx(clearance, abs=0.01)
@@ -189,7 +189,7 @@ def test_a_world_that_physics_can_not_bear_is_refused():
         Twin(sally(), obstacles=scene(), grid=grid(specks, 0.05, Pose(0.0, 0.0, 0.0)))
 
 
-def test_a_robot_that_was_pushed_over_says_so():
+def test_a_robot_that_was_tipped_over_is_reported():
     robot = Twin(sally())
     brake(robot, 0.1)
     robot.data.qpos[2] = 0.5

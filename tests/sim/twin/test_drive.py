@@ -78,7 +78,7 @@ def test_a_run_in_pieces_is_the_run_at_once():
     assert len(first) == 40
 
 
-def test_what_is_written_as_applied_leads_from_pose_to_pose():
+def test_the_recorded_applied_twist_leads_from_pose_to_pose():
     rows = driven("lab-avoid", "simulation.duration_s=6").rows
     for a, b in itertools.pairwise(rows):
         there = arc(Pose(a["x"], a["y"], a["psi"]), Twist(a["applied_v"], a["applied_omega"]), DT)

@@ -18,7 +18,7 @@ ROVER = {
 
 
 @pytest.mark.parametrize("twist", [(1.0, 0.0), (-0.5, 0.0), (0.0, 1.0), (0.0, -1.9), (0.4, 0.8)])
-def test_what_is_asked_is_reached_within_a_hundredth(twist):
+def test_a_commanded_speed_is_reached_within_one_percent(twist):
     asked = Twist(*twist)
     robot = Twin(sally())
     drive(robot, asked, 1.5)

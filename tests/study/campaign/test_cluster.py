@@ -79,7 +79,7 @@ def test_a_worker_killed_in_mid_campaign_loses_nothing_and_nothing_is_counted_tw
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_cluster_that_is_not_there_is_told_with_how_to_make_one(tmp_path, monkeypatch):
+def test_a_missing_dask_cluster_is_reported_with_the_command_to_start_one(tmp_path, monkeypatch):
     from cohelm.study.campaign import cluster
 
     monkeypatch.setattr(cluster, "_PATIENCE", 0.5)

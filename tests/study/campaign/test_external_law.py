@@ -34,7 +34,7 @@ def filtered(robot: cohelm.RobotModel, period: float):
 number = 3
 
 
-def test_a_law_by_somebody_else_is_judged_like_ours_and_driven_again_alike():
+def test_an_external_law_is_judged_like_ours_and_replayed_equally():
     bare = chunk(ROOMS, f"{HERE}:ram", (0, 1, 2))
     safe = chunk(ROOMS, f"{HERE}:filtered", (0, 1, 2))
     assert [row.fault for row in (*bare, *safe)] == [""] * 6

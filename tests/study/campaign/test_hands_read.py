@@ -29,7 +29,7 @@ def test_a_run_that_can_not_be_read_is_named_and_the_others_are_kept(tmp_path):
     assert "7.5" in said
 
 
-def test_more_runs_than_are_taken_are_not_cut_in_silence(tmp_path):
+def test_too_many_runs_are_reported_and_not_cut_silently(tmp_path):
     (tmp_path / "log.csv").write_text(HEAD + "".join(rows(k, 2) for k in range(101)))
     with pytest.raises(CohelmError, match="no stick file in it can be read"):
         hands.read(tmp_path)

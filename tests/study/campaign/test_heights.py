@@ -52,7 +52,7 @@ def looking_round(case):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("bearing", [100.0, -110.0, 125.0, 179.0])
-def test_nobody_backs_it_over_an_edge_that_only_the_lidar_looked_past(bearing):
+def test_no_command_backs_it_over_an_edge_that_only_the_lidar_looked_past(bearing):
     """The LiDAR looks there and sees nothing that stands; the camera never did. Before floor was
     asked for, three of these fell."""
     case = looking_round(beside_a_dock(math.radians(bearing)))
@@ -62,7 +62,7 @@ def test_nobody_backs_it_over_an_edge_that_only_the_lidar_looked_past(bearing):
 
 
 @pytest.mark.slow
-def test_a_robot_that_is_asked_past_an_edge_without_a_filter_is_counted_as_fallen(monkeypatch):
+def test_a_robot_driven_over_an_edge_without_a_filter_counts_as_fallen(monkeypatch):
     """The judge works: whoever is let through everything falls."""
 
     def through(gated, proposal):
@@ -77,7 +77,7 @@ def test_a_robot_that_is_asked_past_an_edge_without_a_filter_is_counted_as_falle
 
 
 @pytest.mark.parametrize("number", range(12))
-def test_a_world_keeps_its_word(number):
+def test_a_world_matches_its_description(number):
     case = heights.case(3, number)
     given, setup = case.uneven, case.setup
     assert given is not None
@@ -134,7 +134,7 @@ def test_worlds_are_driven_without_a_fall_or_contact():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [2, 11, 20, 27, 30])
-def test_a_robot_looks_at_floor_that_nothing_has_seen_and_gets_on(number):
+def test_a_robot_turns_to_unobserved_floor_and_continues(number):
     """Each stood before such floor, or beside an edge, until its time was over."""
     row = run_episode(heights.case(8310, number), "guard")
     assert (row.fault, row.falls, row.contacts_moving) == ("", 0, 0)

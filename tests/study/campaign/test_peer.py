@@ -44,7 +44,7 @@ def test_sampled_sequences_cross_a_room_within_the_limits_and_the_same_every_tim
     assert (first.fault, first.arrived, first.limit_excess) == ("", True, 0.0)
 
 
-def test_without_the_peer_it_says_what_to_install(monkeypatch):
+def test_without_the_peer_it_names_what_to_install(monkeypatch):
     monkeypatch.setattr(rvo.importlib.util, "find_spec", lambda _name: None)
     rvo._process.cache_clear()
     with pytest.raises(CohelmError, match=r"pip install .*ir-sim"):

@@ -31,7 +31,7 @@ def test_a_room_is_driven_on_sensors_alone():
     assert math.isnan(known.monitor_share)
 
 
-def test_a_fault_of_the_robot_is_reset_as_somebody_would_and_counted(monkeypatch):
+def test_a_fault_in_a_campaign_is_reset_and_counted(monkeypatch):
     """A bumper is pressed for a moment: the gate latches, and the drive is gone on with."""
     read = Twin.read
 
@@ -51,7 +51,7 @@ def test_a_fault_of_the_robot_is_reset_as_somebody_would_and_counted(monkeypatch
     assert row.duration_s > 5.0
 
 
-def test_a_loop_that_is_not_heard_is_stopped_by_the_watchdog_of_a_campaign_too(monkeypatch):
+def test_a_silent_loop_is_stopped_by_the_watchdog_in_a_campaign_too(monkeypatch):
     propose = Watched.propose
 
     def mute(gated, proposal):
@@ -107,7 +107,7 @@ def test_a_rear_lidar_is_as_the_front_one_and_the_robot_is_sally_rear():
     assert (rear.noise_m, rear.latency_s, rear.sweep_s) == (0.02, 0.05, 0.075)
 
 
-def test_what_was_in_view_before_a_contact_is_told_from_the_truth():
+def test_visibility_before_a_contact_is_computed_from_the_true_scene():
     """A walker straight ahead for 2 s, then behind a disc, at last on the robot's front."""
     case = suites.suite("random", 1, None, "twin").case(0)
     setup, n = case.setup, 151
@@ -130,7 +130,7 @@ def test_what_was_in_view_before_a_contact_is_told_from_the_truth():
     assert (hidden.seen, hidden.share) == (0.0, 0.0)
 
 
-def test_what_is_not_driven_on_the_twin_is_said():
+def test_suites_not_available_on_the_twin_are_reported():
     for plan, words in (
         (CampaignConfig("barn", ("guard",), 1, plant="twin"), "needs|drives on data"),
         (CampaignConfig("random", ("guard",), 1, plant="twinn"), "no plant 'twinn'"),

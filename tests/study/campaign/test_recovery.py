@@ -22,21 +22,21 @@ def test_the_time_from_release_until_it_is_back_counts():
     assert recovery(rows, False) == (pytest.approx(1.0), 0)
 
 
-def test_who_leads_again_before_it_is_back_leaves_nothing_to_count():
+def test_leading_again_before_the_return_gives_no_recovery_time():
     """Nor is the release before ever recovered from by what came after he led again."""
     rows = drive(led=[1] * 10 + [0] * 10 + [1] * 30 + [0] * 50, off=[1.0] * 60 + [0.01] * 40)
     time, never = recovery(rows, False)
     assert (time, never) == (pytest.approx(0.2), 0)
 
 
-def test_a_robot_that_stays_where_it_was_let_go_never_recovers():
+def test_a_robot_that_stays_at_its_release_point_never_recovers():
     rows = drive(led=[1] * 10 + [0] * 90, off=1.0)
     time, never = recovery(rows, False)
     assert math.isnan(time)
     assert never == 1
 
 
-def test_where_nobody_leads_there_is_nothing_to_recover_from():
+def test_without_an_operator_there_is_nothing_to_recover_from():
     time, never = recovery(drive(led=[0] * 100, off=1.0), False)
     assert math.isnan(time)
     assert never == 0

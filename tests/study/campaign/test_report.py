@@ -64,7 +64,7 @@ def test_the_whole_room_is_shown_with_units_at_its_axes_and_a_legend():
         assert word in said
 
 
-def test_who_made_way_for_somebody_is_shown_where_that_was_tightest():
+def test_an_evasion_is_shown_where_it_was_tightest():
     case, trace = drive()
     assert strip(case, trace) is None
     trace.rows["behavior"][100:150], trace.rows["clearance"][110] = EVADING, 0.1
@@ -112,7 +112,7 @@ def test_the_clearance_in_a_caption_is_that_of_its_moment():
 
 
 @pytest.mark.parametrize("suite", NAMES)
-def test_every_suite_is_told_in_sentences_and_not_in_the_words_of_its_code(suite):
+def test_every_suite_is_described_in_sentences_and_not_by_its_code(suite):
     said = html(about(suite))
     assert said.startswith("<p>")
     assert not re.search(r"`|\*|\b[A-Z]{5,}\b|\n- ", said)

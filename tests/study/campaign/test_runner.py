@@ -38,7 +38,7 @@ def test_the_same_seed_gives_the_same_rows_whatever_the_number_of_processes(tmp_
     assert text(other) != text(one[:3])
 
 
-def test_what_was_interrupted_goes_on_and_nothing_is_driven_twice(tmp_path, monkeypatch):
+def test_an_interrupted_campaign_continues_and_repeats_no_episode(tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "_FLUSH", 0.0)
     driven = []
     real = drive.chunk
@@ -75,7 +75,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.slow  # Ctrl-C and a worker that is killed are tried by default
-def test_kill_9_in_the_middle_loses_nothing_and_leaves_nobody_behind(tmp_path):
+def test_kill_9_loses_no_episode_and_leaves_no_process(tmp_path):
     script = tmp_path / "killed.py"
     script.write_text(_KILLED)
     there = tmp_path / "there"
@@ -106,7 +106,7 @@ def _alive(group):
     return True
 
 
-def test_a_worker_killed_from_outside_is_told_and_the_rest_can_go_on(tmp_path, monkeypatch):
+def test_a_killed_worker_is_reported_and_the_campaign_can_continue(tmp_path, monkeypatch):
     from multiprocessing import active_children
 
     others = {child.pid for child in active_children()}  # of tests that ran before
@@ -125,7 +125,7 @@ def test_a_worker_killed_from_outside_is_told_and_the_rest_can_go_on(tmp_path, m
     assert not workers()
 
 
-def test_a_mistake_of_ours_in_one_episode_is_told_in_its_row(tmp_path, monkeypatch):
+def test_an_internal_error_in_one_episode_is_reported_in_its_row(tmp_path, monkeypatch):
     real = suites.rooms.case
 
     def broken(seed, number):

@@ -60,7 +60,7 @@ def test_half_a_part_is_no_part_and_is_swept_away(tmp_path):
         "part-000001.parquet", "part-000002.parquet"]  # fmt: skip
 
 
-def test_a_full_disk_leaves_what_was_written_and_says_so(tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_and_leaves_what_was_written(tmp_path, monkeypatch):
     def full(_):
         raise OSError(28, "No space left on device")
 
@@ -103,7 +103,7 @@ def test_two_campaigns_at_once_in_one_folder_are_refused(tmp_path):
         pass
 
 
-def test_rows_without_a_plan_belong_to_nobody(tmp_path):
+def test_rows_without_a_plan_are_refused(tmp_path):
     with Store(tmp_path, PLAN) as s:
         s.add([row(0)])
     (tmp_path / store.PLAN).unlink()
@@ -112,13 +112,13 @@ def test_rows_without_a_plan_belong_to_nobody(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["[]", "{", ""])
-def test_a_plan_that_is_none_is_told(tmp_path, text):
+def test_an_invalid_plan_is_reported(tmp_path, text):
     (tmp_path / store.PLAN).write_text(text)
     with pytest.raises(CohelmError, match="not a campaign's plan"), Store(tmp_path, PLAN):
         pass
 
 
-def test_a_damaged_part_is_told_with_its_name(tmp_path):
+def test_a_damaged_part_file_is_named(tmp_path):
     with Store(tmp_path, PLAN) as s:
         s.add([row(0)])
     part = tmp_path / "rows" / "part-000001.parquet"
@@ -127,7 +127,7 @@ def test_a_damaged_part_is_told_with_its_name(tmp_path):
         read_rows(tmp_path)
 
 
-def test_a_file_in_place_of_the_folder_is_told(tmp_path):
+def test_a_file_in_place_of_the_folder_is_reported(tmp_path):
     (tmp_path / "x").write_text("")
     with pytest.raises(CohelmError, match="can not be made"), Store(tmp_path / "x", PLAN):
         pass

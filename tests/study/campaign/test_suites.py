@@ -45,7 +45,7 @@ def test_a_room_can_be_crossed_and_its_walkers_keep_their_bounds(number):
     assert rooms.has_way(still, length, width, ends[0], ends[1], 0.5 * rooms.WAY)
 
 
-def test_a_way_is_no_way_where_it_is_blocked():
+def test_a_path_is_invalid_where_it_is_blocked():
     start, goal = np.array([1.2, 3.0]), np.array([8.8, 3.0])
     fence = np.array([(5.0, y, 0.3) for y in np.arange(0.0, 6.1, 0.5)])
     assert not rooms.has_way(fence, 10.0, 6.0, start, goal, 0.5)
@@ -67,7 +67,7 @@ def test_the_first_drive_in_the_lab_is_the_scenario_as_shipped():
     assert math.dist(other.setup.start[:2], first.setup.start[:2]) < 0.15
 
 
-def test_nobody_appears_out_of_nothing_within_ten_seconds_of_the_first_sample():
+def test_no_person_appears_within_ten_seconds_of_the_first_sample():
     t = 0.4 * np.arange(20)
     track = Track("a", 100.0 + t, np.column_stack((1.2 * t, 0.1 * np.sin(t))))
     walks = crowd.crowd("scene", [track]).walks
@@ -82,7 +82,7 @@ def test_nobody_appears_out_of_nothing_within_ten_seconds_of_the_first_sample():
     assert ends[2][0] == pytest.approx(1.2 * t[-1] + 12.0, abs=0.5)
 
 
-def test_nobody_comes_into_being_within_reach_of_a_crossing():
+def test_no_person_appears_within_reach_of_a_crossing():
     t = 0.4 * np.arange(200)
     walker = Track("walker", t, np.column_stack((1.0 * t - 40.0, 0.0 * t)))
     late = 40.0 + 0.4 * np.arange(20)
@@ -118,7 +118,7 @@ def test_a_field_of_movers_keeps_its_bounds(number):
     assert (discs[..., 1] + r).max() <= movers.WIDTH - 0.1 + 1e-9
 
 
-def test_who_runs_is_left_out_and_said_so():
+def test_running_pedestrians_are_left_out_and_listed():
     t = 0.4 * np.arange(20)
     runner = Track("fast", t, np.column_stack((4.0 * t, 0.0 * t)))
     once = Track("once", t[:1], np.zeros((1, 2)))
@@ -130,7 +130,7 @@ def test_who_runs_is_left_out_and_said_so():
 
 @with_data
 @pytest.mark.parametrize("name", suites.NAMES)
-def test_every_suite_makes_the_same_case_again_after_being_sent_elsewhere(name):
+def test_every_suite_makes_the_same_episode_after_pickling(name):
     import pickle
 
     made = suites.suite(name, 4, DATA)
@@ -142,7 +142,7 @@ def test_every_suite_makes_the_same_case_again_after_being_sent_elsewhere(name):
         assert a.setup.recorded_stick.x.tobytes() == b.setup.recorded_stick.x.tobytes()
 
 
-def test_data_that_a_suite_does_not_use_is_said(tmp_path):
+def test_data_that_a_suite_does_not_use_is_reported(tmp_path):
     made = suites.suite("random", 1, tmp_path)
     assert made.notes == ("the recordings of --data: random drives on none",)
     assert suites.suite("random", 1, None).notes == ()
@@ -218,7 +218,7 @@ def test_a_robot_that_no_room_fits_is_refused(change, words):
 
 
 @with_data
-def test_recorded_hands_are_all_found_and_what_is_no_stick_is_said():
+def test_all_recorded_sticks_are_found_and_other_files_are_reported():
     found = hands.read(DATA)
     assert len(found.recordings) == len(found.names) == 12
     assert any("f1tenth" in said for said in found.left_out)
@@ -235,7 +235,7 @@ def test_recorded_hands_are_all_found_and_what_is_no_stick_is_said():
         ("hands", ".", "stick"),
     ],
 )
-def test_a_suite_that_can_not_be_made_is_told_with_the_cure(name, data, words, tmp_path):
+def test_a_suite_that_can_not_be_made_is_reported_with_the_cure(name, data, words, tmp_path):
     given = None if data is None else tmp_path / data
     with pytest.raises(CohelmError, match=words):
         suites.suite(name, 1, given)
