@@ -105,7 +105,7 @@ def test_a_reset_from_before_the_stop_or_while_braking_or_faulty_is_refused():
         loop.supervisor.rights.revoke(0, loop.gated.now())  # and now it is to hold
         drive.asks(age=60.0)
         yield from range(20)
-        assert drive.said[2].startswith("/reset: not reset: the robot was told to stand")
+        assert drive.said[2].startswith("/reset: not reset: the robot was stopped after your request")
         assert drive.fastest(20) == 0.0
 
     drive.run(script)
