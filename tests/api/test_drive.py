@@ -49,7 +49,7 @@ def test_no_error_in_the_robots_own_code_leaves_it_driving(tmp_path):
     assert summary["faulted"]
     assert "send failed: OSError: the line is dead" in summary["reason"]
     events = [said for _, said in cohelm.read_record(tmp_path / "drive.mcap").events]
-    assert any("the robot says: send failed" in said for said in events)
+    assert any("the robot reports: send failed" in said for said in events)
 
 
 @pytest.mark.xdist_group("realtime")

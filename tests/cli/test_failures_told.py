@@ -38,7 +38,7 @@ def test_a_sound_drive_has_no_failure():
         ({"lost": True, "lost_share": 1.0}, "did not know where it was on the map (100% of"),
         (
             {"docked": False, "docking": "its corridor is occupied"},
-            "has not docked: somebody is",
+            "has not docked: its corridor is",
         ),
         ({"record_whole": False, "record_fault": "recording stopped: No space left"}, "No space"),
     ],

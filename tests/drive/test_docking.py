@@ -136,7 +136,7 @@ def test_a_driver_docks_and_undocks_without_a_mode_change_in_between(drive):
         ("automatic", "mode AUTOMATIC"),
         ("stop", "stop by bert (2)"),
         ("release", "mode HOLD"),
-        ("bump", "the robot says: the bumper is pressed"),
+        ("bump", "the robot reports: the bumper is pressed"),
         ("stick", "the stick was deflected"),
     ],
 )

@@ -74,7 +74,7 @@ def by_hand(t):
 def test_in_manual_mode_a_joystick_is_armed_centred_and_enabled_and_its_loss_stops():
     seen = driven(Mode.MANUAL, by_hand, 8.2)
     assert seen.reasons[0.3] == "/joy: nothing is received"
-    assert seen.reasons[0.9] == "waits for /joy to be centred"
+    assert seen.reasons[0.9] == "waiting for /joy to be centred"
     assert fastest(seen, 0.0, 1.4) < 0.01
     assert seen.speeds[2.38] > 0.2
     assert fastest(seen, 3.2, 3.4) < 0.01

@@ -247,7 +247,7 @@ def test_without_its_helpers_the_loop_drives_on(drive, who):
     going.driving()
     os.kill(child(going.process.pid, who), signal.SIGKILL)
     if who == "planner":
-        going.said("the path planner is gone", 10.0)
+        going.said("the path planner has ended", 10.0)
     out, _ = going.process.communicate(timeout=STARTED)
     summary = json.loads(out)
     assert summary["reason"] == "the drive is over"
@@ -262,7 +262,7 @@ def test_a_killed_gate_ends_the_loop_with_one_sentence(drive):
     os.kill(child(going.process.pid, "gate"), signal.SIGKILL)
     _, err = going.process.communicate(timeout=STARTED)
     assert going.process.returncode == 2
-    assert "the process that keeps the robot is gone" in err
+    assert "the gate process has ended" in err
 
 
 def child(parent: int, who: str) -> int:

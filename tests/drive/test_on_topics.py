@@ -161,7 +161,7 @@ def test_an_initial_pose_is_accepted_only_at_rest_and_on_the_map(drive, told):
         yield from range(50)
         told.place = Placed("/initialpose", here, 0.3)
         yield from range(2)
-        assert "the robot moves, and an initial pose counts while it stands" in told.said[-1]
+        assert "the robot is moving, and takes an initial pose only at rest" in told.said[-1]
 
     drive.run(script())
 

@@ -76,7 +76,7 @@ def test_in_the_open_a_goal_is_straight_ahead() -> None:
     ("goal", "why"),
     [
         ((3.05, 0.0), "the goal 3.0, 0.0 is in a wall, or too near to one"),
-        ((5.0, 0.0), "no way to 5.0, 0.0 is known"),
+        ((5.0, 0.0), "no path to 5.0, 0.0 was found"),
         ((9.0, 0.0), "the goal 9.0, 0.0 is not on the map"),
         ((0.05, 0.0), "the robot is at 0.1, 0.0 already"),
     ],

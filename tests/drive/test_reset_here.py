@@ -78,7 +78,7 @@ def test_a_first_reset_releases_the_stop_and_a_second_resumes_the_mode():
         assert drive.fastest(100) == 0.0
         drive.asks()
         yield from range(100)
-        assert drive.said[1:] == ["/reset: goes on in automatic mode"]
+        assert drive.said[1:] == ["/reset: continues in automatic mode"]
         assert drive.fastest(10) > 0.2
         drive.asks()
         yield from range(10)
@@ -146,7 +146,7 @@ def test_a_deflected_joystick_does_not_move_the_robot_after_a_reset():
         yield from range(20)
         drive.asks()
         yield from range(100)
-        assert drive.said[1] == "/reset: goes on in manual mode"
+        assert drive.said[1] == "/reset: continues in manual mode"
         assert drive.fastest(120) == 0.0
         drive.hand = (0.0,)
         yield from range(50)
@@ -224,7 +224,7 @@ def test_a_stop_is_not_reset_while_the_robot_reports_a_fault():
         yield from range(60)
         drive.asks()
         yield from range(10)
-        assert drive.said == ["/reset: not reset: the robot says: the button is pressed"]
+        assert drive.said == ["/reset: not reset: the robot reports: the button is pressed"]
         robot.read = sound
         yield from range(10)
         drive.asks()

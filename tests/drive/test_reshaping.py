@@ -27,7 +27,7 @@ from tests.drive.resuming import Drive
 
 ARM = 0.3
 """So much longer is the robot with its arm out [m]."""
-RESHAPED, ALONE = "the robot has another outline", "the earlier outline no longer applies"
+RESHAPED, ALONE = "the outline has changed", "the earlier outline no longer applies"
 
 
 class Arm:
@@ -287,7 +287,7 @@ def test_a_route_that_no_longer_fits_is_reported_in_advance():
 
     Ride(10.5, at, seconds=30.0)
     (text,) = told
-    assert text.startswith("with the outline that it has now its route has no room at 10.")
+    assert text.startswith("with its present outline the route has no clearance at 10.")
     assert told[text][0][0] < 2.5
     assert told[text][-1][1] is False  # it has another one now
     assert not any("route" in a.text for a in Ride(10.5, seconds=1.0).loop.alarms.worst())

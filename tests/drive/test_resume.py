@@ -121,7 +121,7 @@ def test_a_path_that_can_not_be_planned_ends_in_hold_with_an_alarm(drive, fails)
         yield from waits(1100 if fails == "takes for ever" else 80)
         assert drive.loop.supervisor.mode == Mode.HOLD
         assert not drive.loop.supervisor.paused
-        assert any("no new way, the robot holds" in a.text for a in drive.loop.alarms.worst())
+        assert any("no new path, the robot holds" in a.text for a in drive.loop.alarms.worst())
         drive.beside.fails, drive.beside.ways.takes = "", 0  # and the next one is made
         if fails == "takes for ever":
             drive.beside.ways._due[0][0] = 0

@@ -152,11 +152,11 @@ def test_a_lock_is_in_the_namespace_or_there_is_none():
 
 
 def test_a_latched_stop_names_the_topic_that_resets_it():
-    gate = SimpleNamespace(mode=GateMode.FAULTED, reason="the robot says: /stop is on")
+    gate = SimpleNamespace(mode=GateMode.FAULTED, reason="the robot reports: /stop is on")
     kind, text = _reason(None, "", None, None, gate, "/j100/cohelm_filter/reset")
     assert kind == "gate"
     assert text == (
-        "the robot says: /stop is on: fix it, then publish std_msgs/msg/Empty once on "
+        "the robot reports: /stop is on: fix it, then publish std_msgs/msg/Empty once on "
         "/j100/cohelm_filter/reset"
     )
 

@@ -46,7 +46,7 @@ def test_a_fault_in_a_campaign_is_reset_and_counted(monkeypatch):
     monkeypatch.setattr(Twin, "read", pressed)
     (row,) = chunk(suites.suite("random", 1, None, "twin"), "guard", (6,))
     assert (row.fault, row.stops) == ("", 1)
-    assert row.stopped_by == "the robot says: the bumper is pressed"
+    assert row.stopped_by == "the robot reports: the bumper is pressed"
     assert row.arrived
     assert row.duration_s > 5.0
 
