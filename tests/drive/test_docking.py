@@ -236,7 +236,7 @@ def test_docking_ends_on_timeout_or_without_progress(docking):
     assert over(docking, 51.0, Seen(1.5), v=0.0) == "not done within 40 s"
     docking.begin(60.0, 1, Seen(1.5), False)
     assert over(docking, 61.9, Seen(1.5), v=0.0) == ""
-    assert over(docking, 62.1, Seen(1.5), v=0.0) == "held back, at -50, +0 cm from it"
+    assert over(docking, 62.1, Seen(1.5), v=0.0) == "blocked, at -50, +0 cm from it"
     docking.begin(70.0, 1, Seen(1.98), False)
     assert over(docking, 71.0, Seen(1.98), v=0.0) == ""
     assert over(docking, 72.1, Seen(1.98), v=0.0).startswith("docked at charger, -2.0")

@@ -190,7 +190,7 @@ def test_without_a_station_it_stands_until_the_first_goal(told):
         session.end("over")
     topics.close()
     assert stood == [True]
-    assert [one.rpartition(" ")[2] for one in told.said] == ["one", "on"]
+    assert [one.rpartition(" ")[2] for one in told.said] == ["one", "it"]
     assert (pose.x, pose.y) == pytest.approx(AHEAD, abs=0.2)
 
 

@@ -31,7 +31,7 @@ def test_with_full_speed_at_a_wall_it_stops_before_it(hall):
     truth = hall.base.truth()
     assert truth.least_moving > 0.01  # the promise is half of the hard margin, 15 mm
     assert truth.clearance < 0.4
-    assert any("held back" in said or "brakes" in said for said in hall.filter.said)
+    assert any("limited by" in said or "brakes" in said for said in hall.filter.said)
 
 
 def goes_again(hall) -> bool:

@@ -192,7 +192,7 @@ def test_behind_the_filter_it_stops_for_a_wall_and_for_faults(peer, transport):
         time.sleep(0.5)
         goes(1.0)
         assert until(lambda: peer.truth()[3] < 0.5), (peer.truth(), made.said)
-        stands("held back by something|brakes for something")
+        stands("limited by an obstacle|brakes for an obstacle")
         clearance, least = peer.truth()[3:]
         assert 0.015 < least <= clearance < 0.4  # the promise is half of the hard margin
         goes(-0.3)
