@@ -118,7 +118,7 @@ def test_a_killed_loop_does_not_leave_the_robot_moving(drive):
     going = drive()
     going.driving()
     going.process.kill()
-    braked_in_time(going.stopped("(the loop's process is gone|no valid command)"))
+    braked_in_time(going.stopped("(the loop's process has ended|no valid command)"))
     end = time.monotonic() + 15.0
     while (going.record.with_suffix(".reserve")).exists():  # removed when the record is finished
         assert time.monotonic() < end

@@ -1,4 +1,4 @@
-"""Way-points that a person proposes, judged before the robot follows them."""
+"""Waypoints that a person proposes, judged before the robot follows them."""
 
 import numpy as np
 import pytest

@@ -71,7 +71,7 @@ def test_a_path_of_too_many_waypoints_is_refused_with_a_reason(drive):
         anna.propose(np.column_stack((np.linspace(1.0, 5.0, 300), np.zeros(300))))
         yield from range(10)
         (said,) = checked(anna)
-        assert said.answer.reason == "more than 256 way-points: leave some out"
+        assert said.answer.reason == "more than 256 waypoints: leave some out"
 
     drive.run(script())
 

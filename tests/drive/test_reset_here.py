@@ -105,7 +105,9 @@ def test_a_reset_from_before_the_stop_or_while_braking_or_faulty_is_refused():
         loop.supervisor.rights.revoke(0, loop.gated.now())  # and now it is to hold
         drive.asks(age=60.0)
         yield from range(20)
-        assert drive.said[2].startswith("/reset: not reset: the robot was stopped after your request")
+        assert drive.said[2].startswith(
+            "/reset: not reset: the robot was stopped after your request"
+        )
         assert drive.fastest(20) == 0.0
 
     drive.run(script)
@@ -170,7 +172,7 @@ def test_a_topic_that_publishes_resets_continuously_is_refused():
         wire.heard(Received(object(), t))
     wire.heard(Received(None, 30.0, "bytes that are none"))
     assert asked == [10.0, 16.0]
-    assert said == ["/reset comes again and again: publish it once (ros2 topic pub --once)"]
+    assert said == ["/reset is published continuously: publish it once (ros2 topic pub --once)"]
 
 
 def test_a_reset_typed_in_the_terminal_counts_and_other_input_does_not(monkeypatch):

@@ -271,7 +271,9 @@ def test_a_dock_that_no_longer_fits_is_reported_and_refused_in_advance():
     assert refused[0.5] == "" == refused[4.0]
     assert refused[2.0].startswith(f"charger: {why}")
     assert said[2.0][f"no docking at charger: {why} a wall, less than margin_m, 0.075"]
-    assert any(text.startswith("docking at charger: with its present outline") for text in said[2.0])
+    assert any(
+        text.startswith("docking at charger: with its present outline") for text in said[2.0]
+    )
     assert said[4.4] == dict.fromkeys(said[2.0], False)
 
 

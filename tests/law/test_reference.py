@@ -16,7 +16,7 @@ LAB = through(lab.WAYPOINTS, lab.SPEED)
 
 @st.composite
 def routes(draw, least=2, most=10):
-    """Way-points a robot could be given: each 0.3 to 3 m on, turning less than 70°."""
+    """Waypoints a robot could be given: each 0.3 to 3 m on, turning less than 70°."""
     x, y, course = draw(st.floats(-5, 5)), draw(st.floats(-5, 5)), draw(st.floats(-3.2, 3.2))
     points = [(x, y)]
     for _ in range(draw(st.integers(least, most)) - 1):
@@ -166,15 +166,15 @@ def test_the_table_is_the_reference_step_by_step(own):
 
 nan, inf = math.nan, math.inf
 refused = [
-    ([], 0.5, "way-points"),
-    ([[0, 0]], 0.5, "at least 2 way-points, got 1"),
+    ([], 0.5, "waypoints"),
+    ([[0, 0]], 0.5, "at least 2 waypoints, got 1"),
     ([[0, 0, 0], [1, 1, 1]], 0.5, "pairs"),
     ([[0, 0], [1]], 0.5, "pairs of numbers"),
     ([["a", 0], [1, 1]], 0.5, "pairs of numbers"),
     ([1.0, 2.0], 0.5, "pairs"),
-    ([[0, 0], [nan, 1]], 0.5, "way-point 2 is not finite"),
-    ([[0, inf], [1, 1]], 0.5, "way-point 1 is not finite"),
-    ([[0, 0], [1, 1], [1, 1]], 0.5, "way-points 2 and 3 are the same point [1.0, 1.0]; remove one"),
+    ([[0, 0], [nan, 1]], 0.5, "waypoint 2 is not finite"),
+    ([[0, inf], [1, 1]], 0.5, "waypoint 1 is not finite"),
+    ([[0, 0], [1, 1], [1, 1]], 0.5, "waypoints 2 and 3 are the same point [1.0, 1.0]; remove one"),
     ([[0, 0], [1e308, 1e308], [-1e308, 0]], 0.5, "too far"),
     ([[0, 0], [1, 1]], 0.0, "speed must be a positive number of m/s, got 0.0"),
     ([[0, 0], [1, 1]], -0.5, "got -0.5"),

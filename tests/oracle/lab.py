@@ -1,4 +1,4 @@
-"""The paper's laboratory as reconstructed: way-points, cones, mover, outline [m, m/s, s]."""
+"""The paper's laboratory as reconstructed: waypoints, cones, mover, outline [m, m/s, s]."""
 
 import numpy as np
 

@@ -214,7 +214,7 @@ def _clearance(free, side=0.1):
 
 
 def tour(place, seed, length, room=0.38, side=0.1):
-    """Way-points of a drive of about that length through what can be reached with that room [m]."""
+    """Waypoints of a drive of about that length through what can be reached with that room [m]."""
     rng = np.random.default_rng([seed, 2])
     every = 2
     clear = place.clear[::every, ::every]

@@ -1,6 +1,6 @@
 """Drives through the lab with the sensors' errors, and what was true: readings as they come.
 
-Independent of the robots behind the port: an exact unicycle on way-points, wheels that measure
+Independent of the robots behind the port: an exact unicycle on waypoints, wheels that measure
 wrongly, a gyro that drifts, a LiDAR whose beams are measured one after the other.
 """
 
@@ -50,7 +50,7 @@ class Moment(NamedTuple):
 
 
 def along(waypoints, speed=0.5, start=None):
-    """Twists at every DT of an exact robot that tracks way-points, and its poses."""
+    """Twists at every DT of an exact robot that tracks waypoints, and its poses."""
     reference = through([list(map(float, p)) for p in waypoints], speed)
     gains = Gains()
     d = desired(reference, 0.0, False)

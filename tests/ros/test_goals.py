@@ -131,8 +131,8 @@ BAD = [
     (POSE, told(frame=""), "it is in the frame '', and the map's is 'map': publish it in that"),
     (POSE, told(y=NAN), "the initial pose is not a number"),
     (POSE, unturned(), "the initial pose's orientation is no rotation"),
-    (POSE, told(variance=NAN), "the initial pose's covariance is none"),
-    (POSE, told(variance=-1.0), "the initial pose's covariance is none"),
+    (POSE, told(variance=NAN), "the initial pose's covariance is invalid"),
+    (POSE, told(variance=-1.0), "the initial pose's covariance is invalid"),
 ]
 
 

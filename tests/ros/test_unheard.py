@@ -234,7 +234,7 @@ def test_ranges_are_received_where_the_robot_has_a_range_sensor():
     said[-1][1].max_range = 1.0
     robot = RobotAdapter(Ros2Robot(seen.model, seen, Spoken(ends, readings() + said)))
     assert robot.read().health.faults == (
-        "/scan_rear says it measures from 0.06 to 1 m, and said from 0.06 to 3 m when it was "
+        "/scan_rear reports a range from 0.06 to 1 m, and said from 0.06 to 3 m when it was "
         "looked at: fix its driver, or start again",
     )
     robot.close()

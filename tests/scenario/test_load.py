@@ -65,7 +65,7 @@ def test_omitted_options_have_the_values_of_the_paper(tmp_path):
         ("[2, 1]", "2", "obstacles.0.center_m: must be a list [..., ...], got 2"),
         ("center_m: [2, 1], ", "", "obstacles.0: needs either center_m: [x, y] or a path"),
         (", [2, 0], [4, 1]", "", "reference.waypoints_m: needs at least 2 items, got 1"),
-        (", [2, 0]", ", [0, 0]", "way-points 1 and 2 are the same point"),
+        (", [2, 0]", ", [0, 0]", "waypoints 1 and 2 are the same point"),
         ("{k_cbf: 1.5}", "", "law.barrier: needs keys of its own (K"),
         ("name: mine", "nickname: mine", "mine.yaml:1: name: is missing: What to call it."),
         ("name: mine", "name: 7", "mine.yaml:1: name: must be text, got 7; put it in quotes"),

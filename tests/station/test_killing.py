@@ -54,7 +54,9 @@ STARTS = 60.0
 HELD_UP = 0.25
 """A loop may be held up by the watchdog's 0.1 s, and the clock that is read here by as much [s]."""
 FAST = re.compile(r"applied\s*−?0\.[3-9]")
-LOST = re.compile(r"lost: (no valid stick input|no command for|there is no driver|the newest command)")
+LOST = re.compile(
+    r"lost: (no valid stick input|no command for|there is no driver|the newest command)"
+)
 
 TIMES = 4
 """So often a case is tried: on a busy machine a robot may stop by its watchdog before it begins."""

@@ -29,7 +29,7 @@ RECORDED = 150_000
 
 
 def new_way(page: Page, *points: tuple[str, str]) -> None:
-    """Type the way-points, have them checked, and send them."""
+    """Type the waypoints, have them checked, and send them."""
     page.get_by_role("button", name="Edit route").click()
     panel = page.get_by_role("dialog", name="Edit the route")
     panel.get_by_role("button", name="Clear").click()

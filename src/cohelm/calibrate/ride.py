@@ -138,7 +138,7 @@ class _Rider:
             if rest is None and now - resting > _SETTLED:
                 rest = self._resting = Rest(now)
             if now - began > longest:
-                why = "it does not come to stand" if rest is None else "no new scan comes"
+                why = "it does not stop" if rest is None else "no new scan comes"
                 raise _EndedError(f"{why}: measuring ends here")
         rest.until = self.gated.now()
         self.made.rests.append(rest)
@@ -172,10 +172,10 @@ class _Rider:
             odometry = self._period(_STILL, stopped=segment.hard)
             resting = resting + 1 if standing(odometry.twist) else 0
             if gated.now() - ended > _PATIENCE:
-                raise _EndedError("the robot does not come to stand: measuring ends here")
+                raise _EndedError("the robot does not stop: measuring ends here")
         if segment.hard:
             if refused := gated.reset():
-                raise _EndedError(f"the stop can not be let go of: {refused}")
+                raise _EndedError(f"the stop can not be reset: {refused}")
             self._go()
         after = self.made.odometry[-1].pose
         if twist.v:
@@ -216,7 +216,7 @@ class _Rider:
         readings = gated.read()
         odometry, scan = readings.odometry, readings.scan
         if odometry is None or scan is None:
-            raise _EndedError("the readings are gone: measuring ends here")
+            raise _EndedError("no readings: measuring ends here")
         if not self.made.odometry or odometry.stamp > self.made.odometry[-1].stamp:
             self.made.odometry.append(odometry)
         elif odometry.stamp < self.made.odometry[-1].stamp:

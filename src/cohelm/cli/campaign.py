@@ -127,7 +127,7 @@ def campaign(
             page = report.write(found, folder, bar)
         except KeyboardInterrupt:
             say(
-                "[yellow]interrupted[/yellow]; what was driven is kept, go on with: "
+                "[yellow]interrupted[/yellow]; finished episodes are kept, continue with: "
                 f"cohelm campaign {plain(str(folder))}"
             )
             raise
@@ -160,7 +160,7 @@ def _planned(
             raise CohelmError(f"{folder}: holds no campaign; give a suite or a campaign's folder")
         if law or compare or n or data or plant or robot or out:
             raise CohelmError(
-                f"{folder} is gone on with as it was asked for: leave out --law, --compare, --n, "
+                f"{folder} continues with its own options: leave out --law, --compare, --n, "
                 "--data, --plant, --robot and --out"
             )
         return folder, runner.planned(kept)

@@ -118,7 +118,7 @@ def map_(
         except mapping.Interrupted:
             again = f"{record}" if earlier else f"{record} --resume"
             say(
-                "[yellow]interrupted[/yellow]; what was mapped is kept, go on with: "
+                "[yellow]interrupted[/yellow]; the map so far is kept, continue with: "
                 f"cohelm map {plain(again)} --out {plain(str(folder))}"
             )
             raise

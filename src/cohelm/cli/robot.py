@@ -179,8 +179,8 @@ def robot(
     )  # fmt: skip
     if listen is not None and (mode or arrive or fast or dock):
         raise CohelmError(
-            "with --listen the station says how to drive: leave out --mode, --dock, --arrive and "
-            "--fast"
+            "with --listen the station chooses mode and goal: leave out --mode, --dock, --arrive "
+            "and --fast"
         )
     if listen is None and foxglove_teleop:
         raise CohelmError(

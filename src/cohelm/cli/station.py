@@ -253,7 +253,7 @@ def _encryption(
     if not in_clear:
         raise CohelmError(
             f"on {host} the token and the stick would cross the network in clear, and whoever "
-            f"listens there could drive: add --tls, or --without-tls where nobody else is"
+            f"listens there could drive: add --tls, or --without-tls in a private network"
         )
     say("in clear: whoever can listen on this network can take the token and drive")
     return None

@@ -59,7 +59,7 @@ class PendingLink:
         return self._link.answer(number)
 
     def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
-        """Way-points."""
+        """Waypoints."""
         link = self._robot()
         if link is not None:
             return link.propose(points, only_check)

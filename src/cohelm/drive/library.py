@@ -44,7 +44,9 @@ def drive(
     if not 10.0 <= rate <= 500.0:
         raise CohelmError(f"rate must be from 10 to 500 periods a second, got {rate:g}")
     if listen is not None and (mode or arrive):
-        raise CohelmError("with listen the station says how to drive: leave out mode and arrive")
+        raise CohelmError(
+            "with listen the station chooses mode and goal: leave out mode and arrive"
+        )
     made = own_robot(robot, site, model)
     file = None if record is None else Path(record)
     loop = LoopParams(carry_on=carry_on)

@@ -72,7 +72,7 @@ class OverLink:
         self.publish(Records(listed(self._records)))
 
     def path_requests(self) -> tuple[PathRequest, ...]:
-        """Way-points proposed since the last call."""
+        """Waypoints proposed since the last call."""
         return tuple(PathRequest(one.client, *one.what) for one in self._bulk.proposed())
 
     @property

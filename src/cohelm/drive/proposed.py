@@ -1,4 +1,4 @@
-"""Checks requested way-points or a goal: is there a collision-free path for the robot?"""
+"""Checks requested waypoints or a goal: is there a collision-free path for the robot?"""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ ROOM = 0.05
 _SPACING = 0.05
 _MAX_LENGTH = 200.0
 _MOST = 256
-"""Way-points of one path: a person sets a few dozen."""
+"""Waypoints of one path: a person sets a few dozen."""
 _NEAR = 0.05
 _EXTRA_ROOM = 0.02
 """Clearance of planning beyond `ROOM`: the curve through the points cuts corners [m]."""
 _SPARSE, _DENSE = 0.3, 0.1
-"""Spacing of the way-points of a planned path: in open space, and in narrow places [m]."""
+"""Spacing of the waypoints of a planned path: in open space, and in narrow places [m]."""
 _AT_GOAL = 0.1
 """A goal within this distance is reached already [m]."""
 NONE = 65535
-"""No way-point is at fault."""
+"""No waypoint is at fault."""
 
 
 class CheckedPath(NamedTuple):
@@ -39,7 +39,7 @@ class CheckedPath(NamedTuple):
     """The path as it would be followed; None: refused."""
     why: str
     worst: int
-    """The way-point at fault, from 0; 65535: none."""
+    """The waypoint at fault, from 0; 65535: none."""
 
 
 class PathChecker(NamedTuple):
@@ -77,10 +77,10 @@ def checked_path(
     Moving and small obstacles are left to the guard, which sees them when they are there.
     """
     if len(points) > _MOST:
-        return CheckedPath(None, f"more than {_MOST} way-points: leave some out", NONE)
+        return CheckedPath(None, f"more than {_MOST} waypoints: leave some out", NONE)
     for i, point in enumerate(points):
         if len(bounds) and not ((bounds[0] <= point) & (point <= bounds[1])).all():
-            return CheckedPath(None, f"way-point {i + 1} is not on the map", i)
+            return CheckedPath(None, f"waypoint {i + 1} is not on the map", i)
     line = np.vstack(((robot.x, robot.y), points))
     steps = np.hypot(*np.diff(line, axis=0).T)
     if float(steps.sum()) > _MAX_LENGTH:

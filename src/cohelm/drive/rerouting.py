@@ -39,7 +39,7 @@ class PathRequest(NamedTuple):
     """Client number; negative: not a client of the link."""
     number: int
     where: Floats | Goal
-    """Way-points (n, 2) [m], or a goal."""
+    """Waypoints (n, 2) [m], or a goal."""
     only_check: bool
 
 

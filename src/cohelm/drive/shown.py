@@ -83,7 +83,7 @@ def detour(course: Course | None) -> Polyline:
 
 
 def reference_lines(reference: Reference) -> tuple[Polyline, Polyline]:
-    """The reference as a line, and its way-points."""
+    """The reference as a line, and its waypoints."""
     at = [desired(reference, float(t), False) for t in reference.knots]
     points = np.array([(d.x, d.y) for d in at], dtype=np.float32)
     line = poses_along(reference, _STEP)[:, :2].astype(np.float32)

@@ -48,7 +48,7 @@ def serve(
     ready: called with the address when the robot can be driven. topics: those of a ROS 2 robot.
     Raises CohelmError if something can not be started.
     """
-    on_loss = "goes on alone" if plan.loop.carry_on else "stops"
+    on_loss = "continues alone" if plan.loop.carry_on else "stops"
     admitted, live, own = config.keys, plan.live, None
     if live is not None and live.teleop:
         admitted, own = with_local_station(config.keys, "foxglove")

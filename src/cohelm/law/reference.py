@@ -1,4 +1,4 @@
-"""Way-points to a trajectory in time: natural cubic splines (7)-(13), evaluated compiled."""
+"""Waypoints to a trajectory in time: natural cubic splines (7)-(13), evaluated compiled."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
 from cohelm.core.types import Desired, Floats
 
-_INSTANT = 1e-9  # way-points closer in time than this [s] are a mistake in units
+_INSTANT = 1e-9  # waypoints closer in time than this [s] are a mistake in units
 _AT_REST = 1e-9  # below this speed [m/s] the spline has no direction: a cusp, or the end
 
 
@@ -29,36 +29,36 @@ class Reference(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """T_m, the time of the last way-point [s]."""
+        """T_m, the time of the last waypoint [s]."""
         return float(self.knots[-1])
 
 
 def through(waypoints: Floats | list[list[float]], speed: float) -> Reference:
-    """Natural cubic splines through way-points, at chord length over speed apart in time (13).
+    """Natural cubic splines through waypoints, at chord length over speed apart in time (13).
 
     waypoints: (m, 2), m >= 2 [m]. speed: u_d > 0 [m/s].
-    Raises CohelmError for fewer than two way-points, a number that is not finite, two equal
-    way-points in a row, a speed that is not positive, or one that does not fit their distances.
+    Raises CohelmError for fewer than two waypoints, a number that is not finite, two equal
+    waypoints in a row, a speed that is not positive, or one that does not fit their distances.
     """
     try:
         points = np.asarray(waypoints, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise CohelmError(
-            f"way-points must be pairs of numbers [x, y] in metres ({error})"
+            f"waypoints must be pairs of numbers [x, y] in metres ({error})"
         ) from error
     if points.ndim != 2 or points.shape[1] != 2:
-        raise CohelmError(f"way-points must be pairs [x, y] in metres, got shape {points.shape}")
+        raise CohelmError(f"waypoints must be pairs [x, y] in metres, got shape {points.shape}")
     if len(points) < 2:
-        raise CohelmError(f"a reference needs at least 2 way-points, got {len(points)}")
+        raise CohelmError(f"a reference needs at least 2 waypoints, got {len(points)}")
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if bad.size:
-        raise CohelmError(f"way-point {bad[0] + 1} is not finite: {points[bad[0]].tolist()}")
+        raise CohelmError(f"waypoint {bad[0] + 1} is not finite: {points[bad[0]].tolist()}")
     with np.errstate(over="ignore"):
         chords = np.hypot(*np.diff(points, axis=0).T)
     same = np.flatnonzero(chords < 1e-6)
     if same.size:
         raise CohelmError(
-            f"way-points {same[0] + 1} and {same[0] + 2} are the same point "
+            f"waypoints {same[0] + 1} and {same[0] + 2} are the same point "
             f"{points[same[0]].tolist()}; remove one"
         )
     if not (math.isfinite(speed) and speed > 0.0):
@@ -67,7 +67,7 @@ def through(waypoints: Floats | list[list[float]], speed: float) -> Reference:
         knots = np.concatenate(([0.0], np.cumsum(chords / speed)))
     if not (np.isfinite(knots[-1]) and (np.diff(knots) > _INSTANT).all()):
         raise CohelmError(
-            f"way-points are too far or too near for a speed of {speed} m/s; "
+            f"waypoints are too far or too near for a speed of {speed} m/s; "
             "coordinates are in metres"
         )
     spline = scipy.interpolate.CubicSpline(knots, points, bc_type="natural")

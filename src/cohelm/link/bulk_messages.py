@@ -33,7 +33,7 @@ FileName = Annotated[str, text(128)]
 
 
 def _finite(points: NDArray[np.float64]) -> str:
-    return "" if np.isfinite(points).all() else "a way-point that is not a finite number"
+    return "" if np.isfinite(points).all() else "a waypoint that is not a finite number"
 
 
 class Hello(NamedTuple):
@@ -190,15 +190,15 @@ class Digest(NamedTuple):
 
 
 class Checked(NamedTuple):
-    """Bulk: the result of checking proposed way-points."""
+    """Bulk: the result of checking proposed waypoints."""
 
     answer: Answer
     worst: Short
-    """Index of the refused way-point, from 0; 65535: none."""
+    """Index of the refused waypoint, from 0; 65535: none."""
 
 
 class Waypoints(NamedTuple):
-    """Bulk, up: way-points to be checked and, if accepted, followed."""
+    """Bulk, up: waypoints to be checked and, if accepted, followed."""
 
     number: Long
     """Of the proposal; the answer has it again."""

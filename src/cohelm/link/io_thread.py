@@ -55,7 +55,7 @@ class IoThread:
                 try:
                     self._poll_once()
                 except Exception:  # a mistake of ours must not leave anybody deaf
-                    _log.exception("a mistake in the %s; it goes on", self._thread.name)
+                    _log.exception("an error in the %s; it continues", self._thread.name)
                     self._on_error()
                     time.sleep(0.01)
         finally:

@@ -59,7 +59,7 @@ def _check_owner(path: Path, secret: bool, linked: bool) -> None:
     except FileNotFoundError:
         return
     except OSError as error:
-        raise CohelmError(f"{path} can not be looked at: {error.strerror}") from None
+        raise CohelmError(f"{path} can not be inspected: {error.strerror}") from None
     what = "folder" if stat.S_ISDIR(about.st_mode) else "file"
     if about.st_uid not in (0, os.geteuid()):
         raise CohelmError(

@@ -1,4 +1,4 @@
-"""The robot's end of bulk: pictures, maps, paths and records down, way-points up.
+"""The robot's end of bulk: pictures, maps, paths and records down, waypoints up.
 
 One thread for all stations, on the TCP port with the number of the datagrams' UDP port. A message
 published again before it was sent is replaced: a slow path gets fewer pictures, not older ones. Of
@@ -55,7 +55,7 @@ _log = logging.getLogger("cohelm.link")
 
 
 class Proposed(NamedTuple):
-    """Way-points proposed by a station; the loop checks them and answers with `reply`."""
+    """Waypoints proposed by a station; the loop checks them and answers with `reply`."""
 
     client: int
     name: str

@@ -1,4 +1,4 @@
-"""The station's end of bulk: receives what the robot publishes, sends way-points and requests.
+"""The station's end of bulk: receives what the robot publishes, sends waypoints and requests.
 
 Of published messages the newest of each kind is kept until it is read; of answers and pieces of
 records only as much as was requested. The connection to a robot that sends more is closed: no

@@ -54,7 +54,7 @@ def spread(line: Floats, spacing: float) -> Floats:
 def band(
     field: DistanceField, path: Floats, start: Pose, wanted: float, spacing: float, rounds: int
 ) -> Floats:
-    """A path as smooth way-points, (m, 2) [m], pushed off obstacles nearer than `wanted`.
+    """A path as smooth waypoints, (m, 2) [m], pushed off obstacles nearer than `wanted`.
 
     Begins at the robot, and along its heading if the path does so within 60 degrees.
     """

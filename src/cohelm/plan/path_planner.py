@@ -45,7 +45,7 @@ class PathParams(NamedTuple):
     resolution: float = 0.05
     """Cell size of the grid [m]."""
     spacing: float = 0.1
-    """Between the way-points [m]."""
+    """Between the waypoints [m]."""
     rounds: int = 120
     """Iterations of the elastic band."""
 
@@ -62,7 +62,7 @@ class Goal(NamedTuple):
 
 
 class PlannedPath(NamedTuple):
-    """Way-points to follow, and their clearance."""
+    """Waypoints to follow, and their clearance."""
 
     points: Floats
     """From the robot to the re-entry point of the line, (m, 2), world frame [m]; a single one if

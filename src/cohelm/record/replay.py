@@ -112,9 +112,7 @@ def recorded_model(path: Path) -> RobotModel:
     """The robot that a record describes. CohelmError where it describes none."""
     data = attachment(path, ROBOT)
     if data is None:
-        raise CohelmError(
-            f"{path} does not say which robot it is of; `cohelm map` is told with --robot"
-        )
+        raise CohelmError(f"{path} does not say which robot it is of; give --robot to `cohelm map`")
     try:
         return RobotModel.model_validate(json.loads(data))
     except (ValidationError, ValueError) as error:

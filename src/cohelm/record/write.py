@@ -40,7 +40,7 @@ class RunScene:
     """What is constant during a run and is drawn once.
 
     outline: (k, 2) corners of the robot, body frame [m]. walls: (s, 4), segments x1, y1, x2, y2
-    in the map [m]. lines: the reference, its way-points.
+    in the map [m]. lines: the reference, its waypoints.
     """
 
     outline: Floats = field(default_factory=lambda: np.empty((0, 2)))

@@ -30,7 +30,7 @@ def described(
     )
     if not 0.0 <= low <= high < math.inf or high == 0.0:
         raise CohelmError(
-            f"{topic} says it measures from {low:g} to {high:g} m: fix min_range and max_range in "
+            f"{topic} reports a range from {low:g} to {high:g} m: fix min_range and max_range in "
             "the driver"
         )
     if not 0.0 < view <= math.pi:
@@ -77,7 +77,7 @@ class ConeRanges:
         before = tuple(limit / self._flat for limit in self._limits)
         if not np.allclose((low, high), before, rtol=0.01, atol=0.002):
             raise CohelmError(
-                f"{self._topic} says it measures from {low:g} to {high:g} m, and said from "
+                f"{self._topic} reports a range from {low:g} to {high:g} m, and said from "
                 f"{before[0]:g} to {before[1]:g} m when it was looked at: fix its driver, or "
                 "start again"
             )

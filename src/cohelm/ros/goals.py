@@ -74,7 +74,7 @@ class Goals:
             transport.subscribe(topic, POSE, ONCE, partial(self._on_initial_pose, topic))
 
     def way(self) -> tuple[str, Goal | Floats] | None:
-        """The newest way and its topic, once: a goal, or way-points (n, 2) [m]."""
+        """The newest way and its topic, once: a goal, or waypoints (n, 2) [m]."""
         with self._lock:
             made, self._way = self._way, None
         return made
@@ -155,7 +155,7 @@ def placed(topic: str, message: Any) -> Placed | str:
         return "the initial pose's orientation is no rotation"
     worst = max(float(message.covariance[0]), float(message.covariance[7]))
     if not math.isfinite(worst) or worst < 0.0:
-        return "the initial pose's covariance is none"
+        return "the initial pose's covariance is invalid"
     sigma = min(max(math.sqrt(worst), _LEAST), _MOST_SIGMA) if worst > 0.0 else _SURE
     return Placed(topic, Pose(float(at.x), float(at.y), psi), sigma)
 

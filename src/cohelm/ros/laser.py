@@ -70,7 +70,7 @@ def lidar_model(
     low, high = float(scan.range_min), float(scan.range_max)
     if not 0.0 <= low < high < math.inf:
         raise CohelmError(
-            f"{topic} says it measures from {low:g} to {high:g} m: fix range_min and range_max in "
+            f"{topic} reports a range from {low:g} to {high:g} m: fix range_min and range_max in "
             "the driver"
         )
     return LidarModel(

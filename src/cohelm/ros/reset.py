@@ -29,6 +29,6 @@ def resets(
                 reset(stamp)
         elif stamp - logged > 10.0 * APART:
             logged = stamp
-            log(f"{topic} comes again and again: publish it once (ros2 topic pub --once)")
+            log(f"{topic} is published continuously: publish it once (ros2 topic pub --once)")
 
     return transport.subscribe(topic, EMPTY, ONCE, on_message)

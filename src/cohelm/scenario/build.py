@@ -233,6 +233,6 @@ def _beyond_limits(reference: Reference, robot: RobotModel) -> list[str]:
             t = worst * reference.duration / steps
             found.append(
                 f"reference: asks for {what} of {series[worst]:.2f} {unit} at t = {t:.1f} s, but "
-                f"{robot.name} has {bound:g} {unit}; lower speed_mps or smooth the way-points"
+                f"{robot.name} has {bound:g} {unit}; lower speed_mps or smooth the waypoints"
             )
     return found

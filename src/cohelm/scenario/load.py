@@ -156,7 +156,7 @@ def _found(world: AnyWorld, folder: Path, requested_by: str) -> AnyWorld:
 def _on_course(made: Scenario, world: AnyWorld) -> dict[str, object]:
     """What the scenario leaves to the world's route."""
     course = route_of(world)
-    if course is None:  # the model requires way-points then
+    if course is None:  # the model requires waypoints then
         raise TypeError("the world has no route")
     near = made.reference.arrive_m or course.near
     update: dict[str, object] = {

@@ -57,15 +57,15 @@ class Start(Schema):
 
 
 class ReferenceModel(Schema):
-    """The trajectory to follow: natural cubic splines through way-points (7)-(13)."""
+    """The trajectory to follow: natural cubic splines through waypoints (7)-(13)."""
 
     speed_mps: Speed = _PAPER.u_d
     """Desired surge speed u_d; full fore-aft deflection of the stick is scaled by it too (45)."""
     waypoints_m: list[Point] = Field(default=[], min_length=2, max_length=100_000)
-    """Way-points [x, y], at least two, no two equal ones in a row; needed unless the world comes
+    """Waypoints [x, y], at least two, no two equal ones in a row; needed unless the world comes
     with its own."""
     arrive_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
-    """Nearer to the last way-point than this, the robot has arrived; by default 0.1 m, or what
+    """Nearer to the last waypoint than this, the robot has arrived; by default 0.1 m, or what
     the world comes with."""
     feed_forward: Literal["constant", "spline"] = "constant"
     """Speed in the tracking law (E10): the constant u_d as printed, or the spline's own speed; the
@@ -78,7 +78,7 @@ class ReferenceModel(Schema):
         return self
 
     def spline(self) -> Reference:
-        """The trajectory itself; CohelmError without way-points."""
+        """The trajectory itself; CohelmError without waypoints."""
         return _path(self.waypoints_m, self.speed_mps)
 
 
@@ -90,7 +90,7 @@ class ObstaclePath(Schema):
     speed_mps: Speed
     """How fast it goes."""
     waypoints_m: Annotated[list[Point], Field(min_length=2, max_length=100_000)]
-    """Way-points [x, y], at least two, no two equal ones in a row."""
+    """Waypoints [x, y], at least two, no two equal ones in a row."""
 
     @model_validator(mode="after")
     def _passable(self) -> Self:
@@ -123,7 +123,7 @@ class Obstacle(Schema):
         if self.path is None and self.center_m is None:
             refuse(("", "needs either center_m: [x, y] or a path"))
         if self.path is not None and self.center_m is not None:
-            refuse(("center_m", "is the path's first way-point already; remove center_m or path"))
+            refuse(("center_m", "is the path's first waypoint already; remove center_m or path"))
         if self.path is not None and self.velocity_mps is not None:
             refuse(("velocity_mps", "the path says how fast it moves; remove velocity_mps or path"))
         return self
@@ -230,7 +230,7 @@ class Scenario(Schema):
             if x1 == x2 and y1 == y2:
                 problems.append((f"walls_m.{i}", "both ends are the same point; remove the wall"))
         if not self.reference.waypoints_m and not has_route(self.world):
-            said = "is missing: way-points [x, y], at least two"
+            said = "is missing: waypoints [x, y], at least two"
             problems.append(("reference.waypoints_m", said))
         for key, given, knows, instead in (
             ("senses", self.senses == "lidar", "LiDAR", "senses to truth"),

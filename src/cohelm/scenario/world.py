@@ -32,7 +32,7 @@ class GazeboWorld(Schema):
     file: File
     """The file, relative to this one."""
     path_file: File | None = None
-    """The path_N.npy of a BARN world: with it come start, way-points, goal and time limit."""
+    """The path_N.npy of a BARN world: with it come start, waypoints, goal and time limit."""
     sha256: Sha256 = None
     """Digest of the file; when given, a file that has changed since is refused."""
 
@@ -41,7 +41,7 @@ class BarnWorld(Schema):
     """One world of a JSON collection of BARN worlds."""
 
     kind: Literal["barn"]
-    """One world of a JSON collection of BARN worlds, with start, way-points, goal, time limit."""
+    """One world of a JSON collection of BARN worlds, with start, waypoints, goal, time limit."""
     file: File
     """The file, relative to this one."""
     number: Annotated[int, Field(ge=0)]

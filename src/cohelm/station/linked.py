@@ -54,7 +54,7 @@ class Linked:
         return out + [News(message, now, 0.0) for message in self._bulk.news()]
 
     def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
-        """Way-points."""
+        """Waypoints."""
         self._proposals += 1
         way = np.array(points, dtype=np.float64).reshape(-1, 2)
         self._bulk.send(Waypoints(self._proposals, way, only_check))

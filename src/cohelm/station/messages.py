@@ -317,14 +317,14 @@ class Playing(Schema):
 
 
 class Checked(Schema):
-    """The robot's answer to way-points."""
+    """The robot's answer to waypoints."""
 
     type: Literal["checked"] = "checked"
     ok: bool
     only_check: bool
     why: str
     worst: int | None
-    """Index of the way-point at fault, from 0."""
+    """Index of the waypoint at fault, from 0."""
 
 
 class Refused(Schema):

@@ -64,7 +64,7 @@ class RobotLink(Protocol):
         ...
 
     def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
-        """Way-points to check, and unless `only_check` to follow; `Checked` has its number."""
+        """Waypoints to check, and unless `only_check` to follow; `Checked` has its number."""
         ...
 
     def fetch(self, name: str, offset: int = 0, size: int = 0) -> None:

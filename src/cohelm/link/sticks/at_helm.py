@@ -79,7 +79,7 @@ class _Reporter:
         status = received.status
         mine = status.lease.driver == status.lease.you
         self._report(
-            "lease", "you drive" if mine else f"{status.lease.driver_name or 'nobody'} drives"
+            "lease", "you drive" if mine else f"{status.lease.driver_name or 'no one'} drives"
         )
         self._report("mode", f"mode: {status.mode.name.lower()}")
         self._report("stop", f"stopped: {status.stopped}" if status.stopped else "")

@@ -249,7 +249,7 @@ class BrunnerStick:
             now,
         )
         if not self._watchdog.beat():
-            self._let_go("the process that would take its force away is gone: start it again")
+            self._let_go("the process that would remove its force has ended: start it again")
 
     def _let_go(self, why: str) -> None:
         self._why, self._now = why, NO_FORCE

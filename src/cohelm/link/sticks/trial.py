@@ -142,7 +142,7 @@ class _Trial:
         while self._clock() < end:
             self._line.ask(force(), self._clock())
             if not self._watchdog.beat():
-                raise CohelmError("the process that would take its force away is gone")
+                raise CohelmError("the process that would remove its force has ended")
             self._wait(_PERIOD)
             now = self._clock()
             if answers := self._line.answers(now):

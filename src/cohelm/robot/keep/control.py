@@ -57,7 +57,7 @@ class Control:
         """The next message, which must be there, and the file descriptor that came with it."""
         size, came, _, _ = self._end.recvmsg_into([self._room], _HANDLE)
         if not size:
-            raise EOFError("the other end of the control line is gone")
+            raise EOFError("the other end of the control pipe has closed")
         files = array.array("i")
         for _, _, data in came:
             files.frombytes(data)

@@ -84,7 +84,7 @@ class RecordLine:
         except BlockingIOError:
             self.dropped += 1
         except OSError as error:
-            self.broken = f"the recorder is gone ({error.strerror})"
+            self.broken = f"the recorder has ended ({error.strerror})"
 
     def received(self) -> Any:
         """The recorder's next message, or None."""
@@ -96,10 +96,10 @@ class RecordLine:
         except BlockingIOError:
             return None
         except OSError as error:
-            self.broken = f"the recorder is gone ({error.strerror})"
+            self.broken = f"the recorder has ended ({error.strerror})"
             return None
         if not data:
-            self.broken = "the recorder is gone"
+            self.broken = "the recorder has ended"
             return None
         return pickle.loads(data)
 

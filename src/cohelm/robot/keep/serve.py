@@ -77,7 +77,7 @@ def serve(
         os.close(memory.handle)
         _serve_requests(line, gated, memory, rules)
     except (EOFError, OSError):
-        gated.fault("the loop's process is gone")
+        gated.fault("the loop's process has ended")
     except BaseException as error:
         gated.fault(f"the gate process failed: {error!r}")
         gated.log(f"the gate process failed: {error!r}", True)

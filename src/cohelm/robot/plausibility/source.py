@@ -83,7 +83,9 @@ class PlausibilitySource:
         """The speed limit for any motion."""
         if not self._motion.doubted:
             return None
-        return self._crawl("scans and odometry disagreed, and have to agree first over some way")
+        return self._crawl(
+            "scans and odometry disagreed, and have to agree first over some distance"
+        )
 
     def _look(self, scan: Scan, trail: Trail) -> list[Finding]:
         """Check a scan whose time odometry has reached."""

@@ -249,13 +249,13 @@ export interface Playing {
   speed: number
 }
 
-/** The robot's answer to way-points. */
+/** The robot's answer to waypoints. */
 export interface Checked {
   type: 'checked'
   ok: boolean
   only_check: boolean
   why: string
-  /** Index of the way-point at fault, from 0. */
+  /** Index of the waypoint at fault, from 0. */
   worst: number | null
 }
 

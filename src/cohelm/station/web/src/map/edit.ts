@@ -67,7 +67,7 @@ export function submit(): void {
   waiting.value = send({ type: 'waypoints', points: draft.value, only_check: false })
 }
 
-/** The way-point waypointAt a pixel, or null. */
+/** The waypoint waypointAt a pixel, or null. */
 export function waypointAt(at: Point, pixels: Point[]): number | null {
   let best: number | null = null
   let least = 16
