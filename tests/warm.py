@@ -5,8 +5,8 @@ runs that on the other core, when lint has ended. Where all is compiled, both ta
 
 import sys
 
-from cohelm.perceive.pipeline import rehearse
-from cohelm.robot.pace import AsFast
+from cohelm.perceive.pipeline import warm_up
+from cohelm.robot.clock import SteppedClock
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.twin.robot import Twin
@@ -26,10 +26,10 @@ if __name__ == "__main__":
     if "more" not in sys.argv:
         driven("random", "guard")
         driven("random", "guard", "twin")
-        rehearse(robot("sally-rear"), False)  # two LiDARs are other types to the compiler
+        warm_up(robot("sally-rear"), False)  # two LiDARs are other types to the compiler
     else:
-        rehearse(robot("sally"), True)
+        warm_up(robot("sally"), True)
         driven("adversary", "guard")
         driven("random", "none")
-        Kinematic(robot("sally"), pace=AsFast()).read()
-        Twin(robot("sally"), pace=AsFast()).picture(32, 24, kind="rays")
+        Kinematic(robot("sally"), pace=SteppedClock()).read()
+        Twin(robot("sally"), pace=SteppedClock()).picture(32, 24, kind="rays")

@@ -271,7 +271,7 @@ def test_of_a_robots_file_a_key_that_is_mistyped_is_named_and_not_all_of_a_scena
     refused(cohelm("run", "cart.yaml"), "cart.yaml describes a robot, not a scenario")
 
 
-def test_a_robots_file_is_driven_from_the_browser_where_the_scenario_says(cohelm, tmp_path):
+def test_a_robot_file_is_driven_from_the_browser_in_the_given_scenario(cohelm, tmp_path):
     """As `cohelm robot` takes it; refused here only for what stands in it."""
     (tmp_path / "cart.yaml").write_text(ROBOT.replace("0.1", "-0.1"))
     said = cohelm("drive", "cart.yaml")
