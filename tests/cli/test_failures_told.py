@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 
+from cohelm.cli import tell
 from cohelm.cli.robot import failures, rows
 from cohelm.core.types import Pose, Twist
 from cohelm.record.file import About, RecordWriter
@@ -119,3 +120,12 @@ def test_a_map_of_a_record_that_was_cut_short_is_made_and_the_status_is_1(cohelm
     assert said.code == 1
     assert json.loads(said.out)["record_whole"] is False
     assert "is cut short or damaged" in said.err
+
+
+def test_a_start_takes_no_negative_time_where_the_clock_is_set_back(monkeypatch):
+    starting = tell.Starting("the robot")
+    monkeypatch.setattr(tell.time, "time", lambda: 0.0)
+    try:
+        assert starting.text().endswith("(0 s)")
+    finally:
+        starting.over()

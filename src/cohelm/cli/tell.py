@@ -94,7 +94,7 @@ class Starting:
 
     def __init__(self, what: str) -> None:
         """what: is started, e.g. "the robot in lab-guard"."""
-        self._what, self._since = what, time.time()
+        self._what, self._since, self._began = what, time.time(), time.monotonic()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._show, name="starting", daemon=True)
         self._thread.start()
@@ -103,7 +103,7 @@ class Starting:
         """For a person, now."""
         from cohelm.core.jit import compiled_since
 
-        functions, seconds = compiled_since(self._since), time.time() - self._since
+        functions, seconds = compiled_since(self._since), time.monotonic() - self._began
         counted = f"{functions} function{'' if functions == 1 else 's'}"
         compiled = f", compiled {counted} for this machine, once" if functions else ""
         return f"starting {self._what}{compiled} ({seconds:.0f} s)"
