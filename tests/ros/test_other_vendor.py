@@ -194,7 +194,8 @@ def test_behind_the_filter_it_stops_for_a_wall_and_for_faults(peer, transport):
         assert until(lambda: peer.truth()[3] < 0.5), (peer.truth(), made.said)
         stands("limited by an obstacle|brakes for an obstacle")
         clearance, least = peer.truth()[3:]
-        assert 0.015 < least <= clearance < 0.4  # the promise is half of the hard margin
+        assert 0.015 < least < 0.4  # the promise is half of the hard margin
+        assert least < clearance + 0.001  # it may settle by micrometres, which is not moving
         goes(-0.3)
         peer.say("fault tomorrow")
         stands("from the future: a clock jumped")
