@@ -51,6 +51,7 @@ def test_an_episode_that_failed_counts_as_one_that_did_not_arrive():
     rows = [row(arrived=True), row(arrived=True, contacts_moving=3), NOT_DRIVEN._replace(fault="x")]
     found = summary("guard", rows, goals=True)
     assert (found.episodes, found.faults) == (3, 1)
+    assert (found.moving.of, found.standing.of, found.touched.of) == (2, 2, 2)
     assert found.arrived is not None
     assert found.success is not None
     assert (found.arrived.count, found.success.count, found.moving.count) == (2, 1, 1)

@@ -168,10 +168,10 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
     goals: whether the suite's episodes want to get anywhere.
     """
     sound = [row for row in rows if not row.fault]
-    n = len(rows)
+    n, driven = len(rows), len(sound)  # of contacts, what was not driven says nothing
     uneven = any(row.suite == "heights" for row in rows)
     wanting = [row for row in sound if not row.no_goal]
-    of = n - len(sound) + len(wanting)  # what could not be driven did not arrive
+    of = n - driven + len(wanting)  # what could not be driven did not arrive
     stuck = sum(
         not (row.arrived or row.falls or row.contacts_moving + row.contacts_standing)
         for row in wanting
@@ -183,15 +183,15 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
     return Summary(
         law,
         n,
-        n - len(sound),
+        n - driven,
         share(sum(row.arrived for row in sound), of) if goals else None,
         share(sum(_succeeded(row) for row in sound), of) if goals else None,
-        share(sum(row.contacts_moving > 0 for row in sound), n),
-        share(sum(seconds == 0.0 for seconds in seen), n) if seen else None,
-        share(sum(row.contacts_standing > 0 for row in sound), n),
-        share(sum(row.contacts_departing > 0 for row in sound), n),
-        share(sum(row.contacts_moving + row.contacts_standing > 0 for row in sound), n),
-        share(sum(row.falls > 0 for row in sound), n) if uneven else None,
+        share(sum(row.contacts_moving > 0 for row in sound), driven),
+        share(sum(seconds == 0.0 for seconds in seen), driven) if seen else None,
+        share(sum(row.contacts_standing > 0 for row in sound), driven),
+        share(sum(row.contacts_departing > 0 for row in sound), driven),
+        share(sum(row.contacts_moving + row.contacts_standing > 0 for row in sound), driven),
+        share(sum(row.falls > 0 for row in sound), driven) if uneven else None,
         share(stuck, of) if uneven else None,
         _untouched(sound),
         max((row.limit_excess for row in sound), default=0.0),
