@@ -36,7 +36,7 @@ def test_a_sound_drive_has_no_failure():
     [
         ({"faulted": True, "reason": "the scan is 372 ms old"}, "372 ms old"),
         ({"not_begun": "there is no odometry"}, "it never drove: there is no odometry"),
-        ({"lost": True, "lost_share": 1.0}, "did not know where it was on the map (100% of"),
+        ({"lost": True, "lost_share": 1.0}, "was not localized on the map (100% of"),
         (
             {"docked": False, "docking": "its corridor is occupied"},
             "has not docked: its corridor is",
