@@ -15,9 +15,9 @@ from tests.few import first
 SALLY = robot("sally")
 STAYS = 4.0
 """For so long [s]."""
-DEAD_END = [[-0.6, -0.6, 4, -0.6], [-0.6, 0.6, 4, 0.6], [-0.6, -0.6, -0.6, 0.6]]
-SHUT = [[-0.6, -0.4, 4, -0.4], [-0.6, 0.4, 4, 0.4], [-0.6, -0.4, -0.6, 0.4], [1.0, -0.4, 1.0, 0.4]]
-"""Too narrow to turn in, and look behind for another way."""
+DEAD_END = [[-0.6, -0.4, 4, -0.4], [-0.6, 0.4, 4, 0.4], [-0.6, -0.4, -0.6, 0.4]]
+SHUT = [*DEAD_END, [1.0, -0.4, 1.0, 0.4]]
+"""Both too narrow to turn in, and look behind for another way or turn the LiDAR out of his."""
 
 
 def visit(there, spot):
