@@ -48,7 +48,7 @@ LIES = {
     "turned by a quarter": Lie(0.5, ""),
     "ranges 10 % long": Lie(UNSEEN, ""),
     "ranges 10 % short": Lie(UNSEEN, ""),
-    "half of the beams no number": Lie(0.5, "no number"),
+    "half of the beams no number": Lie(0.5, "not a number"),
     "every other beam empty": Lie(0.5, "see nothing"),
     "number stays": Lie(0.15, "number"),
     "old scans again and again": Lie(0.2, "repeats"),

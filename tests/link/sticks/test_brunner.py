@@ -439,7 +439,7 @@ def test_without_its_watchdog_it_does_not_push(server):
     turned(device)
     device._watchdog._program.kill()
     until(lambda: not device.read().valid, 2.0, lambda: turned(device))
-    assert "is gone" in device.read().why
+    assert "has ended" in device.read().why
     until(lambda: server.forces[-1][1:] == (0, 0), 1.0)
     device.close()
 

@@ -257,7 +257,7 @@ def test_an_open_field_is_driven_slowly_and_nothing_is_stopped():
     said = watched(ahead, 6.0, walls=NOTHING)
     assert said
     assert not any(one.fault or one.share == 0.0 for _, one in said)
-    assert "vouches for no ground" in said[-1][1].reason
+    assert "does not confirm free space" in said[-1][1].reason
 
 
 def test_a_robot_that_leaves_a_hall_is_not_stopped():

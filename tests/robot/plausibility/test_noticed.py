@@ -157,7 +157,7 @@ def test_a_quarter_that_was_blind_from_the_start_is_not_driven_into_but_at_a_cra
 
 WORSE = {
     "noisy": ranges(lambda r, old: np.clip(r + 0.2 * np.sin(1e5 * r), 0.1, 11.0)),
-    "no number": ranges(lambda r, old: np.where(np.arange(len(r)) % 5 < 2, math.nan, r)),
+    "not a number": ranges(lambda r, old: np.where(np.arange(len(r)) % 5 < 2, math.nan, r)),
     "see nothing": ranges(lambda r, old: np.where(np.arange(len(r)) % 3 == 0, math.inf, r)),
     "ms late": of_scan(lambda scan, old: scan._replace(stamp=scan.stamp - 0.15)),
 }
