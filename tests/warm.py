@@ -31,5 +31,5 @@ if __name__ == "__main__":
         warm_up(robot("sally"), True)
         driven("adversary", "guard")
         driven("random", "none")
-        Kinematic(robot("sally"), pace=SteppedClock()).read()
-        Twin(robot("sally"), pace=SteppedClock()).picture(32, 24, kind="rays")
+        Kinematic(robot("sally"), clock=SteppedClock()).read()
+        Twin(robot("sally"), clock=SteppedClock()).picture(32, 24, kind="rays")
