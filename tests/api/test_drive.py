@@ -69,7 +69,7 @@ def test_in_real_time_it_lives_in_the_process_of_the_gate():
         (("cart", SITE), "entry point of cohelm.robots"),
         ((lambda model: None, SITE), "can not be sent to the process"),
         ((carts.Broken, SITE), "no such device"),
-        ((carts.Other, SITE), "describes itself otherwise"),
+        ((carts.Other, SITE), "is not the model of"),
         ((carts.Simulated, "no-site"), "no such file"),
         ((carts.Simulated, SITE, "no-robot"), "no robot is called"),
     ],
@@ -83,7 +83,7 @@ def test_a_robot_that_knows_its_own_model_needs_no_argument():
     made = own_robot(carts.NoArguments, SITE)
     assert made().model == made.model
     again = own_robot(carts.NoArguments, SITE, "jackal")
-    with pytest.raises(cohelm.CohelmError, match="describes itself otherwise"):
+    with pytest.raises(cohelm.CohelmError, match="is not the model of"):
         again()
 
 
@@ -91,7 +91,7 @@ def test_incompatible_options_are_reported():
     for options, said in (
         ({"rate": 5.0}, "rate must be"),
         ({"rate": math.nan}, "rate must be"),
-        ({"listen": "127.0.0.1", "arrive": True}, "the station says how to drive"),
+        ({"listen": "127.0.0.1", "arrive": True}, "the station chooses mode and goal"),
         ({"mode": "fly"}, "there is no mode"),
     ):
         with pytest.raises(cohelm.CohelmError, match=said):

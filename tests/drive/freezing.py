@@ -237,7 +237,7 @@ def helped(drive: Drive, who: str, chance: random.Random) -> dict[str, Any]:
     """One round for planner or recorder."""
     within, says = {
         "planner": (MAX_PLAN_AGE, "planner does not answer"),
-        "recorder": (HUNG_AFTER, "recorder does not answer"),
+        "recorder": (HUNG_AFTER, "recorder is too slow"),
     }[who]
     found: dict[str, Any] = {"who": who, "wrong": ""}
     if drive.wait(lambda s, t: s.mode == "AUTOMATIC" and t.v > 0.1, 20.0) is None:

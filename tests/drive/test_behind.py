@@ -31,10 +31,10 @@ def test_no_operator_backs_it_into_unobserved_space_and_the_screen_shows_why():
         backed = drive(4.0)
         assert -0.3 < backed < began + 0.01
         held = operator.statuses[-1]
-        assert "nothing looks there" in held.why
+        assert "unobserved space" in held.why
         assert held.guarding.clearance > 0.5  # the walls are; that ground is not shown as a thing
         assert math.dist(held.guarding.limiting, (backed, 0.0)) < 0.8
         ahead = drive(10.0)
         assert ahead > backed + 1.5
-        assert "nothing looks there" not in operator.statuses[-1].why
+        assert "unobserved space" not in operator.statuses[-1].why
         assert drive(13.0) < ahead - 0.8  # back over what it drove over

@@ -75,7 +75,7 @@ def test_playback_shows_driver_and_events(driven):
     words = [alarm.text for alarm in stopped.alarms]
     assert "stop by script" in words  # the alarm
     assert any("gate:" in word and "STOPPED" in word for word in words)
-    assert any(a.severity == Severity.NOTICE and "asks for STOP" in a.text for a in stopped.alarms)
+    assert any(a.severity == Severity.NOTICE and "requests STOP" in a.text for a in stopped.alarms)
 
 
 def test_playback_shows_the_map_path_scan_and_obstacles_of_the_drive(driven):

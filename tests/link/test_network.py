@@ -103,7 +103,7 @@ class Drive:
             number = self.station.ask(what, value)
             until(lambda number=number: self.station.answer(number))
             answer = self.station.answer(number)
-            if answer.granted or "drive already" in answer.reason:
+            if answer.granted or "the driver already" in answer.reason:
                 return
 
     def start(self) -> None:

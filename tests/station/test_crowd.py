@@ -112,7 +112,7 @@ def test_a_page_loads_and_speaks_among_two_hundred_that_sit_there(
         context = browser.new_context()
         page = context.new_page()
         page.goto(server.address)
-        expect(who(page)).to_contain_text("drives")
+        expect(who(page)).to_contain_text("No driver")
         driver.send('{"type":"got","stream":"state"}')
         heard = time.monotonic()
         while time.monotonic() - heard < 2.0:

@@ -145,7 +145,7 @@ def test_way_points_are_added_dragged_checked_and_sent(page: Page) -> None:
         panel.get_by_label(f"Waypoint {name} in metres").press("Enter")
     expect(panel.get_by_role("status")).to_contain_text("can follow this route")
     panel.get_by_role("button", name="Send").click()
-    expect(panel.get_by_role("status")).to_contain_text("took the new route")
+    expect(panel.get_by_role("status")).to_contain_text("accepted the new route")
     panel.get_by_role("button", name="Close").click()
     release(page)
 

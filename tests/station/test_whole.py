@@ -41,7 +41,7 @@ def new_way(page: Page, *points: tuple[str, str]) -> None:
     status = panel.get_by_role("status")
     expect(status).to_contain_text("can follow this route")
     until(
-        lambda: expect(status).to_contain_text("took the new route", timeout=SOON),
+        lambda: expect(status).to_contain_text("accepted the new route", timeout=SOON),
         press(page, "Send"),
     )
     panel.get_by_role("button", name="Close").click()

@@ -46,7 +46,9 @@ def test_a_collision_is_named_in_the_title():
     assert "IN CONTACT" in said(figure_run(run_over))
 
 
-def test_a_run_that_ends_off_its_reference_is_reported_so():
+def test_a_run_that_does_not_reach_the_end_of_its_reference_is_reported_so():
     beside = made("lab-track", "start.y_m=-2.5", "simulation.duration_s=0.2")
-    assert "ENDS OFF its reference" in said(figure_run(beside))
-    assert "ends on its reference" in said(figure_run(made("lab-track")))
+    assert "DOES NOT END where" in said(figure_run(beside))
+    assert "DOES NOT END where" in said(figure_run(made("lab-track")))  # cut short, on its way
+    whole = made("lab-track", "simulation.duration_s=null")
+    assert "ends where its reference ends" in said(figure_run(whole))

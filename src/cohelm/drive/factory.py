@@ -99,8 +99,8 @@ class OwnRobot:
         adapted = RobotAdapter(robot)
         if adapted.model != self.model:
             raise CohelmError(
-                f"the robot's model is not the one of {self.model.name} does: let it take "
-                "the model it is given, def __init__(self, model): super().__init__(model)"
+                f"the robot's model is not the model of {self.model.name} that it was given: let "
+                "it keep that one, def __init__(self, model): super().__init__(model)"
             )
         return adapted
 

@@ -58,7 +58,7 @@ def figure_run(run: Run) -> Figure:
     near = f"h ≥ {panels.rounded_down(m.min_h)} m²" if m.discs else "no obstacles"
     figure = draw.sheet(
         f"{near}, outline {panels.clear(run)}; "
-        + ("ends on its reference" if m.reached else "ENDS OFF its reference"),
+        + f"{'ends' if m.reached else 'DOES NOT END'} where its reference ends",
         f"E_P at most {panels.rounded_up(m.max_pose_error)} and {m.final_pose_error:.3f} at the "
         f"end · the person leads {panels.led(run)} · outline every {panels.outline_every(run):g} s",
         10.0, 8.4,

@@ -128,8 +128,8 @@ def test_a_killed_worker_is_reported_and_the_campaign_can_continue(tmp_path, mon
 def test_an_internal_error_in_one_episode_is_reported_in_its_row(tmp_path, monkeypatch):
     real = suites.rooms.case
 
-    def broken(seed, number):
-        return real(seed, number) if number != 1 else 1 // 0
+    def broken(seed, number, model):
+        return real(seed, number, model) if number != 1 else 1 // 0
 
     monkeypatch.setattr(suites.rooms, "case", broken)
     _, rows = run(CampaignConfig("random", ("none",), 1, 3), tmp_path, 1, None, quiet)
