@@ -1,15 +1,21 @@
 """An edited formula is the one that runs, wherever the cache lies, or where none can lie."""
 
 import ast
+import gc
+import importlib
 import os
+import pkgutil
 import shutil
 import subprocess
 import sys
 import time
+import typing
 from pathlib import Path
 
 import numba
+import numpy as np
 import pytest
+from numba.core.registry import CPUDispatcher
 
 import cohelm
 from cohelm.core import jit
@@ -198,6 +204,38 @@ def test_two_processes_that_fill_one_cache_do_not_mix_up_functions_of_one_name(t
     printed("smallest")
     printed("place", earlier=3)  # numba's own count then has both at 7
     assert printed("smallest place") == [2.0, 1.0]
+
+
+def test_a_function_without_reference_counts_can_not_make_an_array():
+    @jit.jit_no_refcount
+    def made(n):
+        return np.empty(n)[0]
+
+    with pytest.raises(numba.core.errors.NumbaError):
+        made(3)
+
+
+def test_no_function_without_reference_counts_returns_an_array():
+    """Its caller would count down what was never counted up."""
+    for module in pkgutil.walk_packages(cohelm.__path__, "cohelm."):
+        if module.name.split(".")[1] in ("core", "law", "plan", "pilot", "robot", "perceive"):
+            importlib.import_module(module.name)
+    compiled = 0
+    for one in (o for o in gc.get_objects() if isinstance(o, CPUDispatcher)):
+        if one.targetoptions.get("_nrt", True):
+            continue
+        hints = typing.get_type_hints(one.py_func)
+        assert not holds_array(hints.get("return")), one.py_func.__qualname__
+        compiled += 1
+    assert compiled > 50
+
+
+def holds_array(kind):
+    """Whether a value of this type is, or has within it, an array."""
+    if hasattr(kind, "_fields"):
+        return any(holds_array(part) for part in typing.get_type_hints(kind).values())
+    inside = typing.get_args(kind) if typing.get_origin(kind) is tuple else ()
+    return typing.get_origin(kind) is np.ndarray or any(holds_array(part) for part in inside)
 
 
 TWICE = """

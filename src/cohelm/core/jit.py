@@ -169,10 +169,17 @@ def jit(function: F) -> F:
     return _compile(function)
 
 
-def jit_inline(function: F) -> F:
-    """As `jit`, inlined into its compiled callers: for what runs in every step.
+def jit_no_refcount(function: F) -> F:
+    """As `jit`, for functions that read and write the arrays they are given, but make and return
+    none: compiled without numba's reference counts.
 
-    It may read and slice arrays but not make any: it is compiled without numba's reference
-    counts, whose atomic updates at every array argument cost an inner loop more than a tenth.
+    Their atomic updates, two for every array of every named tuple that is handed on, were two
+    fifths of a step of the guard. A function that makes an array is refused by numba; one that
+    returns an array or a slice of one must not be compiled so.
     """
+    return _compile(function, _nrt=False)
+
+
+def jit_inline(function: F) -> F:
+    """As `jit_no_refcount`, inlined into its compiled callers: for what runs in every step."""
     return _compile(function, forceinline=True, _nrt=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cohelm.core.jit import jit, jit_inline
+from cohelm.core.jit import jit_inline, jit_no_refcount
 from cohelm.core.scalars import is_finite
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.contact import NearestPoint, contact, overlap
@@ -12,7 +12,7 @@ from cohelm.law.guard.surroundings import Surroundings
 from cohelm.robot.limits import Limits
 
 
-@jit
+@jit_no_refcount
 def approach(h: float, deceleration: float, dt: float) -> float:
     """alpha(h): the approach speed from which clearance h [m] is enough to stop, one step later.
 
@@ -26,7 +26,7 @@ def approach(h: float, deceleration: float, dt: float) -> float:
     return math.sqrt(a * a * dt * dt + 2.0 * a * h) - a * dt
 
 
-@jit
+@jit_no_refcount
 def max_rows(obstacles: Surroundings, outline: Floats) -> int:
     """Upper bound of the number of rows that `approach_rows` writes."""
     return (
@@ -34,7 +34,7 @@ def max_rows(obstacles: Surroundings, outline: Floats) -> int:
     )
 
 
-@jit
+@jit_no_refcount
 def approach_rows(
     rows: Floats, first: int, pose: Pose, before: Twist, obstacles: Surroundings, outline: Floats,
     reach: float, limits: Limits, dt: float, margin: float, deceleration_fraction: float,
@@ -99,7 +99,7 @@ def _disc(discs: Floats, i: int) -> tuple[float, float, float, float, float]:
     return discs[i, X], discs[i, Y], discs[i, VX], discs[i, VY], discs[i, RADIUS]
 
 
-@jit
+@jit_no_refcount
 def _outline_speed(before: Twist, limits: Limits, reach: float, dt: float) -> float:
     """Largest speed of any point of the outline one step later [m/s]."""
     dv = min(limits.acceleration, limits.wheel_acceleration) * dt
@@ -110,14 +110,14 @@ def _outline_speed(before: Twist, limits: Limits, reach: float, dt: float) -> fl
     return outline_speed
 
 
-@jit
+@jit_no_refcount
 def _far(speed: float, a: float, dt: float, margin: float) -> float:
     """The clearance beyond which no obstacle at this closing speed can violate a bound [m]."""
     stopping = 0.0 if a == math.inf else speed * speed / (2.0 * a)
     return margin + speed * dt + stopping
 
 
-@jit
+@jit_no_refcount
 def _row(rows: Floats, n: int, p: NearestPoint, b: float, owner: int) -> None:
     """n . (v - omega q_y, omega q_x) >= b, of a contact."""
     rows[n, 0] = p.nx
@@ -126,7 +126,7 @@ def _row(rows: Floats, n: int, p: NearestPoint, b: float, owner: int) -> None:
     rows[n, 3] = owner
 
 
-@jit
+@jit_no_refcount
 def _wall_rows(
     rows: Floats, n: int, outline: Floats, ax: float, ay: float, bx: float, by: float, far: float,
     owner: int,
@@ -163,7 +163,7 @@ def _wall_rows(
     return n
 
 
-@jit
+@jit_no_refcount
 def _within(ax: float, ay: float, bx: float, by: float, far: float) -> bool:
     """Whether a segment comes nearer to the origin than `far`."""
     ex, ey = bx - ax, by - ay

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit_no_refcount
 from cohelm.core.types import Floats, Twist
 from cohelm.law.guard.project import NO_OBSTACLE
 from cohelm.robot.achievable import braking_time
@@ -16,7 +16,7 @@ WHEEL_ROWS = 8
 _INSIDE = 1.0 + 1e-12  # braking takes longer by this factor, so that rounding exceeds no limit
 
 
-@jit
+@jit_no_refcount
 def wheel_rows(rows: Floats, before: Twist, limits: Limits, dt: float) -> int:
     """Write the bounds on the next twist as rows a_v v + a_omega omega >= b of `project`.
 
@@ -31,7 +31,7 @@ def wheel_rows(rows: Floats, before: Twist, limits: Limits, dt: float) -> int:
     return _pair(rows, n, 1.0, half, right, limits.wheel_speed, limits.wheel_acceleration * dt)
 
 
-@jit
+@jit_no_refcount
 def _pair(rows: Floats, n: int, a: float, b: float, now: float, most: float, change: float) -> int:
     """-most <= a v + b omega <= most, and within `change` of `now`."""
     low, high = max(-most, now - change), min(most, now + change)
@@ -44,7 +44,7 @@ def _pair(rows: Floats, n: int, a: float, b: float, now: float, most: float, cha
     return n
 
 
-@jit
+@jit_no_refcount
 def brake_steps(twist: Twist, limits: Limits, dt: float) -> float:
     """Control steps of full braking at constant curvature until standstill.
 
@@ -54,7 +54,7 @@ def brake_steps(twist: Twist, limits: Limits, dt: float) -> float:
     return _INSIDE * braking_time(twist, limits) / dt
 
 
-@jit
+@jit_no_refcount
 def braked(before: Twist, limits: Limits, dt: float) -> Twist:
     """The twist after one step of full braking from `before`, at constant curvature."""
     steps = brake_steps(before, limits, dt)
@@ -64,7 +64,7 @@ def braked(before: Twist, limits: Limits, dt: float) -> Twist:
     return Twist(0.0, 0.0)
 
 
-@jit
+@jit_no_refcount
 def coasting(twist: Twist, limits: Limits, dt: float) -> float:
     """How long `twist` would have to be held to travel the braking distance from it [s].
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit_no_refcount
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.bounds import brake_steps, coasting
 from cohelm.law.guard.contact import point_clearance, wall_clearance
@@ -36,7 +36,7 @@ class Manoeuvre(NamedTuple):
     """When the robot stands [s]."""
 
 
-@jit
+@jit_no_refcount
 def manoeuvre(pose: Pose, twist: Twist, limits: Limits, dt: float, reach: float) -> Manoeuvre:
     """The manoeuvre that certifies a command. reach: the outline's farthest corner [m]."""
     steps = brake_steps(twist, limits, dt)
@@ -46,7 +46,7 @@ def manoeuvre(pose: Pose, twist: Twist, limits: Limits, dt: float, reach: float)
     )  # fmt: skip
 
 
-@jit
+@jit_no_refcount
 def blocking_obstacle(
     m: Manoeuvre, outline: Floats, reach: float, obstacles: Surroundings, hard_margin: float
 ) -> int:
@@ -94,7 +94,7 @@ def blocking_obstacle(
     return CLEAR
 
 
-@jit
+@jit_no_refcount
 def _clears_static(
     m: Manoeuvre, outline: Floats, ax: float, ay: float, bx: float, by: float, radius: float,
     hard_margin: float,
@@ -129,7 +129,7 @@ def _clears_static(
     return False
 
 
-@jit
+@jit_no_refcount
 def _travelled(m: Manoeuvre, t: float) -> float:
     """How long the twist would have to be held to travel as far as the manoeuvre by time t [s]."""
     if t <= m.dt:
@@ -142,7 +142,7 @@ def _travelled(m: Manoeuvre, t: float) -> float:
     return min(m.dt + before + share * (t - m.dt - k * m.dt), m.length)
 
 
-@jit
+@jit_no_refcount
 def _clears_mover(
     m: Manoeuvre, outline: Floats, reach: float, x0: float, y0: float, vx: float, vy: float,
     radius: float, max_acceleration: float, velocity_error: float, hard_margin: float,
@@ -182,7 +182,7 @@ def _clears_mover(
     return False
 
 
-@jit
+@jit_no_refcount
 def _moves_away(
     m: Manoeuvre, outline: Floats, x0: float, y0: float, vx: float, vy: float, radius: float,
     max_acceleration: float, velocity_error: float, hard_margin: float, allowed: float,
@@ -210,7 +210,7 @@ def _moves_away(
     return False
 
 
-@jit
+@jit_no_refcount
 def _grown_clearance(
     m: Manoeuvre, outline: Floats, x0: float, y0: float, vx: float, vy: float, radius: float,
     max_acceleration: float, velocity_error: float, t: float,
@@ -225,7 +225,7 @@ def _grown_clearance(
     )
 
 
-@jit
+@jit_no_refcount
 def _near(pose: Pose, ax: float, ay: float, bx: float, by: float, far: float) -> bool:
     """Whether a segment is nearer to the robot's origin than `far` [m]."""
     ex, ey = bx - ax, by - ay
@@ -236,7 +236,7 @@ def _near(pose: Pose, ax: float, ay: float, bx: float, by: float, far: float) ->
     return gx * gx + gy * gy < far * far
 
 
-@jit
+@jit_no_refcount
 def _clearance_at(pose: Pose, outline: Floats, ax: float, ay: float, bx: float, by: float) -> float:
     """Clearance between the outline at a pose and a segment, which may be a point [m]."""
     c, s = math.cos(pose.psi), math.sin(pose.psi)

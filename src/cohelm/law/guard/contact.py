@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit_no_refcount
 from cohelm.core.types import Floats
 
 
@@ -27,7 +27,7 @@ class NearestPoint(NamedTuple):
     ny: float
 
 
-@jit
+@jit_no_refcount
 def contact(outline: Floats, px: float, py: float) -> NearestPoint:
     """The contact with a point; inside the outline, through the nearest edge."""
     k = outline.shape[0]
@@ -56,7 +56,7 @@ def contact(outline: Floats, px: float, py: float) -> NearestPoint:
     return NearestPoint(min(inside.clearance, 0.0), px, py, inside.nx, inside.ny)
 
 
-@jit
+@jit_no_refcount
 def point_clearance(outline: Floats, px: float, py: float) -> float:
     """The clearance of `contact` alone [m]."""
     k = outline.shape[0]
@@ -75,7 +75,7 @@ def point_clearance(outline: Floats, px: float, py: float) -> float:
     return contact(outline, px, py).clearance
 
 
-@jit
+@jit_no_refcount
 def wall_clearance(outline: Floats, ax: float, ay: float, bx: float, by: float) -> float:
     """The clearance to a segment [m]; where they cross, minus the shortest way out of it."""
     depth = overlap(outline, ax, ay, bx, by).clearance
@@ -92,7 +92,7 @@ def wall_clearance(outline: Floats, ax: float, ay: float, bx: float, by: float) 
     return best
 
 
-@jit
+@jit_no_refcount
 def overlap(outline: Floats, ax: float, ay: float, bx: float, by: float) -> NearestPoint:
     """The shortest way out of a segment, which may be a point; clearance < 0 only if there is one.
 

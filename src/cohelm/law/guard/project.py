@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit_no_refcount
 from cohelm.core.types import Floats, Twist
 
 NO_OBSTACLE = -1
@@ -25,7 +25,7 @@ class Projection(NamedTuple):
     owner: int
 
 
-@jit
+@jit_no_refcount
 def project(nominal: Twist, rows: Floats, n: int, steer_weight: float) -> Projection:
     """Minimise (v - v_w)^2 + w^2 (omega - omega_w)^2 subject to a_v v + a_omega omega >= b.
 
@@ -59,7 +59,7 @@ def project(nominal: Twist, rows: Floats, n: int, steer_weight: float) -> Projec
     return Projection(Twist(v, omega), True, _active_owner(rows, n, v, omega))
 
 
-@jit
+@jit_no_refcount
 def _most_violated(rows: Floats, first: int, n: int, v: float, omega: float) -> int:
     """The row from `first` on that (v, omega) violates most, -1 if it satisfies all."""
     worst, largest = -1, 0.0
@@ -71,7 +71,7 @@ def _most_violated(rows: Floats, first: int, n: int, v: float, omega: float) -> 
     return worst
 
 
-@jit
+@jit_no_refcount
 def _active_owner(rows: Floats, m: int, v: float, omega: float) -> int:
     """The obstacle among the first m rows whose bound is active."""
     for j in range(m - 1, -1, -1):
@@ -82,7 +82,7 @@ def _active_owner(rows: Floats, m: int, v: float, omega: float) -> int:
     return NO_OBSTACLE
 
 
-@jit
+@jit_no_refcount
 def _last_owner(rows: Floats, m: int) -> int:
     """The last obstacle among the rows up to the m-th."""
     for j in range(m, -1, -1):
@@ -91,7 +91,7 @@ def _last_owner(rows: Floats, m: int) -> int:
     return NO_OBSTACLE
 
 
-@jit
+@jit_no_refcount
 def _interval(
     rows: Floats, m: int, ax: float, ay: float, b: float, steer_weight: float
 ) -> tuple[float, float]:
