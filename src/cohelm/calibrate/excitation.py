@@ -14,7 +14,7 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Twist
-from cohelm.robot.limits import Limits
+from cohelm.robot.limits import ramps, speeds
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Scan
 
@@ -55,18 +55,6 @@ class Excitation(NamedTuple):
     """Free floor around it at both ends [m]."""
     seconds: float
     """What it takes, about [s]."""
-
-
-def ramps(limits: Limits) -> tuple[float, float]:
-    """Accelerations of a straight [m/s^2] and of a turn on the spot [rad/s^2]."""
-    wheel = limits.wheel_acceleration
-    return min(limits.acceleration, wheel), min(limits.yaw_acceleration, 2.0 * wheel / limits.track)
-
-
-def speeds(limits: Limits) -> tuple[float, float]:
-    """Speeds of a straight [m/s] and of a turn on the spot [rad/s]; inf where there is none."""
-    wheel = limits.wheel_speed
-    return min(limits.speed, wheel), min(limits.yaw_rate, 2.0 * wheel / limits.track)
 
 
 def excitation(model: RobotModel, floor: float = 4.0) -> Excitation:

@@ -19,12 +19,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from cohelm.calibrate.excitation import ramps
 from cohelm.calibrate.interval import half_widths
 from cohelm.calibrate.ride import Ride
 from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints
+from cohelm.robot.limits import ramps
 from cohelm.robot.model import RobotModel
 
 _STEP = 0.002  # of the modelled response [s]

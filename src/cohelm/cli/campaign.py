@@ -133,8 +133,8 @@ def campaign(
             raise
     failed = list(report.faults(found))
     if as_json:
-        told = {"out": str(folder), "report": str(page), "failed": failed}
-        print_json({**found.as_dict(), **told})
+        files = {"out": str(folder), "report": str(page)}
+        print_json({**found.as_dict(), **files, "failed": failed})
     else:
         print_table(f"{report.made_on(found)}, seed {plan.seed}", *report.table(found))
         say(f"rows and report: {plain(str(page))}")

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.robot.contact_monitor import overdue
+from cohelm.robot.limits import speeds
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import AHEAD, Odometry, Readings, Scan
 from cohelm.robot.sensors import of_sensor
@@ -49,9 +50,7 @@ class SensorWatchdog:
         self._timeouts = timeouts
         self._sensors = [lidar.name for lidar in model.lidars]
         self._contacts = model.contacts
-        limits = model.bounds()
-        self._fastest = min(limits.speed, limits.wheel_speed, 50.0)
-        self._turns = min(limits.yaw_rate, 2.0 * limits.wheel_speed / limits.track, 50.0)
+        self._fastest, self._turns = (min(top, 50.0) for top in speeds(model.bounds()))
         self._last: Odometry | None = None
         self._checked = [-1] * len(self._sensors)
         self._newest: dict[str, tuple[float, float]] = {}

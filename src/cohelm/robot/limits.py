@@ -68,6 +68,18 @@ def checked_braking(limits: Limits) -> Limits:
     return limits
 
 
+def speeds(limits: Limits) -> tuple[float, float]:
+    """Speeds of a straight [m/s] and of a turn on the spot [rad/s]; inf where there is none."""
+    wheel = limits.wheel_speed
+    return min(limits.speed, wheel), min(limits.yaw_rate, 2.0 * wheel / limits.track)
+
+
+def ramps(limits: Limits) -> tuple[float, float]:
+    """Accelerations of a straight [m/s^2] and of a turn on the spot [rad/s^2]."""
+    wheel = limits.wheel_acceleration
+    return min(limits.acceleration, wheel), min(limits.yaw_acceleration, 2.0 * wheel / limits.track)
+
+
 def unlimited(track: float) -> Limits:
     """The ideal unicycle of the paper: any command is reached at once."""
     return Limits(math.inf, math.inf, math.inf, math.inf, math.inf, math.inf, track)

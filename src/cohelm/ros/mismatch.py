@@ -27,8 +27,8 @@ def nothing_received(
     cure: str = "",
 ) -> str:  # fmt: skip
     """Why nothing is received on a topic. option: by which another one is named. damage: what was
-    wrong with a message, if one came. cure: what to do where no publisher; by default to
-    start a driver."""
+    wrong with a message, if one came. cure: what to do where no node publishes it; by
+    default to start a driver."""
     there = [one for one in seen if one.publishes and one.topic == topic]
     right = [one for one in there if one.type == kind]
     if not there:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from cohelm.core.types import Floats
-from cohelm.robot.limits import Limits
+from cohelm.robot.limits import Limits, ramps, speeds
 
 STEP = 0.1  # of the rollout of a motion [s]
 HURRY = 1.6
@@ -95,14 +97,10 @@ def horizon(outline: Floats, limits: Limits, e: EvasionParams) -> float:
     clearance. A horizon that ends before shows every motion of a slow robot as a contact, of which
     it can only choose the latest. outline: (k, 2) [m].
     """
-    reach = float(max(math.hypot(x, y) for x, y in outline.tolist()))
-    wheels, push = limits.wheel_speed, limits.wheel_acceleration
-    speed = min(e.speed, limits.speed, wheels)
-    yaw_rate = min(e.yaw_rate, limits.yaw_rate, 2.0 * wheels / limits.track)
-    turning = _time_from_rest(
-        0.5 * math.pi, yaw_rate, min(limits.yaw_acceleration, 2.0 * push / limits.track)
-    )
-    leaving = _time_from_rest(reach + _WIDE + e.clearance, speed, min(limits.acceleration, push))
+    reach = float(np.hypot(*outline.T).max())
+    (speed, yaw_rate), (push, spin) = speeds(limits), ramps(limits)
+    turning = _time_from_rest(0.5 * math.pi, min(e.yaw_rate, yaw_rate), spin)
+    leaving = _time_from_rest(reach + _WIDE + e.clearance, min(e.speed, speed), push)
     return min(max(turning + leaving, _SHORTEST), _LONGEST)
 
 

@@ -15,6 +15,7 @@ from cohelm.core.trace import Trace
 from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
 from cohelm.law.guard.step import Rules
+from cohelm.robot.limits import speeds
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import load
 from cohelm.sim import adversarial
@@ -196,11 +197,10 @@ def _rollout(
     )  # fmt: skip
 
 
-def pace_of(robot: RobotModel, speed: float) -> float:
+def reference_speed(robot: RobotModel, speed: float) -> float:
     """Speed of the reference for a robot, `speed` if it can [m/s]: a slower one is left a fifth of
     its own to catch up with."""
-    limits = robot.bounds()
-    return min(speed, 0.8 * min(limits.speed, limits.wheel_speed))
+    return min(speed, 0.8 * speeds(robot.bounds())[0])
 
 
 def sequence(seed: int, suite: str, number: int) -> np.random.Generator:

@@ -19,7 +19,7 @@ from cohelm.study.campaign.episode import (
     Episode,
     EpisodeGoal,
     lively,
-    pace_of,
+    reference_speed,
     sequence,
 )
 
@@ -46,7 +46,7 @@ def case(seed: int, number: int, model: RobotModel | None = None) -> Episode:
     kind = tuple(DENSITIES)[number % len(DENSITIES)]
     model = model or robot("sally")
     off = _OFF + max(model.reach - robot("sally").reach, 0.0)
-    speed = pace_of(model, _SPEED)
+    speed = reference_speed(model, _SPEED)
     limit = _LIMIT * _SPEED / speed
     start = np.array([off, rng.uniform(_SIDE, WIDTH - _SIDE)])
     goal = np.array([LENGTH - off, rng.uniform(_SIDE, WIDTH - _SIDE)])

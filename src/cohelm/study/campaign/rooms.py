@@ -13,7 +13,7 @@ from cohelm.scenario.load import robot
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign import rectangle
-from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, pace_of, sequence
+from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, reference_speed, sequence
 
 WAY = 1.1
 """Width of the way that every room has [m]; Sally turns on the spot within 0.93 m."""
@@ -34,7 +34,7 @@ def case(seed: int, number: int, model: RobotModel | None = None) -> Episode:
     rng = sequence(seed, "random", number)
     model = model or robot("sally")
     larger = max(model.reach - robot("sally").reach, 0.0)
-    off, way, speed = _OFF + larger, WAY + 2.0 * larger, pace_of(model, SPEED)
+    off, way, speed = _OFF + larger, WAY + 2.0 * larger, reference_speed(model, SPEED)
     while True:
         length, width = rng.uniform(10.0, 13.0), rng.uniform(6.0, 8.0)
         start = np.array([off, rng.uniform(off, width - off)])
