@@ -32,7 +32,7 @@ def run(
         str | None,
         typer.Option(
             metavar="FILE",
-            help="Play this stick file (CSV, plain or gzip) instead of the scenario's hand; "
+            help="Play this stick file (CSV, plain or gzip) instead of the scenario's stick; "
             "FILE#3 takes run 3 of a file that holds several.",
         ),
     ] = None,

@@ -208,7 +208,8 @@ def test_a_robot_that_can_not_drive_a_suite_is_refused_with_the_reason(name, pla
     ("change", "words"),
     [
         ({"footprint_m": [[1.2, 0.3], [-1.2, 0.3], [-1.2, -0.3], [1.2, -0.3]]}, "too large"),
-        ({"limits": {"speed_mps": 0.01}}, "too slow"),
+        ({"limits": {"speed_mps": 0.01, "wheel_acceleration_mps2": 1.0}}, "too slow"),
+        ({"limits": {"speed_mps": 1.0, "acceleration_mps2": 1.0}}, "how hard the robot brakes"),
     ],
 )
 def test_a_robot_that_no_room_fits_is_refused(change, words):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError, did_you_mean
-from cohelm.robot.limits import speeds
+from cohelm.robot.limits import checked_braking, speeds
 from cohelm.robot.model import RobotModel
 from cohelm.study.campaign import adversary, barn, crowd, hands, heights, lab, movers, rooms
 from cohelm.study.campaign.episode import LAWS, PLANTS, Episode, Law, Plant
@@ -122,7 +122,7 @@ def _check(robot: RobotModel, name: str, plant: Plant) -> None:
             f"{robot.name} is too large for these rooms: a corner is {robot.reach:.2g} m from the "
             f"middle of its axle, {_LARGEST:g} m at most"
         )
-    if speeds(robot.bounds())[0] < _SLOWEST:
+    if speeds(checked_braking(robot.bounds()))[0] < _SLOWEST:
         raise CohelmError(f"{robot.name} is too slow for these rooms: {_SLOWEST:g} m/s at least")
     if plant != "kinematic" and robot.lidar is None:
         raise CohelmError(f"{robot.name} has no lidar, which --plant {plant} needs; give it one")
