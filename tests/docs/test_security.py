@@ -22,11 +22,11 @@ def test_every_claim_is_held_by_a_test_that_runs_by_default(name: str) -> None:
 
 
 def test_every_row_of_the_threat_model_names_a_test() -> None:
-    tables = PAGE.partition("## Who may try")[2].splitlines()
+    tables = PAGE.partition("## Attackers")[2].splitlines()
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in tables if "|" in line]
-    rows = [row for row in rows if row[0] != "may" and row[0].strip("-")] + [
+    rows = [row for row in rows if row[0] != "can" and row[0].strip("-")] + [
         row for row in rows if not row[0]
     ]
     assert len(rows) > 20
-    for may, may_not, held in rows:
-        assert "`test_" in held or may_not.startswith("(not prevented"), may or may_not
+    for can, can_not, test in rows:
+        assert "`test_" in test or can_not.startswith("(not prevented"), can or can_not
