@@ -24,7 +24,7 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose, Stick
 from cohelm.link import keys
 from cohelm.link.bulk_messages import LineKind, Polyline
-from cohelm.link.messages import Arming, Ask, Device, Mode
+from cohelm.link.messages import Arming, Device, Mode, RequestKind
 from cohelm.link.scans import WholeScan
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
@@ -188,11 +188,11 @@ def _drive_manually(
                 requested = now
                 if status.stopped:
                     stops += [status.stopped] if not math.isnan(began) else []
-                    station.ask(Ask.RESET)
+                    station.ask(RequestKind.RESET)
                 elif status.lease.driver != status.lease.you:
-                    station.ask(Ask.TAKE)
+                    station.ask(RequestKind.TAKE)
                 elif status.arming == Arming.ARMED:
-                    station.ask(Ask.MODE, Mode.MANUAL)
+                    station.ask(RequestKind.MODE, Mode.MANUAL)
             continue
         began = now if math.isnan(began) else began
         least = min(least, status.speed_cap)

@@ -25,7 +25,7 @@ from cohelm.drive.session import SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.drive.teleop_server import TeleopConfig, serve
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Arming, Ask, Device, Mode
+from cohelm.link.messages import Arming, Device, Mode, RequestKind
 from cohelm.link.station_end import StationEnd
 
 SENT = struct.Struct("dd")
@@ -79,7 +79,7 @@ class BenchStick:
             self.station.steer(self.stick, True, True, Device.SCRIPT)
             time.sleep(BEAT)
 
-    def ask(self, what: Ask, value: int, done) -> None:
+    def ask(self, what: RequestKind, value: int, done) -> None:
         """Request, and wait until it is done."""
         end = time.monotonic() + 60.0
         while not done():
@@ -127,8 +127,8 @@ def measure(count: int, rate: float, twin: bool) -> list[float]:
             while station.status() is None:
                 stick.hold(0.1)
             status = lambda: station.status().status  # noqa: E731
-            stick.ask(Ask.TAKE, 0, lambda: status().lease.driver == status().lease.you)
-            stick.ask(Ask.MODE, Mode.MANUAL, lambda: status().mode == Mode.MANUAL)
+            stick.ask(RequestKind.TAKE, 0, lambda: status().lease.driver == status().lease.you)
+            stick.ask(RequestKind.MODE, Mode.MANUAL, lambda: status().mode == Mode.MANUAL)
             while status().arming != Arming.ARMED:
                 stick.hold(0.1)
             took = []

@@ -13,7 +13,7 @@ import time
 
 from cohelm.core.types import Stick
 from cohelm.link.keys import pair_here
-from cohelm.link.messages import Ask, Device
+from cohelm.link.messages import Device, RequestKind
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.station_end import StationEnd
 from tests.link import net
@@ -96,7 +96,7 @@ def impaired(seconds: float, **bad: float) -> str:
 
 def _drives(robot: RobotEnd, station: StationEnd) -> None:
     until(station.status, 20.0, lambda: robot.send_status(STATUS))
-    number = station.ask(Ask.TAKE)
+    number = station.ask(RequestKind.TAKE)
     until(lambda: station.answer(number), 20.0, lambda: robot.send_status(STATUS))
 
 

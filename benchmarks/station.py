@@ -84,7 +84,7 @@ class Pattern:
         """Record the arrival time of each deflection."""
         self.sticks.append((time.time(), stick.psi))
 
-    def ask(self, what: m.Ask, value: int = 0) -> int:
+    def ask(self, what: m.RequestKind, value: int = 0) -> int:
         """Granted."""
         return 1
 

@@ -9,7 +9,7 @@ import pytest
 
 from cohelm.core.types import Stick
 from cohelm.link import client, lease, operator_input, pending, robot_end, station_end, wire
-from cohelm.link.messages import Ask, Command, Device, Request
+from cohelm.link.messages import Command, Device, Request, RequestKind
 from cohelm.link.sticks.feel import CueRules
 from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN
 from cohelm.loop.stick_arming import ArmingParams
@@ -29,7 +29,7 @@ def test_every_message_is_on_the_page_with_its_kind_and_largest_size():
 
 def test_the_bytes_of_a_command_are_where_the_page_documents():
     command = Command(
-        Stick(0.5, -0.5), True, False, Device.TOUCH, 0.75, (Request(7, Ask.MODE, 2, 1.5),)
+        Stick(0.5, -0.5), True, False, Device.TOUCH, 0.75, (Request(7, RequestKind.MODE, 2, 1.5),)
     )
     data = wire.encode(wire.Header(0x0102030405060708, 9, 2.5, 1.5, 0.25), command)
     rows = dict(re.findall(r"^\| (\d+) \| (?:u8|u32|u64|f|d) \| (.+?) \|$", TEXT, re.MULTILINE))
@@ -43,11 +43,11 @@ def test_the_bytes_of_a_command_are_where_the_page_documents():
     for at, value in expected.items():
         (kind,) = re.findall(rf"^\| {at} \| (u8|u32|u64|f|d) \|", TEXT, re.MULTILINE)
         assert struct.unpack_from("<" + forms[kind], data, int(at)) == (value,)
-    assert struct.unpack_from("<IBHd", data, 50) == (7, Ask.MODE, 2, 1.5)
+    assert struct.unpack_from("<IBHd", data, 50) == (7, RequestKind.MODE, 2, 1.5)
     assert len(data) == 50 + 15
 
 
-@pytest.mark.parametrize("ask", Ask)
+@pytest.mark.parametrize("ask", RequestKind)
 def test_every_request_is_on_the_page(ask):
     assert f"| {ask.name} {ask.value} |" in TEXT
 

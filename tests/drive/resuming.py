@@ -18,7 +18,7 @@ from cohelm.drive.operator_requests import OperatorRequests
 from cohelm.drive.proposed import NONE, CheckedPath
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
-from cohelm.link.messages import Ask, Mode
+from cohelm.link.messages import Mode, RequestKind
 from cohelm.loop.loop import LoopParams
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.gate.modes import latched
@@ -27,7 +27,7 @@ from cohelm.robot.port import Health
 from tests.drive.faults import CORRIDOR
 from tests.drive.simulated_link import SimulatedLink, Station
 
-DOCKS = (Ask.DOCK, Ask.UNDOCK)
+DOCKS = (RequestKind.DOCK, RequestKind.UNDOCK)
 STANDS_WITHIN = 1.5
 """From full speed at the gate's deceleration, with the robot's delay, and room [s]."""
 
@@ -174,10 +174,10 @@ class Rule:
             if not granted:
                 continue
             mode = Mode.AUTOMATIC if request.what in DOCKS else None
-            if request.what == Ask.MODE:
+            if request.what == RequestKind.MODE:
                 mode = Mode(request.value)
-            if request.what == Ask.STOP or (
-                request.what == Ask.MODE and request.value == Mode.HOLD
+            if request.what == RequestKind.STOP or (
+                request.what == RequestKind.MODE and request.value == Mode.HOLD
             ):
                 self.end(now, station.number, request.number)
             elif mode is not None:

@@ -19,7 +19,7 @@ from cohelm.link import robot_bulk
 from cohelm.link.bulk_messages import Waypoints
 from cohelm.link.keys import pair_here
 from cohelm.link.listener import Guest
-from cohelm.link.messages import Ask, Command, Device, Request
+from cohelm.link.messages import Command, Device, Request, RequestKind
 from cohelm.link.robot_bulk import RobotBulk, _Station
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.wire import Header, encode
@@ -96,7 +96,7 @@ class Station:
         link.bulk._stations.append(self.bulk)
         link.stations[self.number] = self
 
-    def ask(self, what: Ask, value: int = 0) -> int:
+    def ask(self, what: RequestKind, value: int = 0) -> int:
         request = Request(next(self._numbers), what, value, self.link.now())
         self.pending = [*self.pending, request][-8:]
         self.asked[request.number] = request

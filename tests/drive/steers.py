@@ -5,7 +5,7 @@ import time
 
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link import keys
-from cohelm.link.messages import Arming, Ask, Device, Mode
+from cohelm.link.messages import Arming, Device, Mode, RequestKind
 from cohelm.link.station_end import StationEnd
 
 
@@ -20,9 +20,9 @@ def main() -> None:
                 asked = time.monotonic()
                 lease = told.status.lease
                 if lease.driver != lease.you:
-                    station.ask(Ask.TAKE, 0)
+                    station.ask(RequestKind.TAKE, 0)
                 elif told.status.mode != Mode.MANUAL and not told.status.stopped:
-                    station.ask(Ask.MODE, Mode.MANUAL)
+                    station.ask(RequestKind.MODE, Mode.MANUAL)
             time.sleep(0.02)
 
 

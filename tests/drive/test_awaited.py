@@ -12,7 +12,7 @@ from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys
 from cohelm.link.bulk_messages import Checked
-from cohelm.link.messages import Ask, Device
+from cohelm.link.messages import Device, RequestKind
 from cohelm.station.robot_link import Quality
 
 LAB = DriveOptions("lab-guard", "lab-guard", "twin", True, None, [])
@@ -61,7 +61,7 @@ def test_before_the_robot_is_ready_all_requests_are_refused_with_the_reason():
     link, _ = awaited()
     assert link.quality()[:3] == (False, "the robot beside it", "starting (3 s)")
     link.steer(Stick(1.0, 0.0), True, True, Device.KEYBOARD, 1.0)
-    answer = link.answer(link.ask(Ask.TAKE))
+    answer = link.answer(link.ask(RequestKind.TAKE))
     assert not answer.granted
     assert answer.reason == "the robot is not started yet"
     number = link.propose([(1.0, 2.0)], False)
@@ -74,15 +74,15 @@ def test_before_the_robot_is_ready_all_requests_are_refused_with_the_reason():
 def test_no_request_from_before_the_robot_was_ready_reaches_it():
     link, there = awaited()
     link.steer(Stick(1.0, 0.0), True, True, Device.KEYBOARD, 1.0)
-    before = link.ask(Ask.TAKE)
+    before = link.ask(RequestKind.TAKE)
     link.propose([(1.0, 2.0)], False)
     there.append(Robot())
     link.news()
     assert link.quality().connected
     assert there[0].reached == []
     assert not link.answer(before).granted
-    assert link.answer(link.ask(Ask.RESET)) == ("answer", 7)
-    assert there[0].reached == [("ask", Ask.RESET)]
+    assert link.answer(link.ask(RequestKind.RESET)) == ("answer", 7)
+    assert there[0].reached == [("ask", RequestKind.RESET)]
 
 
 def test_a_page_that_left_before_makes_no_link_afterwards():

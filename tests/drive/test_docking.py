@@ -14,7 +14,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.drive.until_ended import dock_of
 from cohelm.link.bulk_messages import Docks
-from cohelm.link.messages import Ask, DockPhase, Mode
+from cohelm.link.messages import DockPhase, Mode, RequestKind
 from cohelm.loop.docking import Docking
 from cohelm.plan.docks import Dock
 from cohelm.record.write import Recorder
@@ -73,16 +73,20 @@ def test_a_driver_docks_and_undocks_without_a_mode_change_in_between(drive):
     def script():
         anna, bert = drive.station("anna"), drive.station("bert")
         yield from waits(10)
-        anna.ask(Ask.TAKE)
-        wrong = bert.ask(Ask.DOCK, 1)
+        anna.ask(RequestKind.TAKE)
+        wrong = bert.ask(RequestKind.DOCK, 1)
         yield from waits(10)
         assert bert.answers[wrong] == (False, "you are not the driver")
         assert here() == (DockPhase.STAGED, 1)
-        asked = [anna.ask(Ask.UNDOCK), anna.ask(Ask.DOCK, 2), anna.ask(Ask.DOCK, 3)]
+        asked = [
+            anna.ask(RequestKind.UNDOCK),
+            anna.ask(RequestKind.DOCK, 2),
+            anna.ask(RequestKind.DOCK, 3),
+        ]
         yield from waits(5)
         anna.stick = Stick(0.5, 0.0)
         yield from waits(10)
-        asked.append(anna.ask(Ask.DOCK))
+        asked.append(anna.ask(RequestKind.DOCK))
         yield from waits(5)
         anna.stick = CENTRED
         yield from waits(20)
@@ -93,7 +97,7 @@ def test_a_driver_docks_and_undocks_without_a_mode_change_in_between(drive):
             "release the stick first",
         ]  # fmt: skip
         assert drive.moved == 0
-        anna.ask(Ask.DOCK)
+        anna.ask(RequestKind.DOCK)
         yield from until(drive, lambda: goes(True))
         assert loop.supervisor.mode == Mode.AUTOMATIC
         assert drive.gated.gate.mode == GateMode.AUTOMATIC
@@ -108,11 +112,11 @@ def test_a_driver_docks_and_undocks_without_a_mode_change_in_between(drive):
         yield from waits(60)
         at = drive.gated.truth().pose
         assert at == pytest.approx((0.45, 0.0, 0.0), abs=0.03)
-        again = anna.ask(Ask.DOCK)
+        again = anna.ask(RequestKind.DOCK)
         yield from waits(50)
         assert anna.answers[again] == (False, "it is docked at short already")
         assert drive.gated.truth().pose == at
-        anna.ask(Ask.UNDOCK)
+        anna.ask(RequestKind.UNDOCK)
         yield from until(drive, lambda: goes(True))
         assert here() == (DockPhase.UNDOCKING, 1)
         yield from until(drive, lambda: goes(False))
@@ -146,18 +150,18 @@ def test_whatever_ends_docking_ends_it_for_good(drive, ends, said):
     def script():
         anna, bert = drive.station("anna"), drive.station("bert")
         yield from waits(10)
-        anna.ask(Ask.TAKE)
+        anna.ask(RequestKind.TAKE)
         yield from waits(10)
-        anna.ask(Ask.DOCK)
+        anna.ask(RequestKind.DOCK)
         yield from waits(40)
         assert loop.supervisor.docking.on
         match ends:
             case "hold" | "automatic":
-                anna.ask(Ask.MODE, Mode[ends.upper()])
+                anna.ask(RequestKind.MODE, Mode[ends.upper()])
             case "stop":
-                bert.ask(Ask.STOP)
+                bert.ask(RequestKind.STOP)
             case "release":
-                anna.ask(Ask.GIVE, bert.number)
+                anna.ask(RequestKind.GIVE, bert.number)
             case "bump":
                 drive.wheels.bumped = True
             case "stick":

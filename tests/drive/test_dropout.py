@@ -6,7 +6,7 @@ import pytest
 
 from cohelm.core.types import Stick
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.link.messages import Arming, Ask, Command, Device, Mode
+from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.loop.dropout import CENTRED_WITHIN, WAITING
 from cohelm.loop.operator import Scripted
 from cohelm.robot.gate.modes import GateMode
@@ -51,7 +51,7 @@ def session(anna):
 
 def lead(session: Session, anna: Anna, mode: Mode) -> None:
     """Have her choose a mode and drive."""
-    anna.ask(Ask.MODE, mode)
+    anna.ask(RequestKind.MODE, mode)
     drive(session, 0.2)
     anna.stick = Stick(0.9, 0.0)
     drive(session, 1.5)
@@ -91,7 +91,7 @@ def test_a_short_dropout_is_no_stop_and_resumes_only_with_a_centred_stick(sessio
 
 
 def test_a_short_dropout_of_the_driver_is_no_stop_in_automatic_mode(session, anna):
-    anna.ask(Ask.MODE, Mode.AUTOMATIC)
+    anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
     drive(session, 1.5)
     away(anna, "link", True)
     drive(session, 0.3 + BRAKING)
@@ -157,7 +157,7 @@ def test_a_mode_chosen_meanwhile_wins(session, anna, mode):
     away(anna, "page", True)
     drive(session, 0.5)
     assert session.loop.supervisor.paused
-    anna.ask(Ask.MODE, mode)
+    anna.ask(RequestKind.MODE, mode)
     drive(session, 0.04)
     assert session.loop.supervisor.mode == mode
     away(anna, "page", False)
@@ -171,21 +171,21 @@ def test_a_stop_meanwhile_wins(session, anna):
     lead(session, anna, Mode.SHARED)
     away(anna, "page", True)
     drive(session, 0.5)
-    anna.ask(Ask.STOP)
+    anna.ask(RequestKind.STOP)
     away(anna, "page", False)
     anna.stick = Stick(0.0, 0.0)
     drive(session, 1.0)
     assert session.gated.gate.reason == "stop by script"
     assert session.loop.supervisor.paused == ""
-    anna.ask(Ask.RESET)
+    anna.ask(RequestKind.RESET)
     drive(session, 1.0)
     assert speed(session) == 0.0
 
 
 def test_a_stop_is_executed_before_other_requests_of_the_same_period(session, anna):
     lead(session, anna, Mode.SHARED)
-    anna.ask(Ask.MODE, Mode.HOLD)
-    anna.ask(Ask.STOP)
+    anna.ask(RequestKind.MODE, Mode.HOLD)
+    anna.ask(RequestKind.STOP)
     drive(session, 0.04)
     assert session.gated.gate.reason == "stop by script"
     assert [number for number, _, _ in anna.answers][-2:] == [3, 2]
@@ -194,11 +194,11 @@ def test_a_stop_is_executed_before_other_requests_of_the_same_period(session, an
 @pytest.mark.parametrize("mode", first([Mode.MANUAL, Mode.SHARED]))
 def test_after_a_stop_a_stick_that_is_held_does_not_steer_until_it_was_centred(session, anna, mode):
     lead(session, anna, mode)
-    anna.ask(Ask.STOP)
+    anna.ask(RequestKind.STOP)
     drive(session, BRAKING + 0.5)
-    anna.ask(Ask.RESET)
+    anna.ask(RequestKind.RESET)
     drive(session, 0.1)
-    anna.ask(Ask.MODE, mode)
+    anna.ask(RequestKind.MODE, mode)
     drive(session, 0.5)
     assert session.loop.supervisor.stick_state.arming == Arming.WAITING
     assert session.loop.supervisor.stick_state.stick == Stick(0.0, 0.0)

@@ -15,7 +15,7 @@ import pytest
 
 from cohelm.core.types import Stick
 from cohelm.link import keys
-from cohelm.link.messages import Arming, Ask, Device, Mode
+from cohelm.link.messages import Arming, Device, Mode, RequestKind
 from cohelm.link.operator_input import STALE
 from cohelm.link.station_end import StationEnd
 from cohelm.loop.dropout import BACK_WITHIN
@@ -81,7 +81,7 @@ def rows(record: Path) -> list[Row]:
     ]  # fmt: skip
 
 
-def ask(station: StationEnd, what: Ask, value: int, done) -> None:
+def ask(station: StationEnd, what: RequestKind, value: int, done) -> None:
     """Again and again: an answer may be lost for as long as one waits for it."""
     end = time.monotonic() + PATIENT
     while not done():
@@ -95,10 +95,10 @@ def drives(station: StationEnd, person: Person) -> None:
     told = lambda: station.status().status  # noqa: E731
     until(station.status, PATIENT)
     person.centred = True
-    ask(station, Ask.TAKE, 0, lambda: told().lease.driver == told().lease.you)
+    ask(station, RequestKind.TAKE, 0, lambda: told().lease.driver == told().lease.you)
     until(lambda: told().arming == Arming.ARMED, PATIENT)
-    ask(station, Ask.RESET, 0, lambda: not told().stopped)
-    ask(station, Ask.MODE, Mode.MANUAL, lambda: told().mode == Mode.MANUAL)
+    ask(station, RequestKind.RESET, 0, lambda: not told().stopped)
+    ask(station, RequestKind.MODE, Mode.MANUAL, lambda: told().mode == Mode.MANUAL)
     person.centred = False
     until(lambda: told().twist.v > 0.1 or told().stopped, PATIENT)
     assert not told().stopped

@@ -22,7 +22,7 @@ from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.law.gains import Gains
 from cohelm.law.human import human, limited
 from cohelm.link.keys import pair_here, with_local_station
-from cohelm.link.messages import Ask, Mode
+from cohelm.link.messages import Mode, RequestKind
 from cohelm.link.station_end import StationEnd
 from cohelm.loop.driver import by_hand
 from cohelm.record.period import STORE
@@ -155,7 +155,7 @@ def test_a_press_takes_the_lease_and_drives_and_a_release_stops_the_robot(robot)
     assert panel.drives(), panel.told  # and nothing was latched
     with StationEnd(robot.anna, robot.host, robot.port) as anna:
         panel.sees(lambda: anna.status() is not None, v=0.3)
-        anna.ask(Ask.STOP)
+        anna.ask(RequestKind.STOP)
         assert panel.sees(lambda: panel.was_told("reset it on the page"), v=0.3)
         assert panel.sees(lambda: abs(panel.v) < 1e-3, v=0.3)
         assert not panel.sees(lambda: panel.v > 0.05, 1.0, v=0.3)  # pressed, and stopped
@@ -163,20 +163,20 @@ def test_a_press_takes_the_lease_and_drives_and_a_release_stops_the_robot(robot)
         for _ in looks(30.0, 0.05, 0.2):
             if anna.status().status.lease.driver == 0:
                 break
-        anna.ask(Ask.TAKE)
+        anna.ask(RequestKind.TAKE)
         for _ in looks(30.0, 0.05, 0.2):
             lease = anna.status().status.lease
             if lease.driver == lease.you:
                 break
         else:
             raise AssertionError("the lease was not given back")
-        anna.ask(Ask.RESET)
+        anna.ask(RequestKind.RESET)
         other = Panel(robot.view.address)
         drives = "anna is the driver, and must release the lease first"
         assert other.sees(lambda: other.was_told(drives), v=0.3), other.told
         assert not other.sees(lambda: other.v > 0.01, 1.0, v=0.3)
         assert anna.status().status.lease.driver == anna.status().status.lease.you
-        anna.ask(Ask.GIVE)
+        anna.ask(RequestKind.GIVE)
         other.sees(lambda: anna.status().status.lease.driver == 0)
         other.close()
 

@@ -15,7 +15,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.local_credentials import credentials_of_drive
-from cohelm.link.messages import Arming, Ask, Device, Mode
+from cohelm.link.messages import Arming, Device, Mode, RequestKind
 from cohelm.link.station_end import StationEnd
 from cohelm.link.sticks.at_helm import drive as at_helm
 from cohelm.link.sticks.port import Feel, Reading
@@ -137,7 +137,7 @@ def test_a_record_started_while_it_stands_says_what_the_gate_did(drive):
         told = lambda: station.status().status  # noqa: E731
         steer = partial(station.steer, CENTRED, True, True, Device.SCRIPT)
 
-        def ask(what: Ask, value: int, done) -> None:
+        def ask(what: RequestKind, value: int, done) -> None:
             """Again and again: on a busy machine it may come too late, or not be granted yet."""
             end = time.monotonic() + 2 * PATIENT
             while not done():
@@ -146,13 +146,17 @@ def test_a_record_started_while_it_stands_says_what_the_gate_did(drive):
                 until(lambda n=number: station.answer(n) or done(), PATIENT, steer)
 
         until(station.status, PATIENT)
-        ask(Ask.TAKE, 0, lambda: told().lease.driver == told().lease.you)
-        ask(Ask.RECORD, 1, lambda: told().recording)
-        ask(Ask.MODE, Mode.AUTOMATIC, lambda: told().mode == Mode.AUTOMATIC or told().stopped)
-        ask(Ask.STOP, 0, lambda: told().stopped)
+        ask(RequestKind.TAKE, 0, lambda: told().lease.driver == told().lease.you)
+        ask(RequestKind.RECORD, 1, lambda: told().recording)
+        ask(
+            RequestKind.MODE,
+            Mode.AUTOMATIC,
+            lambda: told().mode == Mode.AUTOMATIC or told().stopped,
+        )
+        ask(RequestKind.STOP, 0, lambda: told().stopped)
         logs = lambda: "".join(p.read_text() for p in drive.folder.glob("out/records/*.log"))  # noqa: E731
         until(lambda: "gate: stands, " in logs(), 2 * PATIENT, steer)  # the recorder starts slowly
-        ask(Ask.RECORD, 0, lambda: not told().recording)
+        ask(RequestKind.RECORD, 0, lambda: not told().recording)
         until(lambda: list(drive.folder.glob("out/records/*.mcap")), 2 * PATIENT, steer)
     (record,) = drive.folder.glob("out/records/*.mcap")
     said = [m.msg for _, _, m in messages(record, ("/rosout",)) if m.name == "gate"]

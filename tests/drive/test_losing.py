@@ -6,7 +6,7 @@ import pytest
 
 from cohelm.core.types import Stick
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.link.messages import Arming, Ask, Mode
+from cohelm.link.messages import Arming, Mode, RequestKind
 from cohelm.loop.dropout import BACK_WITHIN
 from cohelm.loop.loop import LoopParams
 from cohelm.loop.operator import Scripted
@@ -73,17 +73,17 @@ def test_after_a_fault_only_a_reset_and_a_mode_request_drive_again():
     with Session(SessionConfig(failing("scans stop", AT)), operator) as session:
         drive(session, 4.5, Mode.AUTOMATIC)
         robot = session.gated._robot
-        operator.ask(Ask.RESET)
+        operator.ask(RequestKind.RESET)
         drive(session, 0.1)
         assert session.gated.gate.mode == GateMode.FAULTED  # the cause is still there
         robot._fault = ""
         drive(session, 1.0)
         assert session.gated.gate.mode == GateMode.FAULTED
-        operator.ask(Ask.RESET)
+        operator.ask(RequestKind.RESET)
         drive(session, 1.0)
         assert session.gated.gate.mode == GateMode.IDLE
         assert speed(session) == 0.0
-        operator.ask(Ask.MODE, Mode.AUTOMATIC)
+        operator.ask(RequestKind.MODE, Mode.AUTOMATIC)
         drive(session, 2.0)
         assert speed(session) > 0.3
     answers = [(granted, reason) for _, granted, reason in operator.answers]
@@ -167,14 +167,14 @@ def test_stop_by_anyone_and_a_mode_by_hand():
         assert session.gated.gate.mode == GateMode.SHARED
         v = speed(session)
         assert 0.25 < v < 0.5  # 0.8 of the speed, less the share of nothing
-        operator.ask(Ask.STOP)
+        operator.ask(RequestKind.STOP)
         drive(session, 0.02 + BRAKING)
         assert speed(session) == 0.0
         assert session.gated.gate.reason == "stop by script"
-        operator.ask(Ask.MODE, Mode.MANUAL)
-        operator.ask(Ask.ACKNOWLEDGE, 0)
-        operator.ask(Ask.MODE, 77)
-        operator.ask(Ask.TAKE)
+        operator.ask(RequestKind.MODE, Mode.MANUAL)
+        operator.ask(RequestKind.ACKNOWLEDGE, 0)
+        operator.ask(RequestKind.MODE, 77)
+        operator.ask(RequestKind.TAKE)
         drive(session, 0.1)
         assert operator.answers[1:] == [
             (2, False, "reset first: stop by script"),
@@ -216,7 +216,7 @@ def test_a_silent_driver_stops_an_automatic_robot_too_unless_it_may_carry_on(car
     operator = Far()
     plan = SessionConfig(failing("nothing", 1e9), loop=LoopParams(carry_on=carry_on))
     with Session(plan, operator) as session:
-        operator.ask(Ask.MODE, Mode.AUTOMATIC)
+        operator.ask(RequestKind.MODE, Mode.AUTOMATIC)
         drive(session, 2.0)
         assert speed(session) > 0.4
         operator.scale = 0.5  # allows half the usual half a metre a second

@@ -10,7 +10,7 @@ from cohelm.core.types import Pose
 from cohelm.drive.on_topics import OnTopics, TopicsConfig, on_topics
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
-from cohelm.link.messages import Ask, Mode
+from cohelm.link.messages import Mode, RequestKind
 from cohelm.plan.path_planner import Goal
 from cohelm.ros.goals import Placed
 from tests.drive.faults import CORRIDOR
@@ -58,7 +58,7 @@ def drive(tmp_path, told):
 def anna_drives(drive: Drive):
     anna = drive.station("anna")
     yield from range(5)
-    anna.ask(Ask.TAKE)
+    anna.ask(RequestKind.TAKE)
     yield from range(5)
     return anna
 
@@ -66,7 +66,7 @@ def anna_drives(drive: Drive):
 def test_a_goal_is_driven_in_the_mode_that_the_driver_chose(drive, told):
     def script():
         anna = yield from anna_drives(drive)
-        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
         yield from range(50)
         first = drive.loop.driver
         told.newest = AHEAD
@@ -90,11 +90,11 @@ def test_no_goal_moves_a_robot_that_is_in_hold(drive, told):
         told.newest = AHEAD
         yield from range(100)
         assert told.said == ["/goal_pose: accepted: the robot follows it"]
-        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
         yield from range(50)
         moved = drive.moved
         assert moved > 10
-        anna.ask(Ask.STOP)
+        anna.ask(RequestKind.STOP)
         yield from range(100)
         stood = drive.moved
         told.newest = np.array([(5.0, 0.0)])
@@ -110,12 +110,12 @@ def test_a_goal_ends_with_the_lease_in_which_it_came(drive, told):
     def script():
         drive.beside.checking.takes = 30
         anna = yield from anna_drives(drive)
-        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
         yield from range(50)
         first = drive.loop.driver
         told.newest = AHEAD
         yield from range(10)
-        anna.ask(Ask.GIVE)
+        anna.ask(RequestKind.GIVE)
         yield from range(100)
         assert told.said == ["/goal_pose: the driver has changed since it came"]
         assert drive.loop.driver is first
@@ -130,7 +130,7 @@ def test_a_goal_ends_with_the_lease_in_which_it_came(drive, told):
 def test_a_goal_that_can_not_be_reached_changes_nothing(drive, told, where, why):
     def script():
         anna = yield from anna_drives(drive)
-        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
         yield from range(50)
         first = drive.loop.driver
         told.newest = where
@@ -157,7 +157,7 @@ def test_an_initial_pose_is_accepted_only_at_rest_and_on_the_map(drive, told):
             assert told.said[-1] == f"/initialpose: {why}"
         yield from range(30)
         assert drive.loop.seen.pose.x == pytest.approx(here.x, abs=0.05)  # as the LiDAR sees it
-        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
         yield from range(50)
         told.place = Placed("/initialpose", here, 0.3)
         yield from range(2)

@@ -14,7 +14,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.shown import map_message, reference_lines
 from cohelm.drive.simulated import simulated
 from cohelm.link.bulk_messages import LineKind, Map, Picture, Polyline
-from cohelm.link.messages import Ask, Discs, Mode, Severity, Status
+from cohelm.link.messages import Discs, Mode, RequestKind, Severity, Status
 from cohelm.link.scans import WholeScan
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
@@ -34,7 +34,7 @@ def driven(tmp_path_factory):
         gated = session.loop.gated
         operator._clock = gated.now
         session.run(lambda loop: gated.now() >= 4.0, Mode.SHARED)
-        operator.ask(Ask.STOP)
+        operator.ask(RequestKind.STOP)
         session.run(lambda loop: gated.now() >= 5.0)
         told = list(operator.statuses)
         known = map_from_geometry(robot.scenario.walls(), robot.start)

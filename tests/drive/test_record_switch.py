@@ -3,7 +3,7 @@
 import time
 
 from cohelm.drive.jobs import ThreadJobs
-from cohelm.link.messages import Ask
+from cohelm.link.messages import RequestKind
 from cohelm.link.rate import TokenBucket
 from tests.drive.resuming import Drive, FakeRecording
 
@@ -35,10 +35,10 @@ def test_five_hundred_toggles_are_one_record_more_and_the_end_waits_for_none(tmp
         # the link refuses 20 a second; the switch itself has to stand more
         anna.client.requests = TokenBucket(1e3, 1e3, drive.link.now())
         yield from range(5)
-        anna.ask(Ask.TAKE)
+        anna.ask(RequestKind.TAKE)
         yield from range(5)
         for k in range(500):
-            anna.ask(Ask.RECORD, (k + 1) % 2)
+            anna.ask(RequestKind.RECORD, (k + 1) % 2)
             yield
             if k in (0, 250):  # on, and whoever makes them gets as much time as he needs
                 end = time.monotonic() + 20.0
@@ -46,7 +46,9 @@ def test_five_hundred_toggles_are_one_record_more_and_the_end_waits_for_none(tmp
                     time.sleep(0.005)
                     yield
         yield from range(5)
-        granted = [g for n, (g, _) in anna.answers.items() if anna.asked[n].what == Ask.RECORD]
+        granted = [
+            g for n, (g, _) in anna.answers.items() if anna.asked[n].what == RequestKind.RECORD
+        ]
         assert len(granted) > 450
         assert all(granted)
 
@@ -68,18 +70,18 @@ def test_only_the_driver_can_record(tmp_path):
     def script(drive: Drive):
         anna, bert = drive.station("anna"), drive.station("bert")
         yield from range(5)
-        anna.ask(Ask.TAKE)
+        anna.ask(RequestKind.TAKE)
         yield from range(5)
-        anna.ask(Ask.RECORD, 1)
-        anna.ask(Ask.GIVE, bert.number)
-        number = bert.ask(Ask.RECORD, 1)
+        anna.ask(RequestKind.RECORD, 1)
+        anna.ask(RequestKind.GIVE, bert.number)
+        number = bert.ask(RequestKind.RECORD, 1)
         yield from range(10)
         assert anna.answers[2] == (False, "you are no longer the driver")
         assert not bert.answers[number][0]
-        bert.ask(Ask.RECORD, 1)
+        bert.ask(RequestKind.RECORD, 1)
         yield from range(10)
         assert drive.loop.log.open
-        bert.ask(Ask.RECORD, 0)
+        bert.ask(RequestKind.RECORD, 0)
         yield from range(10)
         assert not drive.loop.log.open
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cohelm.link.messages import Ask, Mode
+from cohelm.link.messages import Mode, RequestKind
 from tests.drive.resuming import Drive
 from tests.drive.simulated_link import checked
 
@@ -19,7 +19,7 @@ def drive(tmp_path):
 def begun(drive: Drive):
     anna, bert, cleo = (drive.station(name) for name in ("anna", "bert", "cleo"))
     yield from range(5)
-    anna.ask(Ask.TAKE)
+    anna.ask(RequestKind.TAKE)
     yield from range(5)
     return anna, bert, cleo
 
@@ -79,7 +79,7 @@ def test_a_path_of_too_many_waypoints_is_refused_with_a_reason(drive):
 def test_a_path_of_an_observer_is_checked_and_never_followed(drive):
     def script():
         anna, bert, _ = yield from begun(drive)
-        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
         yield from range(30)
         first = drive.loop.driver
         bert.propose(WAY)

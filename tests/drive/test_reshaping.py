@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Stick, Twist
-from cohelm.drive.operator_requests import checker_of
 from cohelm.drive.playback import Playback
+from cohelm.drive.operator_requests import checker_of
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.bulk_messages import Hello
-from cohelm.link.messages import Ask, Mode
+from cohelm.link.messages import Mode, RequestKind
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.adapter import RobotAdapter
@@ -155,9 +155,9 @@ def following(drive):
     """Anna has the lease, and has the robot follow its course."""
     anna = drive.station("anna")
     yield from range(5)
-    anna.ask(Ask.TAKE)
+    anna.ask(RequestKind.TAKE)
     yield from range(5)
-    anna.ask(Ask.MODE, Mode.AUTOMATIC)
+    anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
     return anna
 
 

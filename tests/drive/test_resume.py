@@ -8,7 +8,7 @@ import pytest
 
 from cohelm.core.types import Stick
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.link.messages import Ask, Mode
+from cohelm.link.messages import Mode, RequestKind
 from cohelm.loop.loop import LoopParams
 from cohelm.loop.operator import Scripted
 from cohelm.robot.gate.modes import GateMode
@@ -44,9 +44,9 @@ def driving(drive: Drive, mode: Mode = Mode.AUTOMATIC):
     """Somebody has taken the robot and it drives."""
     anna = drive.station("anna")
     yield from waits(10)
-    anna.ask(Ask.TAKE)
+    anna.ask(RequestKind.TAKE)
     yield from waits(10)
-    anna.ask(Ask.MODE, mode)
+    anna.ask(RequestKind.MODE, mode)
     yield from waits(60)
     assert drive.rule.mode == mode, list(anna.answers.values())
     assert speed(drive) > 0.3
@@ -82,19 +82,19 @@ def test_a_mode_that_ends_while_a_path_is_planned_stays_ended(drive, ends, after
         anna.propose(BACK)
         yield from waits(5 + after)
         if ends == "hold":
-            anna.ask(Ask.MODE, Mode.HOLD)
+            anna.ask(RequestKind.MODE, Mode.HOLD)
         elif ends == "release":
-            anna.ask(Ask.GIVE)
+            anna.ask(RequestKind.GIVE)
         elif ends == "gone":
             anna.leave()
         elif ends == "fault":
             drive.wheels.bumped = True
         else:
-            bert.ask(Ask.STOP)
+            bert.ask(RequestKind.STOP)
         yield from waits(40)
         drive.wheels.bumped = False
         if ends == "stop and reset":
-            anna.ask(Ask.RESET)
+            anna.ask(RequestKind.RESET)
         yield from waits(120)
         assert drive.rule.mode == Mode.HOLD
         assert drive.loop.supervisor.mode == Mode.HOLD
@@ -102,7 +102,7 @@ def test_a_mode_that_ends_while_a_path_is_planned_stays_ended(drive, ends, after
         assert speed(drive) == 0.0
         if ends == "stop and reset":
             assert drive.gated.gate.mode == GateMode.IDLE
-            anna.ask(Ask.MODE, Mode.AUTOMATIC)
+            anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
             yield from waits(60)
             assert speed(drive) > 0.1
 
@@ -125,7 +125,7 @@ def test_a_path_that_can_not_be_planned_ends_in_hold_with_an_alarm(drive, fails)
         drive.beside.fails, drive.beside.ways.takes = "", 0  # and the next one is made
         if fails == "takes for ever":
             drive.beside.ways._due[0][0] = 0
-        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
         yield from waits(40)
         assert speed(drive) > 0.1
         anna.propose(BACK)
@@ -148,9 +148,9 @@ def test_no_path_is_planned_for_a_former_driver(drive):
         yield from waits(5)
         anna.propose(BACK)
         yield from waits(8)
-        anna.ask(Ask.GIVE, bert.number)
+        anna.ask(RequestKind.GIVE, bert.number)
         yield from waits(10)
-        bert.ask(Ask.MODE, Mode.AUTOMATIC)
+        bert.ask(RequestKind.MODE, Mode.AUTOMATIC)
         yield from waits(60)
         assert drive.loop.driver is drive.first
         assert speed(drive) > 0.3  # on the way that bert saw when he chose
@@ -164,16 +164,16 @@ def test_no_mode_outlives_the_lease_in_which_it_was_chosen(drive, mode):
     def script():
         anna = drive.station("anna")
         yield from waits(5)
-        anna.ask(Ask.TAKE)
+        anna.ask(RequestKind.TAKE)
         yield from waits(5)
-        anna.ask(Ask.MODE, mode)
+        anna.ask(RequestKind.MODE, mode)
         yield from waits(10)
         anna.stick = Stick(0.8, 0.0)
         yield from waits(60)
         assert speed(drive) > 0.1
         bert = drive.station("bert")
         yield from waits(5)
-        anna.ask(Ask.GIVE, bert.number)
+        anna.ask(RequestKind.GIVE, bert.number)
         yield from waits(60)
         assert drive.rule.driver == bert.number
         assert drive.loop.supervisor.mode == Mode.HOLD
@@ -187,7 +187,7 @@ def test_carry_on_is_for_a_lost_driver_and_not_for_one_who_releases_the_lease(tm
     def script(drive: Drive):
         anna = yield from driving(drive)
         if ends == "release":
-            anna.ask(Ask.GIVE)
+            anna.ask(RequestKind.GIVE)
         else:
             anna.leave()
             drive.rule = Lenient(drive.rule)
@@ -196,7 +196,7 @@ def test_carry_on_is_for_a_lost_driver_and_not_for_one_who_releases_the_lease(tm
         assert (speed(drive) > 0.3) is (ends == "lost")
         bert = drive.station("bert")
         yield from waits(5)
-        bert.ask(Ask.TAKE)  # and with another driver it is over
+        bert.ask(RequestKind.TAKE)  # and with another driver it is over
         yield from waits(60)
         assert drive.loop.supervisor.mode == Mode.HOLD
         assert speed(drive) == 0.0
@@ -219,21 +219,21 @@ def test_a_mode_requested_before_another_operators_stop_is_refused(drive):
         anna = yield from driving(drive)
         bert = drive.station("bert")
         yield from waits(5)
-        bert.ask(Ask.STOP)
+        bert.ask(RequestKind.STOP)
         yield from waits(60)
         anna.silent = True
-        anna.ask(Ask.RESET)
-        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna.ask(RequestKind.RESET)
+        anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
         yield from waits(4)
-        bert.ask(Ask.STOP)
+        bert.ask(RequestKind.STOP)
         yield from waits(16)
         anna.silent = False
         yield from waits(60)
         assert drive.gated.gate.mode == GateMode.STOPPED
         late = [answer for answer in anna.answers.values() if not answer[0]]
         assert late[0][1] == "the robot was stopped after your request: request it again"
-        anna.ask(Ask.RESET)
-        anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna.ask(RequestKind.RESET)
+        anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
         yield from waits(60)
         assert speed(drive) > 0.3
 
@@ -248,11 +248,11 @@ def test_a_stop_together_with_the_drivers_requests_is_executed(drive):
         anna = yield from driving(drive)
         bert = drive.station("bert")
         yield from waits(5)
-        anna.ask(Ask.STOP)
-        bert.ask(Ask.STOP)
+        anna.ask(RequestKind.STOP)
+        bert.ask(RequestKind.STOP)
         yield from waits(1)
-        anna.ask(Ask.RESET)
-        mode = anna.ask(Ask.MODE, Mode.AUTOMATIC)
+        anna.ask(RequestKind.RESET)
+        mode = anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
         yield from waits(60)
         assert bert.answers[1] == (True, "")
         assert anna.answers[mode] == (
@@ -267,11 +267,11 @@ def test_a_mode_request_followed_by_a_release_is_refused(drive):
     def script():
         anna = drive.station("anna")
         yield from waits(10)
-        anna.ask(Ask.TAKE)
+        anna.ask(RequestKind.TAKE)
         yield from waits(10)
-        anna.ask(Ask.MODE, Mode.AUTOMATIC)
-        anna.ask(Ask.GIVE)
-        anna.ask(Ask.TAKE)
+        anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
+        anna.ask(RequestKind.GIVE)
+        anna.ask(RequestKind.TAKE)
         yield from waits(60)
         assert anna.answers[2] == (False, "you are no longer the driver")
         assert drive.rule.driver == anna.number
@@ -284,12 +284,12 @@ def test_a_mode_request_followed_by_a_release_is_refused(drive):
 def test_stop_and_mode_in_one_datagram_end_in_a_stop(drive):
     def script():
         anna = yield from driving(drive)
-        anna.ask(Ask.STOP)
-        anna.ask(Ask.MODE, Mode.MANUAL)
+        anna.ask(RequestKind.STOP)
+        anna.ask(RequestKind.MODE, Mode.MANUAL)
         yield from waits(5)
         assert drive.gated.gate.mode == GateMode.STOPPED
-        anna.ask(Ask.MODE, Mode.MANUAL)
-        anna.ask(Ask.STOP)
+        anna.ask(RequestKind.MODE, Mode.MANUAL)
+        anna.ask(RequestKind.STOP)
         yield from waits(60)
         assert drive.gated.gate.mode == GateMode.STOPPED
         assert speed(drive) == 0.0
@@ -302,9 +302,9 @@ def test_the_last_stop_wins_in_whatever_order_requests_arrive():
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
     with Session(SessionConfig(failing("", 1e9)), operator) as session:
         session.gated.stop("for a start")
-        operator.ask(Ask.RESET)
-        operator.ask(Ask.MODE, Mode.AUTOMATIC)
-        operator.ask(Ask.STOP)
+        operator.ask(RequestKind.RESET)
+        operator.ask(RequestKind.MODE, Mode.AUTOMATIC)
+        operator.ask(RequestKind.STOP)
         operator._requests.reverse()
         periods = iter(range(10))
         session.run(lambda _: next(periods, None) is None)
@@ -316,8 +316,8 @@ def test_too_many_requests_at_once_are_refused_except_stops():
     operator = Scripted(lambda _: CENTRED, lambda: 0.0)
     with Session(SessionConfig(failing("", 1e9)), operator) as session:
         for _ in range(100):
-            operator.ask(Ask.MODE, Mode.AUTOMATIC)
-        operator.ask(Ask.STOP)
+            operator.ask(RequestKind.MODE, Mode.AUTOMATIC)
+        operator.ask(RequestKind.STOP)
         session.run(lambda _: True)
         assert session.gated.gate.mode == GateMode.STOPPED
         assert operator.answers[0][:2] == (101, True)  # the stop, before all that came with it
@@ -332,7 +332,7 @@ def test_the_start_mode_is_not_resumed_after_a_stop():
         loop, end = session.loop, session.loop.gated.now()
         robot = session.gated._robot
         robot._fault = "odometry is gone"
-        asked = {1.0: Ask.STOP, 2.0: Ask.RESET}
+        asked = {1.0: RequestKind.STOP, 2.0: RequestKind.RESET}
 
         def until(_) -> bool:
             now = loop.gated.now() - end
@@ -367,35 +367,39 @@ def anything(drive: Drive, rng: random.Random, steps: int, history: list[str]):
         match what:
             case "mode":
                 who, mode = own(), rng.choice(modes)
-                who.ask(Ask.MODE, mode)
+                who.ask(RequestKind.MODE, mode)
                 return f"{who.name} {mode.name}"
             case "go":  # what a person does who wants to drive
                 who = own()
-                for ask, value in ((Ask.TAKE, 0), (Ask.RESET, 0), (Ask.MODE, rng.choice(modes))):
+                for ask, value in (
+                    (RequestKind.TAKE, 0),
+                    (RequestKind.RESET, 0),
+                    (RequestKind.MODE, rng.choice(modes)),
+                ):
                     who.ask(ask, value)
                 return who.name
             case "dock" | "undock":
                 who, number = own(), rng.choice([0, 0, 0, 0, 5, 99])
                 if rng.random() < 0.7:  # one who wants to
                     who.stick = CENTRED
-                    who.ask(Ask.TAKE)
-                    who.ask(Ask.RESET)
-                who.ask(Ask[what.upper()], number)
+                    who.ask(RequestKind.TAKE)
+                    who.ask(RequestKind.RESET)
+                who.ask(RequestKind[what.upper()], number)
                 return f"{who.name} {number}"
             case "take" | "refuse" | "reset" | "acknowledge":
                 who = own()
-                who.ask(Ask[what.upper()])
+                who.ask(RequestKind[what.upper()])
                 return who.name
             case "stop":
                 who = rng.choice(people)
-                who.ask(Ask.STOP)
+                who.ask(RequestKind.STOP)
                 return who.name
             case "give":
                 who, to = own(), rng.choice([0, 0, *(p.number for p in people)])
-                who.ask(Ask.GIVE, to)
+                who.ask(RequestKind.GIVE, to)
                 return f"{who.name} {to}"
             case "record":
-                own().ask(Ask.RECORD, rng.randrange(2))
+                own().ask(RequestKind.RECORD, rng.randrange(2))
             case "way":
                 who = own()
                 x = loop.seen.pose.x if loop.seen else 0.0

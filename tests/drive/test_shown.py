@@ -6,7 +6,7 @@ import pytest
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.bulk_messages import HealthReport, LineKind, Polyline
-from cohelm.link.messages import Ask, Mode
+from cohelm.link.messages import Mode, RequestKind
 from cohelm.loop.operator import Scripted
 from tests.drive.faults import CORRIDOR
 from tests.drive.resuming import Drive
@@ -30,9 +30,9 @@ def test_the_detour_is_shown_while_it_is_driven(tmp_path):
     def script():
         anna = drive.station("anna")
         yield from range(5)
-        anna.ask(Ask.TAKE)
+        anna.ask(RequestKind.TAKE)
         yield from range(5)
-        anna.ask(Ask.MODE, int(Mode.AUTOMATIC))
+        anna.ask(RequestKind.MODE, int(Mode.AUTOMATIC))
         for _ in range(1500):
             line = seen(anna, LineKind.DETOUR)
             if line is not None:

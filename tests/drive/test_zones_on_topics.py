@@ -15,7 +15,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.drive.zones_on_topics import ZonesOnTopics
 from cohelm.link.bulk_messages import Zone, ZoneMap
-from cohelm.link.messages import Ask, Mode, Severity
+from cohelm.link.messages import Mode, RequestKind, Severity
 from cohelm.plan.path_planner import Goal
 from cohelm.plan.zones import CELL, Zoned, covering
 from cohelm.ros.masks import KEEP_OUT, PERCENT, FilterMask
@@ -210,7 +210,7 @@ def test_stations_show_new_zones_and_paths_are_checked_against_them(tmp_path):
         zones.attend(drive.session)
         anna = drive.station("anna")
         drive.run(range(5))
-        anna.ask(Ask.TAKE)
+        anna.ask(RequestKind.TAKE)
         topics.say("/info", info("mask"))
         topics.mask(ACROSS)
         drive.run(range(10))

@@ -49,7 +49,7 @@ poses = st.builds(Pose, single, single, single)
 twists = st.builds(Twist, single, single)
 points = st.tuples(single, single)
 answers = st.builds(m.Answer, long, st.booleans(), texts(64))
-requests = st.builds(m.Request, long, st.sampled_from(m.Ask), short, clock)
+requests = st.builds(m.Request, long, st.sampled_from(m.RequestKind), short, clock)
 commands = st.builds(
     m.Command, st.builds(Stick, deflection, deflection), st.booleans(), st.booleans(),
     st.sampled_from(m.Device), st.floats(0.0, 1.0, width=32), listed(requests, 8),

@@ -27,7 +27,7 @@ from cohelm.core.types import Stick
 from cohelm.link.bulk_messages import Fetch, Waypoints
 from cohelm.link.dtls import Channel, HandshakeRefused, context, stream_context
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Ask, Command, Device, Request
+from cohelm.link.messages import Command, Device, Request, RequestKind
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.stream import Stream
 from cohelm.link.wire import Header, encode
@@ -69,7 +69,7 @@ def _robot(keys: Keys, stick: Stick, told: Connection) -> None:
         while not told.poll():
             heard = end.receive()
             now = time.monotonic()
-            stops = [a for a in heard.requests if a.request.what is Ask.STOP]
+            stops = [a for a in heard.requests if a.request.what is RequestKind.STOP]
             for asked in heard.requests:
                 end.answer(asked.client, asked.request.number, True, "")
             bulk.proposed()
@@ -177,7 +177,7 @@ class Flood:
         stick = Command(Stick(-1.0, 1.0), True, True, Device.SCRIPT, 1.0, requests)
         return encode(header, stick)
 
-    def asks(self, *whats: Ask) -> None:
+    def asks(self, *whats: RequestKind) -> None:
         now = time.monotonic()
         first = 8 * self.number
         requests = (
@@ -218,13 +218,13 @@ class Flood:
             self.connected(self.stranger)[0].close()
 
     def requests(self) -> None:
-        self.asks(Ask.MODE, Ask.RESET, Ask.RECORD, Ask.ACKNOWLEDGE)
+        self.asks(RequestKind.MODE, RequestKind.RESET, RequestKind.RECORD, RequestKind.ACKNOWLEDGE)
 
     def lease(self) -> None:
-        self.asks(Ask.GIVE, Ask.REFUSE, Ask.RECORD)
+        self.asks(RequestKind.GIVE, RequestKind.REFUSE, RequestKind.RECORD)
 
     def stops(self) -> None:
-        self.asks(Ask.STOP)
+        self.asks(RequestKind.STOP)
 
     def commands(self) -> None:
         self.sealed(self.command())
@@ -256,7 +256,7 @@ class Flood:
 
     def sessions(self) -> None:
         self.session = self.rng.getrandbits(64)
-        self.sealed(self.command(Request(1, Ask.MODE, 2, time.monotonic())))
+        self.sealed(self.command(Request(1, RequestKind.MODE, 2, time.monotonic())))
 
     def _bulk(self, message: Waypoints | Fetch) -> None:
         if not self.idle:

@@ -22,7 +22,7 @@ from cohelm.core.types import Stick
 from cohelm.link.bulk_messages import Fetch, Waypoints
 from cohelm.link.dtls import Channel, HandshakeRefused, context, stream_context
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Ask, Command, Device, Request
+from cohelm.link.messages import Command, Device, Request, RequestKind
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.station_end import StationEnd
 from cohelm.link.stream import Stream
@@ -79,7 +79,7 @@ class Attack:
         self._thread = threading.Thread(target=self._drive)
         self._thread.start()
         until(self.driver.status)
-        number = self.driver.ask(Ask.TAKE)
+        number = self.driver.ask(RequestKind.TAKE)
         until(lambda: self.driver.answer(number))
         until(lambda: self.robot.receive().command)
 
@@ -101,7 +101,7 @@ class Attack:
                 if heard.command.valid and heard.command.stick != STICK:
                     self.wrong.append(f"a stick nobody held: {heard.command}")
             for asked in heard.requests:
-                if asked.request.what not in (Ask.STOP, Ask.ACKNOWLEDGE):
+                if asked.request.what not in (RequestKind.STOP, RequestKind.ACKNOWLEDGE):
                     self.wrong.append(f"a request of who does not drive: {asked}")
                 self.robot.answer(asked.client, asked.request.number, False, "fuzzed")
 
@@ -216,12 +216,12 @@ class _Inside:
             self.number += 1
             now = time.monotonic()
             requests = tuple(
-                Request(self.number + n, rng.choice(list(Ask)), rng.randrange(65536), now)
+                Request(self.number + n, rng.choice(list(RequestKind)), rng.randrange(65536), now)
                 for n in range(rng.randint(0, 8))
-                if rng.choice(list(Ask)) is not Ask.GIVE
+                if rng.choice(list(RequestKind)) is not RequestKind.GIVE
             )
             # Taking the lease is not hostile: somebody who is let in may ask for it.
-            requests = tuple(r for r in requests if r.what is not Ask.TAKE)
+            requests = tuple(r for r in requests if r.what is not RequestKind.TAKE)
             command = Command(Stick(-1.0, 1.0), True, True, Device.SCRIPT, 1.0, requests)
             header = Header(self.session, self.number, now, rng.choice([now, 0.0, 1e300]), 0.0)
             data = encode(header, command)
@@ -256,7 +256,9 @@ def _asks_for_the_lease(data: bytes) -> bool:
         message = from_operator(data)[1]
     except Malformed:
         return False
-    return isinstance(message, Command) and any(r.what is Ask.TAKE for r in message.requests)
+    return isinstance(message, Command) and any(
+        r.what is RequestKind.TAKE for r in message.requests
+    )
 
 
 def main(seconds: float, seed: int, memory: Path | None = None) -> list[str]:

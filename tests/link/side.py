@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cohelm.core.types import CENTRED, Stick
-from cohelm.link.messages import Arming, Ask, Mode, Request
+from cohelm.link.messages import Arming, Mode, Request, RequestKind
 from cohelm.link.operator_input import OperatorInput
 from cohelm.loop.latency_limit import driver_lost
 from cohelm.loop.stick_arming import ArmingParams, StickState, updated
@@ -30,16 +30,16 @@ class Side:
         self.stick_state = StickState()
         self.mode = Mode.SHARED
         self.stopped = ""
-        self.asked: list[Ask] = []
+        self.asked: list[RequestKind] = []
         self._seen = False
 
     def ask(self, request: Request, name: str) -> tuple[bool, str]:
         self.asked.append(request.what)
-        if request.what is Ask.STOP:
+        if request.what is RequestKind.STOP:
             self.stopped = f"stop by {name}"
-        elif request.what is Ask.RESET:
+        elif request.what is RequestKind.RESET:
             self.stopped = ""
-        elif request.what is Ask.MODE:
+        elif request.what is RequestKind.MODE:
             self.mode = Mode(request.value)
         return True, ""
 

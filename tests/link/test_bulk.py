@@ -25,7 +25,7 @@ from cohelm.link.bulk_messages import (
 )
 from cohelm.link.congestion import FASTEST, SLOWEST, TARGET, CongestionControl
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Answer, Ask
+from cohelm.link.messages import Answer, RequestKind
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
@@ -55,7 +55,7 @@ class Both:
         return [message for message in self.news if type(message) is of]
 
     def drive(self) -> None:
-        number = self.station.ask(Ask.TAKE)
+        number = self.station.ask(RequestKind.TAKE)
         until(lambda: self.station.answer(number), turn=self.turn)
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from cohelm.core.types import Pose, Stick
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Ask, Device, Discs, Mode, ScanPart
+from cohelm.link.messages import Device, Discs, Mode, RequestKind, ScanPart
 from cohelm.link.robot_end import OperatorInput, RobotEnd
 from cohelm.link.station_end import StationEnd
 from tests.link.ends import CENTRED, STATUS, until
@@ -37,7 +37,7 @@ class Both:
             self.robot.answer(asked.client, asked.request.number, True, "done")
         return self.heard
 
-    def ask(self, station: StationEnd, what: Ask, value: int = 0):
+    def ask(self, station: StationEnd, what: RequestKind, value: int = 0):
         number = station.ask(what, value)
         until(lambda: station.answer(number), turn=self.turn)
         return station.answer(number)
@@ -63,7 +63,7 @@ def both(keys):
 
 def test_the_stick_reaches_the_loop_and_the_status_the_station(both):
     one = both.stations[0]
-    assert both.ask(one, Ask.TAKE).granted
+    assert both.ask(one, RequestKind.TAKE).granted
     both.stick = Stick(0.5, -0.25)
     until(lambda: both.heard.command and both.heard.command.stick == both.stick, turn=both.turn)
     assert both.heard.command.valid
@@ -80,25 +80,25 @@ def test_the_stick_reaches_the_loop_and_the_status_the_station(both):
 
 def test_only_the_driver_steers_and_the_lease_is_handed_over_on_request(both):
     one, two = both.stations
-    assert both.ask(one, Ask.TAKE).granted
-    answer = both.ask(two, Ask.TAKE)
+    assert both.ask(one, RequestKind.TAKE).granted
+    answer = both.ask(two, RequestKind.TAKE)
     assert not answer.granted
     assert "requested" in answer.reason
     until(lambda: one.status().status.lease.asking, turn=both.turn)
     assert both.robot.driver == one.status().status.lease.you
-    assert both.ask(one, Ask.REFUSE).granted
+    assert both.ask(one, RequestKind.REFUSE).granted
     assert both.robot.driver == one.status().status.lease.you
-    both.ask(two, Ask.TAKE)
-    assert both.ask(one, Ask.GIVE).granted
+    both.ask(two, RequestKind.TAKE)
+    assert both.ask(one, RequestKind.GIVE).granted
     assert both.robot.driver == two.status().status.lease.you
 
 
 def test_commands_from_before_a_client_was_the_driver_do_not_count(both):
     one, two = both.stations
-    both.ask(one, Ask.TAKE)
+    both.ask(one, RequestKind.TAKE)
     both.stick = Stick(1.0, 0.0)
     until(lambda: both.heard.command and both.heard.command.stick.x == 1.0, turn=both.turn)
-    number = one.ask(Ask.GIVE, two.status().status.lease.you)
+    number = one.ask(RequestKind.GIVE, two.status().status.lease.you)
     until(lambda: both.robot.driver == two.status().status.lease.you)
     command = both.robot.receive().command
     assert command is None or not command.valid  # newer: that there is no stick
@@ -107,32 +107,36 @@ def test_commands_from_before_a_client_was_the_driver_do_not_count(both):
 
 def test_observers_may_only_stop_and_acknowledge(both):
     one, two = both.stations
-    both.ask(one, Ask.TAKE)
-    for what in (Ask.RESET, Ask.MODE, Ask.RECORD):
+    both.ask(one, RequestKind.TAKE)
+    for what in (RequestKind.RESET, RequestKind.MODE, RequestKind.RECORD):
         answer = both.ask(two, what, 1)
         assert not answer.granted
         assert answer.reason == "you are not the driver"
     assert not both.done
-    for what in (Ask.STOP, Ask.ACKNOWLEDGE):
+    for what in (RequestKind.STOP, RequestKind.ACKNOWLEDGE):
         assert both.ask(two, what).granted
-    assert both.ask(one, Ask.MODE, Mode.MANUAL).granted
-    assert [what for _, what, _ in both.done] == [Ask.STOP, Ask.ACKNOWLEDGE, Ask.MODE]
+    assert both.ask(one, RequestKind.MODE, Mode.MANUAL).granted
+    assert [what for _, what, _ in both.done] == [
+        RequestKind.STOP,
+        RequestKind.ACKNOWLEDGE,
+        RequestKind.MODE,
+    ]
 
 
 def test_each_request_is_done_once_and_in_order(both):
     one = both.stations[0]
-    both.ask(one, Ask.TAKE)
-    numbers = [one.ask(Ask.MODE, value) for value in (1, 2, 3)]
+    both.ask(one, RequestKind.TAKE)
+    numbers = [one.ask(RequestKind.MODE, value) for value in (1, 2, 3)]
     until(lambda: one.answer(numbers[-1]), turn=both.turn)
     for _ in range(20):
         both.turn()
         time.sleep(0.005)
-    assert [value for _, what, value in both.done if what is Ask.MODE] == [1, 2, 3]
+    assert [value for _, what, value in both.done if what is RequestKind.MODE] == [1, 2, 3]
 
 
 def test_a_station_that_no_longer_steers_sends_no_stick(both):
     one = both.stations[0]
-    both.ask(one, Ask.TAKE)
+    both.ask(one, RequestKind.TAKE)
     both.stick = Stick(1.0, 0.0)
     until(lambda: both.heard.command and both.heard.command.valid, turn=both.turn)
     until(lambda: (heard := both.robot.receive()).command and not heard.command.valid, within=1.0)
@@ -142,14 +146,14 @@ def test_a_station_that_no_longer_steers_sends_no_stick(both):
 @pytest.mark.parametrize("stick", [Stick(math.nan, 0.0), Stick(0.0, 1.5), Stick(math.inf, 0.0)])
 def test_a_deflection_that_is_none_is_sent_as_a_stick_that_is_not_valid(both, stick):
     one = both.stations[0]
-    both.ask(one, Ask.TAKE)
+    both.ask(one, RequestKind.TAKE)
     both.stick = stick
     until(lambda: both.heard.command and not both.heard.command.valid, turn=both.turn)
 
 
 def test_a_closed_station_leaves_the_lease_and_no_command(both):
     one = both.stations[0]
-    both.ask(one, Ask.TAKE)
+    both.ask(one, RequestKind.TAKE)
     one.close()
     until(lambda: both.robot.driver == 0, within=2.0)
     assert both.robot.receive().command is None
@@ -190,7 +194,7 @@ def test_it_comes_back_by_itself_when_the_robot_is_started_again(keys):
         until(lambda: not station.state().connected, within=5.0)
         both = Both(robot, station)
         until(lambda: station.state().connected, within=10.0, turn=both.turn)
-        assert both.ask(station, Ask.TAKE).granted
+        assert both.ask(station, RequestKind.TAKE).granted
         until(lambda: both.heard.command, turn=both.turn)
 
 
@@ -213,7 +217,7 @@ def test_a_handshake_that_hangs_is_soon_begun_anew(keys, answers, again):
 def test_stick_to_loop_takes_no_longer_than_the_network(both):
     """Median below 15 ms on a busy machine; docs/link.md has what a quiet one needs."""
     one = both.stations[0]
-    both.ask(one, Ask.TAKE)
+    both.ask(one, RequestKind.TAKE)
     took = []
     for number in range(100):
         stick = Stick(number / 128, 0.0)

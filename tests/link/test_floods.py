@@ -8,7 +8,7 @@ import time
 import pytest
 
 from cohelm.core.types import Stick
-from cohelm.link.messages import Ask, Device
+from cohelm.link.messages import Device, RequestKind
 from cohelm.link.operator_input import STALE
 from cohelm.link.station_end import StationEnd
 from tests.link.ends import until
@@ -37,7 +37,7 @@ class Driven:
         for thread in self._threads:
             thread.start()
         until(lambda: self.driver.status() and self.watcher.status())
-        number = self.driver.ask(Ask.TAKE)
+        number = self.driver.ask(RequestKind.TAKE)
         until(lambda: self.driver.answer(number))
         until(lambda: self.seen[-1].driven)
 
@@ -87,7 +87,7 @@ def pressed(driven: Driven, kind: str) -> tuple[list[int], list[Seen]]:
         for k in range(STOPS):
             who = (driven.driver, driven.watcher)[k % 2]
             at = time.monotonic()
-            number = who.ask(Ask.STOP)
+            number = who.ask(RequestKind.STOP)
             took.append(periods_until_stopped(driven, who, number, at))
             assert who.answer(number).granted
             time.sleep(0.05)

@@ -14,7 +14,7 @@ from cohelm.core.types import Stick
 from cohelm.link.client import DATAGRAM_BURST, MAX_CLIENTS, MAX_CLIENTS_PER_KEY, free_number
 from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Ask, Command, Device, Request
+from cohelm.link.messages import Command, Device, Request, RequestKind
 from cohelm.link.pending import MOST_WAITING
 from cohelm.link.robot_end import TAKEOVER_AFTER, RobotEnd
 from cohelm.link.station_end import StationEnd
@@ -72,7 +72,7 @@ def raw(robot, keys):
 
 
 requests = st.builds(
-    Request, st.integers(1, 2**32 - 1), st.sampled_from(list(Ask)), st.integers(0, 65535),
+    Request, st.integers(1, 2**32 - 1), st.sampled_from(list(RequestKind)), st.integers(0, 65535),
     st.floats(0.0, 1e6),
 )  # fmt: skip
 
@@ -80,7 +80,7 @@ requests = st.builds(
 @given(st.lists(requests, max_size=8))
 def test_no_command_with_a_stop_in_it_is_overlooked(asked):
     data = command(1, *asked)
-    assert may_stop(data) is any(r.what is Ask.STOP for r in asked)
+    assert may_stop(data) is any(r.what is RequestKind.STOP for r in asked)
     assert from_operator(data)[1].requests == tuple(asked)
 
 
@@ -98,11 +98,11 @@ def test_a_stop_passes_from_a_client_over_its_rate_limit(robot, raw):
         if number % 50 == 0:
             time.sleep(0.01)
     until(lambda: robot.counts["too many"] > 20)
-    raw.say(command(5000, Request(1, Ask.MODE, 2, time.monotonic()),
-                    Request(2, Ask.STOP, 0, time.monotonic())))  # fmt: skip
+    raw.say(command(5000, Request(1, RequestKind.MODE, 2, time.monotonic()),
+                    Request(2, RequestKind.STOP, 0, time.monotonic())))  # fmt: skip
     asked = []
     until(lambda: asked.extend(robot.receive().requests) or asked, within=1.0)
-    assert [a.request.what for a in asked] == [Ask.STOP]
+    assert [a.request.what for a in asked] == [RequestKind.STOP]
     assert asked[0].name == "local (1)"
 
 
@@ -112,13 +112,13 @@ def test_requests_beyond_a_rate_are_refused_with_an_answer_and_stops_are_not(rob
     numbers = itertools.count(1)
     for k in range(1, 12):
         now = time.monotonic()
-        asked = [Request(next(numbers), Ask.ACKNOWLEDGE, 0, now) for _ in range(8)]
+        asked = [Request(next(numbers), RequestKind.ACKNOWLEDGE, 0, now) for _ in range(8)]
         raw.say(command(k, *asked))
     until(lambda: len(answers) >= 88 - MOST_WAITING)
-    raw.say(command(12, Request(next(numbers), Ask.STOP, 0, time.monotonic())))
+    raw.say(command(12, Request(next(numbers), RequestKind.STOP, 0, time.monotonic())))
     until(lambda: robot._pending._stops)
     done = robot.receive().requests
-    assert done[0].request.what is Ask.STOP
+    assert done[0].request.what is RequestKind.STOP
     assert len(done) <= MOST_WAITING + 1
     refused = [answer for answer in answers if answer[3:] and "too many requests" in answer[3]]
     assert len(refused) + len(done) == 88 + 1
@@ -151,7 +151,7 @@ def test_a_station_that_takes_all_its_places_leaves_some_to_others_and_the_drive
     second = second._replace(trusted=first.trusted)
     with RobotEnd(trusted, HERE, 0) as robot, StationEnd(first, HERE, robot.address[1]) as driver:
         until(driver.status, turn=lambda: robot.send_status(STATUS))
-        number = driver.ask(Ask.TAKE)
+        number = driver.ask(RequestKind.TAKE)
         until(lambda: driver.answer(number), turn=lambda: robot.send_status(STATUS))
         raws = []
         for k in range(MAX_CLIENTS_PER_KEY + 3):
@@ -181,14 +181,14 @@ def test_a_station_that_takes_all_its_places_leaves_some_to_others_and_the_drive
 
 def test_a_driver_reconnects_on_a_new_channel_though_all_client_slots_are_taken(robot, raw):
     first = raw()
-    first.say(command(1, Request(1, Ask.TAKE, 0, time.monotonic()), session=1))
+    first.say(command(1, Request(1, RequestKind.TAKE, 0, time.monotonic()), session=1))
     until(lambda: robot.driver)
     for k in range(MAX_CLIENTS_PER_KEY - 1):
         raw().say(command(1, session=100 + k))
     until(lambda: len(robot.clients()) == MAX_CLIENTS_PER_KEY)
     again = raw()  # the same person, from another network
     again.say(command(2, session=1))
-    again.say(command(3, Request(2, Ask.STOP, 0, time.monotonic()), session=1))
+    again.say(command(3, Request(2, RequestKind.STOP, 0, time.monotonic()), session=1))
     asked = []
     until(lambda: asked.extend(robot.receive().requests) or asked)
     assert asked[0].client == robot.driver

@@ -17,7 +17,7 @@ import pytest
 from cohelm.core.types import Stick
 from cohelm.link.bulk_messages import Piece
 from cohelm.link.keys import pair_here
-from cohelm.link.messages import Ask, Device, Mode
+from cohelm.link.messages import Device, Mode, RequestKind
 from cohelm.link.operator_input import STALE
 from cohelm.link.robot_bulk import RobotBulk
 from cohelm.link.robot_end import RobotEnd
@@ -98,7 +98,7 @@ class Drive:
             self.robot.send_status(STATUS)
             time.sleep(DT)
 
-    def ask(self, what: Ask, value: int = 0) -> None:
+    def ask(self, what: RequestKind, value: int = 0) -> None:
         while True:
             number = self.station.ask(what, value)
             until(lambda number=number: self.station.answer(number))
@@ -109,9 +109,9 @@ class Drive:
     def start(self) -> None:
         until(lambda: self.station.state().connected)
         until(self.station.status)
-        self.ask(Ask.TAKE)
+        self.ask(RequestKind.TAKE)
         until(lambda: self.used[-1].age < STALE)
-        self.ask(Ask.RESET)
+        self.ask(RequestKind.RESET)
         self.centred = False
         until(lambda: not math.isnan(self.used[-1].made))
 
@@ -187,7 +187,7 @@ def test_after_a_black_out_no_old_command_is_used_and_driving_continues(drive, n
     assert drive.used[-1].brake  # it stays, until the driver says otherwise
     drive.centred = True
     time.sleep(0.3)
-    drive.ask(Ask.RESET)
+    drive.ask(RequestKind.RESET)
     drive.centred = False
     until(lambda: not math.isnan(drive.used[-1].made), within=2.0)
     assert drive.station._connection is session
@@ -261,8 +261,8 @@ def test_stop_pressed_in_a_black_out_is_done_when_it_ends_and_other_requests_are
 ):
     drive.start()
     network.be(loss=1.0)
-    mode = drive.station.ask(Ask.MODE, Mode.AUTOMATIC)
-    stop = drive.station.ask(Ask.STOP)
+    mode = drive.station.ask(RequestKind.MODE, Mode.AUTOMATIC)
+    stop = drive.station.ask(RequestKind.STOP)
     time.sleep(1.5)
     network.be()
     until(lambda: drive.station.answer(stop), within=3.0)

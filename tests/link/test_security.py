@@ -11,7 +11,7 @@ import pytest
 
 from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Ask
+from cohelm.link.messages import RequestKind
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.station_end import StationEnd
 from tests.link import fuzz
@@ -168,4 +168,4 @@ def test_an_independent_client_connects_only_with_a_paired_key(tmp_path):
         # and the protocol in it is no business of openssl's
         with StationEnd(keys, HERE, port) as station:
             until(station.status, turn=lambda: robot.send_status(STATUS))
-            assert station.ask(Ask.TAKE)
+            assert station.ask(RequestKind.TAKE)

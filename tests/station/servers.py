@@ -14,7 +14,7 @@ from cohelm.drive.operate import DriveOptions
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys
-from cohelm.link.messages import Ask, Device, Mode, Status
+from cohelm.link.messages import Device, Mode, RequestKind, Status
 from cohelm.link.station_end import StationEnd
 from cohelm.station.app import pages
 from cohelm.station.linked import Linked
@@ -56,14 +56,14 @@ class Robot:
         while not _neat(status := self.status()):
             assert time.monotonic() < end, f"the robot is not fit for another test: {status}"
             if status is not None and status.lease.driver != status.lease.you:
-                self.watcher.ask(Ask.TAKE)
+                self.watcher.ask(RequestKind.TAKE)
             elif status is not None:
                 self.watcher.steer(Stick(0.0, 0.0), True, True, Device.SCRIPT)
-                for what in (Ask.RESET, Ask.ACKNOWLEDGE, Ask.RECORD):
+                for what in (RequestKind.RESET, RequestKind.ACKNOWLEDGE, RequestKind.RECORD):
                     self.watcher.ask(what, 0)
-                self.watcher.ask(Ask.MODE, Mode.HOLD)
+                self.watcher.ask(RequestKind.MODE, Mode.HOLD)
                 if _neat(status._replace(lease=status.lease._replace(driver=0, asking=0))):
-                    self.watcher.ask(Ask.GIVE, 0)
+                    self.watcher.ask(RequestKind.GIVE, 0)
             # as soon as it shows; but a client may ask for 20 things a second, and no more
             before, late = _untidy(status), time.monotonic() + 0.4
             while time.monotonic() < late and _untidy(self.status()) == before:

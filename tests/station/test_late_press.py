@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from cohelm.link.messages import Ask
+from cohelm.link.messages import RequestKind
 from cohelm.station.messages import Do, from_page
 from cohelm.station.operator import PageOperator
 
@@ -18,5 +18,5 @@ def test_a_press_that_was_delayed_in_transit_is_not_executed(late):
     pressed = time.monotonic() - late
     operator._on_message(from_page(Do(what="automatic", heard_ms=pressed * 1e3).model_dump_json()))
     (what, _, made), *more = asked
-    assert (what, more) == (Ask.MODE, [])
+    assert (what, more) == (RequestKind.MODE, [])
     assert made == pytest.approx(pressed, abs=1e-6)

@@ -29,7 +29,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.link import local_credentials
 from cohelm.link.keys import pair_here
-from cohelm.link.messages import Ask, Device
+from cohelm.link.messages import RequestKind, Device
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
 own = pair_here("nobody")[1]
@@ -83,7 +83,7 @@ except (CohelmError, PermissionError) as error:
     got["borrowed"] = False
 end = StationEnd(own, "127.0.0.1", link)
 with end, StationBulk(own, "127.0.0.1", link, end.session) as bulk:
-    end.ask(Ask.TAKE)
+    end.ask(RequestKind.TAKE)
     until = time.monotonic() + 3.0
     while time.monotonic() < until:
         end.steer(Stick(1.0, 0.0), True, True, Device.SCRIPT, 1.0)

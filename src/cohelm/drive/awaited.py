@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from cohelm.core.types import Stick
 from cohelm.link.bulk_messages import Checked
-from cohelm.link.messages import Answer, Ask, Device
+from cohelm.link.messages import Answer, Device, RequestKind
 from cohelm.station.robot_link import News, Quality, RobotLink
 
 _NOT_YET = "the robot is not started yet"
@@ -47,7 +47,7 @@ class PendingLink:
         if link is not None:
             link.steer(stick, valid, armed, device, speed_scale)
 
-    def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
+    def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:
         """Make a request."""
         link = self._robot()
         return self._refusal() if link is None else link.ask(what, value, made)

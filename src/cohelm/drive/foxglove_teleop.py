@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from cohelm.core.types import CENTRED, Stick, Twist
-from cohelm.link.messages import Arming, Ask, Device, Mode
+from cohelm.link.messages import Arming, Device, Mode, RequestKind
 from cohelm.link.operator_input import STALE
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class _StickClient:
         self._end, self._gains, self._say = end, gains, say
         self._begun = time.monotonic()
         self._pressed = False
-        self._requested: dict[Ask, tuple[int, float]] = {}
+        self._requested: dict[RequestKind, tuple[int, float]] = {}
         self._reported: dict[str, float] = {}
 
     def turn(self, now: float, twist: Twist | None) -> None:
@@ -148,15 +148,15 @@ class _StickClient:
         elif twist is not None:
             lease = last.status.lease
             if lease.driver == 0:
-                self._ask(now, Ask.TAKE)
+                self._ask(now, RequestKind.TAKE)
             elif lease.driver != lease.you:
                 self._note(
                     now, f"{lease.driver_name} is the driver, and must release the lease first"
                 )
             elif last.status.stopped:
                 self._note(now, f"stopped: {last.status.stopped}: reset it on the page")
-            elif mode is not Mode.MANUAL and (new or Ask.MODE not in self._requested):
-                self._ask(now, Ask.MODE, Mode.MANUAL)
+            elif mode is not Mode.MANUAL and (new or RequestKind.MODE not in self._requested):
+                self._ask(now, RequestKind.MODE, Mode.MANUAL)
             elif last.status.arming is not Arming.ARMED:
                 self._note(now, "release the stick once: commands to the robot were interrupted")
             elif last.status.why and math.hypot(*last.status.applied) < 1e-3:
@@ -170,14 +170,14 @@ class _StickClient:
         """Leave the link. pressed: the connection was lost during a press; the lease is kept."""
         last = self._end.status()
         if last is not None and last.status.lease.driver == last.status.lease.you and not pressed:
-            given, until = self._end.ask(Ask.GIVE), time.monotonic() + 0.5
+            given, until = self._end.ask(RequestKind.GIVE), time.monotonic() + 0.5
             while self._end.answer(given) is None and time.monotonic() < until:
                 self._end.steer(CENTRED, True, True, Device.TOUCH)
                 time.sleep(_PERIOD)
         self._end.steer(CENTRED, False, False, Device.TOUCH)
         time.sleep(2.0 * _PERIOD)  # so that the robot receives the lost stick
 
-    def _ask(self, now: float, what: Ask, value: int = 0) -> None:
+    def _ask(self, now: float, what: RequestKind, value: int = 0) -> None:
         before = self._requested.get(what)
         if before is None or now - before[1] > _RETRY:
             self._requested[what] = self._end.ask(what, value), now

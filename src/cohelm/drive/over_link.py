@@ -13,7 +13,7 @@ from cohelm.core.types import Floats
 from cohelm.drive.pictures import Packed
 from cohelm.drive.rerouting import PathRequest
 from cohelm.link.bulk_messages import Hello, Picture, Records
-from cohelm.link.messages import Ask
+from cohelm.link.messages import RequestKind
 from cohelm.link.operator_input import ClientRequest, OperatorInput
 from cohelm.link.robot_bulk import RobotBulk
 from cohelm.link.robot_end import RobotEnd
@@ -48,12 +48,12 @@ class OverLink:
     def receive(self) -> OperatorInput:
         """The driver's input; RECORD requests are handled here, not by the loop."""
         received = self._end.receive()
-        if not any(requested.request.what == Ask.RECORD for requested in received.requests):
+        if not any(requested.request.what == RequestKind.RECORD for requested in received.requests):
             return received
         rest: list[ClientRequest] = []
         for requested in received.requests:
             number, what, value, _ = requested.request
-            if what != Ask.RECORD:
+            if what != RequestKind.RECORD:
                 rest.append(requested)
                 continue
             own = requested.client == received.driver

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from cohelm.drive.playback import Playback
 from cohelm.link.bulk_messages import Checked
-from cohelm.link.messages import Answer, Ask
+from cohelm.link.messages import Answer, RequestKind
 from cohelm.station.robot_link import News, PlaybackPosition, Quality, RobotLink
 
 _PERIOD = 0.03
@@ -79,7 +79,7 @@ class Replaying(RobotLink):
         before, self._shown[slot] = self._shown.get(slot), message
         return before is not message
 
-    def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
+    def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:
         """Refused."""
         self._number += 1
         return self._number

@@ -81,7 +81,7 @@ class Arming(IntEnum):
     """It steers."""
 
 
-class Ask(IntEnum):
+class RequestKind(IntEnum):
     """Kind of a request; `Request.value` where it has a number."""
 
     STOP = 0
@@ -111,9 +111,9 @@ class Request(NamedTuple):
 
     number: Long
     """Counts up from 1 within a session; each number is executed once, in order."""
-    what: Ask
+    what: RequestKind
     value: Short
-    """0..65535, as `Ask` says."""
+    """0..65535, as `RequestKind` says."""
     made: Time
     """The operator's clock when it was made [s]; a late one is not executed."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from cohelm.link.messages import Ask, Command, Request
+from cohelm.link.messages import Command, Request, RequestKind
 
 STALE = 0.25
 """A stick without a command for this long is lost [s]: an older command is not used."""
@@ -43,4 +43,4 @@ class OperatorInput(NamedTuple):
 
 def stops_first(requests: tuple[ClientRequest, ...]) -> tuple[ClientRequest, ...]:
     """The requests with stops first."""
-    return tuple(sorted(requests, key=lambda one: one.request.what != Ask.STOP))
+    return tuple(sorted(requests, key=lambda one: one.request.what != RequestKind.STOP))

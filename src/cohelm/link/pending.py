@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
-from cohelm.link.messages import Ask
+from cohelm.link.messages import RequestKind
 from cohelm.link.operator_input import ClientRequest
 
 MOST_WAITING = 16
 """Requests of one client that may wait for the loop; twice what one command carries."""
-MOVES = frozenset({Ask.RESET, Ask.MODE})
+MOVES = frozenset({RequestKind.RESET, RequestKind.MODE})
 """Requests that may lead to motion."""
 _MOST_STOPPING = 64
 """Clients whose stops wait, in one period; the robot stops in any case."""
@@ -44,7 +44,7 @@ class Pending:
         self._others.append(request)
         return True
 
-    def withdraw(self, client: int, but: frozenset[Ask]) -> tuple[ClientRequest, ...]:
+    def withdraw(self, client: int, but: frozenset[RequestKind]) -> tuple[ClientRequest, ...]:
         """Withdraw a client's requests, except these kinds; returns them."""
         return self._without(lambda one: one.client == client and one.request.what not in but)
 

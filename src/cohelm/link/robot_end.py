@@ -24,7 +24,16 @@ from cohelm.link.dtls import HandshakeRefused, context
 from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.listener import Guest, Listener
-from cohelm.link.messages import Answer, Ask, Command, Discs, Lease, Request, ScanPart, Status
+from cohelm.link.messages import (
+    Answer,
+    Command,
+    Discs,
+    Lease,
+    Request,
+    RequestKind,
+    ScanPart,
+    Status,
+)
 from cohelm.link.operator_input import STALE, ClientRequest, OperatorInput
 from cohelm.link.pending import Pending
 from cohelm.link.rate import Coalesced
@@ -42,8 +51,8 @@ _UNIDENTIFIED = 5.0  # such a client is removed after this [s]
 _PER_TURN = 64
 _log = logging.getLogger("cohelm.link")
 
-_FOR_ANYONE = frozenset({Ask.STOP, Ask.ACKNOWLEDGE})
-_LEASE_REQUESTS = frozenset({Ask.TAKE, Ask.GIVE, Ask.REFUSE})
+_FOR_ANYONE = frozenset({RequestKind.STOP, RequestKind.ACKNOWLEDGE})
+_LEASE_REQUESTS = frozenset({RequestKind.TAKE, RequestKind.GIVE, RequestKind.REFUSE})
 
 
 class RobotEnd(IoThread):
@@ -287,7 +296,7 @@ class RobotEnd(IoThread):
     def _requests(self, client: Client, command: Command, now: float, stops_only: bool) -> None:
         """Take each request once, in order; of a command that is not used, only a stop."""
         for request in command.requests:
-            stop = request.what is Ask.STOP
+            stop = request.what is RequestKind.STOP
             if request.number <= client.done or (stops_only and not stop):
                 continue
             client.done = request.number
@@ -315,16 +324,16 @@ class RobotEnd(IoThread):
 
     def _lease_request(self, client: Client, request: Request, now: float) -> None:
         held = self._held
-        if request.what is Ask.TAKE:
+        if request.what is RequestKind.TAKE:
             driver = self._clients.get(held.driver)
             silent = driver is None or now - driver.last > TAKEOVER_AFTER
             outcome = lease.take(held, client.number, now, silent)
-        elif request.what is Ask.GIVE:
+        elif request.what is RequestKind.GIVE:
             outcome = lease.give(held, client.number, request.value, frozenset(self._clients))
         else:
             outcome = lease.refuse(held, client.number)
         self.answer(client.number, request.number, outcome.granted, outcome.reason)
-        taken = request.what is Ask.TAKE
+        taken = request.what is RequestKind.TAKE
         self._lease(outcome.held, f"requested by {client.name}", taken=taken)
 
     def _before_lease(self, client: Client, request: Request, now: float) -> bool:

@@ -26,7 +26,16 @@ from cohelm.link.codec import Malformed
 from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
-from cohelm.link.messages import Answer, Ask, Command, Device, Discs, Request, ScanPart, Status
+from cohelm.link.messages import (
+    Answer,
+    Command,
+    Device,
+    Discs,
+    Request,
+    RequestKind,
+    ScanPart,
+    Status,
+)
 from cohelm.link.scans import Scans, WholeScan
 from cohelm.link.wire import Header, encode, from_robot
 
@@ -142,7 +151,7 @@ class StationEnd(IoThread):
             self._steered_at = self.clock()
         self._waker.wake()
 
-    def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
+    def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:
         """Make a request; returns the number of its answer.
 
         made: when the person did, by this end's clock; None: now [s].
@@ -155,7 +164,7 @@ class StationEnd(IoThread):
             made = now if made is None else min(made, now)
             self._requests.append(Request(number, what, value, made))
             while len(self._requests) > 8:  # of so many, the oldest but for stops
-                others = [r for r in self._requests if r.what is not Ask.STOP]
+                others = [r for r in self._requests if r.what is not RequestKind.STOP]
                 self._expire(others[0] if others else self._requests[0], "too many at once")
             self._sent_at = -math.inf
         self._waker.wake()
@@ -339,7 +348,7 @@ class StationEnd(IoThread):
         now = self.clock()
         with self._lock:
             for request in list(self._requests):
-                if request.what is not Ask.STOP and now - request.made > _REQUEST_LIFE:
+                if request.what is not RequestKind.STOP and now - request.made > _REQUEST_LIFE:
                     self._expire(request, "the robot did not answer in time")
             new = self._steered is not None and self._steered_at > self._sent_at
             gone = self._steered is None or now - self._steered_at > self._fresh

@@ -26,7 +26,7 @@ from cohelm.link.bulk_messages import (
     ZoneMap,
 )
 from cohelm.link.codec import Malformed, Reader, WireField, layout, reported
-from cohelm.link.messages import Ask, Command, Discs, Long, ScanPart, Status, Time
+from cohelm.link.messages import Command, Discs, Long, RequestKind, ScanPart, Status, Time
 
 VERSION = 7
 LARGEST = 1150
@@ -89,7 +89,7 @@ def may_stop(data: bytes) -> bool:
     if len(data) < _REQUESTS_AT or data[0] != VERSION or data[1] != 1:
         return False
     end = _REQUESTS_AT + _REQUEST_SIZE * data[_REQUESTS_AT - 1]
-    return Ask.STOP in data[_REQUESTS_AT + _WHAT_AT : end : _REQUEST_SIZE]
+    return RequestKind.STOP in data[_REQUESTS_AT + _WHAT_AT : end : _REQUEST_SIZE]
 
 
 def from_robot(data: bytes, bulk: bool = False) -> tuple[Header, FromRobot]:

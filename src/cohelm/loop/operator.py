@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from cohelm.core.types import Stick
-from cohelm.link.messages import Ask, Command, Device, Discs, Request, ScanPart, Status
+from cohelm.link.messages import Command, Device, Discs, Request, RequestKind, ScanPart, Status
 from cohelm.link.operator_input import ClientRequest, OperatorInput
 
 NO_INPUT = OperatorInput(0, "", None, math.nan, math.nan, ())
@@ -49,7 +49,7 @@ class Scripted(NullOperator):
         self.statuses: list[Status] = []
         """The last hundred sent."""
 
-    def ask(self, what: Ask, value: int = 0) -> None:
+    def ask(self, what: RequestKind, value: int = 0) -> None:
         """Make a request."""
         number = len(self._requests) + len(self.answers) + 1
         self._requests.append(ClientRequest(1, "script", Request(number, what, value, 0.0)))

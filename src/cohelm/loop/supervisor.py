@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cohelm.link.latency_speed_limit import Cap
-from cohelm.link.messages import Arming, Ask, Mode, Request, Severity
+from cohelm.link.messages import Arming, Mode, Request, RequestKind, Severity
 from cohelm.link.operator_input import ClientRequest, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
 from cohelm.link.recorded_status import StatusWords
@@ -87,7 +87,9 @@ class Supervisor:
         """Set the mode; returns why not, or "". A person's request is checked in `_mode`."""
         return self._choose(mode, 0)
 
-    def request_locally(self, name: str, what: Ask, value: int = 0, age: float = 0.0) -> str:
+    def request_locally(
+        self, name: str, what: RequestKind, value: int = 0, age: float = 0.0
+    ) -> str:
         """A request made at the robot where no station drives, by the same rules; returns why not,
         or "". age: how long ago it was made [s]."""
         request = ClientRequest(_LOCAL, name, Request(1, what, value, 0.0), age)
@@ -230,11 +232,11 @@ class Supervisor:
         for line in self._lines.due(self.gated.now()):
             self._log.event(line)
         requests = stops_first(received.requests)
-        if requests and requests[0].request.what == Ask.STOP:
+        if requests and requests[0].request.what == RequestKind.STOP:
             self._stop(requests[0].name)  # once a period, however many there are
         for requested in requests:
             count = done[requested.client] = done.get(requested.client, 0) + 1
-            if count > _MAX_REQUESTS and requested.request.what != Ask.STOP:
+            if count > _MAX_REQUESTS and requested.request.what != RequestKind.STOP:
                 granted, reason = False, "too many requests: wait a moment and try again"
             else:
                 granted, reason = self._request(requested, received.driver)
@@ -243,17 +245,17 @@ class Supervisor:
     def _request(self, requested: ClientRequest, driver: int) -> tuple[bool, str]:
         what, value = requested.request.what, requested.request.value
         refusal = "the loop does not do that"
-        if what == Ask.STOP:
+        if what == RequestKind.STOP:
             self.rights.revoke(requested.client, self.gated.now())
             self.rights.record_hold(requested)
             refusal = ""
-        elif what == Ask.RESET:
+        elif what == RequestKind.RESET:
             refusal = self._refusal(requested, driver) or self.problem or self.gated.reset()
-        elif what == Ask.ACKNOWLEDGE:
+        elif what == RequestKind.ACKNOWLEDGE:
             refusal = "" if self.alarms.acknowledge(value) else "there is no such alarm"
-        elif what == Ask.MODE:
+        elif what == RequestKind.MODE:
             refusal = self._mode(requested, driver) if value in _MODES else "there is no such mode"
-        elif what in (Ask.DOCK, Ask.UNDOCK):
+        elif what in (RequestKind.DOCK, RequestKind.UNDOCK):
             refusal = self._dock(requested, driver)
         text = f"{requested.name} requests {what.name} {value}: {refusal or 'done'}"
         for line in self._lines.add(self.gated.now(), text, text):
@@ -278,7 +280,7 @@ class Supervisor:
         return refusal
 
     def _dock(self, requested: ClientRequest, driver: int) -> str:
-        backwards = requested.request.what == Ask.UNDOCK
+        backwards = requested.request.what == RequestKind.UNDOCK
         refusal = self._refusal(requested, driver) or self.dock(requested.request.value, backwards)
         if not refusal:
             self._operator_chose = True

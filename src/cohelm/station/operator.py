@@ -186,7 +186,7 @@ class PageOperator:
                 self._requested[self.link.ask(what, value, made)] = message.what
                 while len(self._requested) > 32:
                     self._requested.pop(next(iter(self._requested)))
-                if what is robot.Ask.RECORD:
+                if what is robot.RequestKind.RECORD:
                     self.link.fetch("")
             case page.Waypoints():
                 number = self.link.propose(message.points, message.only_check)

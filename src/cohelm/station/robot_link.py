@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 from cohelm.core.types import Stick
 from cohelm.link.bulk_messages import FromRobot
-from cohelm.link.messages import Answer, Ask, Device
+from cohelm.link.messages import Answer, Device, RequestKind
 from cohelm.link.scans import WholeScan
 
 
@@ -52,7 +52,7 @@ class RobotLink(Protocol):
     ) -> None:
         """Send the operator's command; the newest wins. To be called at 50 Hz."""
 
-    def ask(self, what: Ask, value: int = 0, made: float | None = None) -> int:
+    def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:
         """Make a request; returns the number of its answer.
 
         made: when the person did, by the monotonic clock; None: now [s].

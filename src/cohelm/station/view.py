@@ -176,25 +176,25 @@ def records(message: bulk.Records) -> page.Records:
     return page.Records(files=files)
 
 
-_REQUESTS: dict[str, tuple[robot.Ask, int | None]] = {
-    "stop": (robot.Ask.STOP, 0),
-    "reset": (robot.Ask.RESET, 0),
-    "take": (robot.Ask.TAKE, 0),
-    "give": (robot.Ask.GIVE, None),
-    "refuse": (robot.Ask.REFUSE, 0),
-    "acknowledge": (robot.Ask.ACKNOWLEDGE, None),
-    "record": (robot.Ask.RECORD, 1),
-    "record_stop": (robot.Ask.RECORD, 0),
-    "hold": (robot.Ask.MODE, robot.Mode.HOLD),
-    "shared": (robot.Ask.MODE, robot.Mode.SHARED),
-    "automatic": (robot.Ask.MODE, robot.Mode.AUTOMATIC),
-    "manual": (robot.Ask.MODE, robot.Mode.MANUAL),
-    "dock": (robot.Ask.DOCK, None),
-    "undock": (robot.Ask.UNDOCK, None),
+_REQUESTS: dict[str, tuple[robot.RequestKind, int | None]] = {
+    "stop": (robot.RequestKind.STOP, 0),
+    "reset": (robot.RequestKind.RESET, 0),
+    "take": (robot.RequestKind.TAKE, 0),
+    "give": (robot.RequestKind.GIVE, None),
+    "refuse": (robot.RequestKind.REFUSE, 0),
+    "acknowledge": (robot.RequestKind.ACKNOWLEDGE, None),
+    "record": (robot.RequestKind.RECORD, 1),
+    "record_stop": (robot.RequestKind.RECORD, 0),
+    "hold": (robot.RequestKind.MODE, robot.Mode.HOLD),
+    "shared": (robot.RequestKind.MODE, robot.Mode.SHARED),
+    "automatic": (robot.RequestKind.MODE, robot.Mode.AUTOMATIC),
+    "manual": (robot.RequestKind.MODE, robot.Mode.MANUAL),
+    "dock": (robot.RequestKind.DOCK, None),
+    "undock": (robot.RequestKind.UNDOCK, None),
 }
 
 
-def request_of(do: page.Do) -> tuple[robot.Ask, int]:
+def request_of(do: page.Do) -> tuple[robot.RequestKind, int]:
     """The request to the robot, and its value."""
     what, value = _REQUESTS[do.what]
     return what, do.value if value is None else int(value)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from cohelm.core.types import CENTRED
 from cohelm.link.bulk_messages import Hello
 from cohelm.link.keys import Keys
-from cohelm.link.messages import Ask
+from cohelm.link.messages import RequestKind
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import ReceivedStatus, StationEnd
 from cohelm.link.sticks.helm import Helm, SpeedLimits
@@ -39,7 +39,7 @@ def drive(
                     lease = status.status.lease
                     driven = lease.driver == lease.you
                     if not taking or (lease.driver == 0 and end.answer(taking)):  # it was lost
-                        taking = end.ask(Ask.TAKE)
+                        taking = end.ask(RequestKind.TAKE)
                 reporter.changes(end, status, reading)
                 if not reading.valid:
                     break  # a stick that is gone does not come back to this process

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cohelm.link.messages import Ask, Mode, is_centred
+from cohelm.link.messages import Mode, RequestKind, is_centred
 from cohelm.link.station_end import ReceivedStatus, StationEnd
 from cohelm.link.sticks.feel import STILL, CueRules, damped, faded, returning, spring, wanted
 from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice
@@ -62,12 +62,12 @@ class Helm:
 
     def _pressed(self, button: Button, last: ReceivedStatus | None) -> None:
         if button is Button.STOP:
-            self._end.ask(Ask.STOP)
+            self._end.ask(RequestKind.STOP)
         elif button is Button.RESET:
-            self._end.ask(Ask.RESET)
+            self._end.ask(RequestKind.RESET)
         elif last is not None and button is Button.MODE:
             shared = last.status.mode is Mode.SHARED
-            self._end.ask(Ask.MODE, Mode.AUTOMATIC if shared else Mode.SHARED)
+            self._end.ask(RequestKind.MODE, Mode.AUTOMATIC if shared else Mode.SHARED)
         elif last is not None and button is Button.LEASE:
             drives = last.status.lease.driver == last.status.lease.you
-            self._end.ask(Ask.GIVE if drives else Ask.TAKE)
+            self._end.ask(RequestKind.GIVE if drives else RequestKind.TAKE)
