@@ -235,7 +235,7 @@ class Drive:
         """Periods in which it moved, and docked or undocked."""
         self.topics = topics
         self.desk = OperatorRequests(
-            self.session, self.link, known, folder, SessionJobs, () if topics is None else (topics,)
+            self.session, self.link, folder, SessionJobs, () if topics is None else (topics,)
         )
         self.beside: SessionJobs = self.desk._jobs
         self._build = self.desk._rerouting._build

@@ -9,7 +9,7 @@ import pytest
 
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.drive.playback import Playback
-from cohelm.drive.operator_requests import checker_of
+from cohelm.drive.rerouting import checker_of
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.bulk_messages import Hello

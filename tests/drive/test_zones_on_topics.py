@@ -10,7 +10,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.drive.checking import RemoteChecking
 from cohelm.drive.jobs import InlineJobs
 from cohelm.drive.on_topics import OnTopics
-from cohelm.drive.operator_requests import checker_of
+from cohelm.drive.rerouting import checker_of
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.drive.zones_on_topics import ZonesOnTopics

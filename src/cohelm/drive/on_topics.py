@@ -12,18 +12,15 @@ from functools import partial
 from typing import NamedTuple
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Floats
 from cohelm.drive.factory import OwnRobot, RobotFactory
 from cohelm.drive.jobs import ThreadJobs
-from cohelm.drive.operator_requests import SessionJobs, checker_of
-from cohelm.drive.rerouting import PathRequest, Rerouting, stands
-from cohelm.drive.session import Camera as Eye, Session, driver_of
-from cohelm.drive.shown import map_message, reference_lines
+from cohelm.drive.operator_requests import SessionJobs
+from cohelm.drive.rerouting import PathRequest, Rerouting, checker_of, stands
+from cohelm.drive.session import Camera as Eye, Session
+from cohelm.drive.shown import map_message
 from cohelm.drive.zones_on_topics import ZonesOnTopics
-from cohelm.law.reference import Reference
-from cohelm.link.bulk_messages import Checked, ZoneMap
+from cohelm.link.bulk_messages import Checked
 from cohelm.link.messages import Arming
-from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap, gap_at
 from cohelm.ros.camera import Camera
@@ -80,15 +77,12 @@ class OnTopics:
         self.blind = localized is not None and camera is None
         """Whether it is a ROS 2 robot without camera pictures."""
         self._drawn: LocalizationMap | None = None
-        self._session: Session | None = None
         self._jobs: SessionJobs | None = None
         self._rerouting: Rerouting | None = None
         self._zones = zones
         self._pending: dict[int, str] = {}
         """The topic of each request that is not answered yet."""
         self._count = 0
-        self._checked_against: tuple[tuple[ZoneMap, ...], Floats] | None = None
-        """The zones and the outline that paths are checked against."""
 
     def begin(self, session: Session, jobs: Callable[..., SessionJobs] = SessionJobs) -> None:
         """Begin a session that no station drives: paths are planned here, and the robot stands
@@ -97,15 +91,13 @@ class OnTopics:
             session.loop.supervisor.pause(_JOY, f"waiting for {self.joy.topic} to be centred")
         if self._goals is None or not self._goals.ways:
             return
-        robot = session.plan.robot
-        self._session, self._checked_against = session, (session.zone_maps, session.loop.outline)
-        self._jobs = jobs(checker_of(session.plan, session.known), robot.real_time)
+        plan, supervisor = session.plan, session.loop.supervisor
+        self._jobs = jobs(checker_of(plan, session.known), plan.robot.real_time)
         self._rerouting = Rerouting(
-            (self,), self._jobs.checking, self._jobs.ways, self._build, self._on_adopted
-        )
-        session.loop.supervisor.pause(
-            _FIRST, f"waiting for a goal or path on {' or '.join(self._goals.ways)}"
-        )
+            session, (self,), self._jobs.checking, self._jobs.ways,
+            lambda _: supervisor.resume(_FIRST),
+        )  # fmt: skip
+        supervisor.pause(_FIRST, f"waiting for a goal or path on {' or '.join(self._goals.ways)}")
 
     def attend(self, session: Session) -> None:
         """Follow any session; called before its first turn."""
@@ -137,7 +129,6 @@ class OnTopics:
                 self._goals.report(placed.topic, result)
                 loop.log.event(f"{placed.topic}: {result}")
         if self._rerouting is not None:
-            self._update_checker(loop)
             self._rerouting.turn(loop)
 
     def path_requests(self) -> Sequence[PathRequest]:
@@ -165,16 +156,6 @@ class OnTopics:
             self._goals.close()
         if self._zones is not None:
             self._zones.close()
-
-    def _update_checker(self, loop: Loop) -> None:
-        """Check paths against the present zones and outline."""
-        session = self._session
-        if session is None or self._rerouting is None or self._checked_against is None:
-            return
-        zones, outline = self._checked_against
-        if session.zone_maps is not zones or loop.outline is not outline:
-            self._checked_against = session.zone_maps, loop.outline
-            self._rerouting.set_checker(checker_of(session.plan, session.known, loop.outline))
 
     def _wait_for_joy(self, loop: Loop, joy: JoyOperator) -> None:
         """Pause until the joystick was armed once; with hold-to-run, also whenever its enable
@@ -206,19 +187,6 @@ class OnTopics:
             return f"{at} is in a wall of the map" if gap == 0.0 else f"{at} is not on the map"
         loop.perception.place(pose, placed.sigma)
         return ""
-
-    def _build(self, reference: Reference) -> Driver:
-        if self._session is None:
-            raise ValueError("there is no session")
-        plan = self._session.plan
-        return driver_of(plan, plan.robot.real_time, reference)
-
-    def _on_adopted(self, loop: Loop, reference: Reference) -> None:
-        if self._session is not None:
-            self._session.driver = loop.driver
-        for line in reference_lines(reference):
-            loop.log.show(line)
-        loop.supervisor.resume(_FIRST)
 
 
 @contextmanager

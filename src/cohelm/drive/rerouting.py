@@ -10,18 +10,25 @@ import logging
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from cohelm.core.types import Floats
 from cohelm.drive.checking import Checking
 from cohelm.drive.jobs import Jobs
 from cohelm.drive.proposed import NONE, CheckedPath, PathChecker
+from cohelm.drive.session import Session, SessionConfig, driver_of
+from cohelm.drive.shown import reference_lines
 from cohelm.law.reference import Reference
-from cohelm.link.bulk_messages import Checked
+from cohelm.link.bulk_messages import Checked, Polyline
 from cohelm.link.messages import Answer, Mode, Severity
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
+from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.plan.path_planner import Goal
+from cohelm.plan.zones import Cells, Zones
 from cohelm.robot.gate.gate import STANDING
 from cohelm.robot.keep.gated_robot import standing
+from cohelm.scenario.docks import occupied
 
 WITHIN = 20.0
 """A path that is not built this long after it was accepted is given up [s]."""
@@ -58,10 +65,7 @@ class PathRequests(Protocol):
 class _Waiting(NamedTuple):
     """A request that was not answered yet."""
 
-    client: int
-    number: int
-    where: Floats | Goal
-    only_check: bool
+    path: PathRequest
     lease: tuple[int, int]
     """The lease when it came."""
     since: float
@@ -83,13 +87,15 @@ class Rerouting:
     """Rerouting of one session. All calls but the jobs come from the loop's thread."""
 
     def __init__(
-        self, sources: Sequence[PathRequests], checking: Checking, jobs: Jobs,
-        build: Callable[[Reference], Driver], shown: Callable[[Loop, Reference], None],
+        self, session: Session, sources: Sequence[PathRequests], checking: Checking, jobs: Jobs,
+        adopted: Callable[[tuple[Polyline, ...]], None],
     ) -> None:  # fmt: skip
-        """build: makes a driver, beside the loop; may raise anything. shown: called once the robot
-        uses a new path."""
-        self._sources, self._checking, self._jobs = sources, checking, jobs
-        self._build, self._shown = build, shown
+        """adopted: called with a new path's lines once the robot uses it."""
+        self._session, self._sources, self._checking = session, sources, checking
+        self._jobs, self._adopted = jobs, adopted
+        self._zones = session.zone_maps
+        self._outline: Floats = session.loop.outline
+        """What paths are checked against."""
         self._requests: dict[tuple[int, bool], _Waiting] = {}
         """The newest of each client, by (client, only_check); longest waiting first."""
         self._checked: _Waiting | _ProposedPath | None = None
@@ -99,7 +105,10 @@ class Rerouting:
 
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
-        now = loop.gated.now()
+        now, session = loop.gated.now(), self._session
+        if session.zone_maps is not self._zones or loop.outline is not self._outline:
+            self._zones, self._outline = session.zone_maps, loop.outline
+            self._checking.set_checker(checker_of(session.plan, session.known, loop.outline))
         for source in self._sources:
             for one in source.path_requests():
                 self._take(one, loop.supervisor.lease, now)
@@ -113,10 +122,6 @@ class Rerouting:
         if self._checked is None:
             self._check_next(loop, now)
 
-    def set_checker(self, judge: PathChecker) -> None:
-        """Use another checker from now on."""
-        self._checking.set_checker(judge)
-
     def close(self) -> None:
         """End checks, and a driver that was not used. After the jobs are done."""
         self._checking.close()
@@ -127,7 +132,7 @@ class Rerouting:
     # ---- proposals ----------------------------------------------------------------------
 
     def _take(self, one: PathRequest, lease: tuple[int, int], now: float) -> None:
-        self._requests[one.client, one.only_check] = _Waiting(*one, lease, now)
+        self._requests[one.client, one.only_check] = _Waiting(one, lease, now)
 
     def _expire(self, now: float) -> None:
         for key, request in list(self._requests.items()):
@@ -141,13 +146,13 @@ class Rerouting:
             return
         way = self._way
         if way is not None and way.checking:
-            self._checked, where = way, way.request.where
+            self._checked, where = way, way.request.path.where
         elif self._requests:
             own = sorted(
                 key for key in self._requests if key[0] == loop.supervisor.lease[0]
             )  # first: to go
             request = self._requests.pop(own[0] if own else next(iter(self._requests)))
-            self._checked, where = request, request.where
+            self._checked, where = request, request.path.where
         else:
             return
         self._checking.begin(now, where, loop.seen.pose)
@@ -160,18 +165,20 @@ class Rerouting:
                 what.reference, what.made = checked_path.reference, checked_path.why or None
         elif what is not None:
             ok, why = checked_path.reference is not None, checked_path.why
-            if ok and not what.only_check and what.lease != loop.supervisor.lease:
-                ok = False
-                why = "you are not the driver" if what.client > 0 else _NOT_DRIVER
-            if ok and not what.only_check and loop.supervisor.docking.on:
-                ok, why = False, f"it is {loop.supervisor.docking.activity}: hold it first"
-            if ok and not what.only_check:
-                self._accept(loop, what, now)
+            if ok and not what.path.only_check:
+                if what.lease != loop.supervisor.lease:
+                    ok = False
+                    why = "you are not the driver" if what.path.client > 0 else _NOT_DRIVER
+                elif loop.supervisor.docking.on:
+                    ok, why = False, f"it is {loop.supervisor.docking.activity}: hold it first"
+                else:
+                    self._accept(loop, what, now)
             self._reply(what, ok, why, checked_path.worst)
 
     def _reply(self, request: _Waiting, ok: bool, why: str, worst: int = NONE) -> None:
         for source in self._sources:
-            source.reply(request.client, Checked(Answer(request.number, ok, why), worst))
+            answer = Answer(request.path.number, ok, why)
+            source.reply(request.path.client, Checked(answer, worst))
 
     # ---- the way that was accepted ------------------------------------------------------
 
@@ -205,6 +212,10 @@ class Rerouting:
             _log.exception("no driver for the new path")
             way.made = f"it could not be made: {error}"
 
+    def _build(self, reference: Reference) -> Driver:
+        plan = self._session.plan
+        return driver_of(plan, plan.robot.real_time, reference)
+
     def _collect(self) -> None:
         """Take a built driver; close it if its path was dropped."""
         built = self._building
@@ -217,9 +228,12 @@ class Rerouting:
     def _adopt(self, loop: Loop, driver: Driver, reference: Reference) -> None:
         old = loop.driver
         loop.set_driver(driver)
-        self._way = None
+        self._way, self._session.driver = None, driver
         self._jobs.do(old.close)
-        self._shown(loop, reference)
+        lines = reference_lines(reference)
+        self._adopted(lines)
+        for line in lines:
+            loop.log.show(line)
         loop.supervisor.resume(_PAUSE)
 
     def _give_up(self, loop: Loop, why: str) -> None:
@@ -235,3 +249,17 @@ def stands(loop: Loop) -> bool:
     """Whether the robot stands, and is commanded to."""
     seen = loop.seen
     return seen is not None and standing(seen.twist) and loop.gated.gate.out == STANDING
+
+
+def checker_of(
+    plan: SessionConfig, known: LocalizationMap | None, outline: Floats | None = None
+) -> PathChecker:
+    """What paths of a robot at its site are checked against. outline: the robot's; None: its
+    model's [m]."""
+    surfaces, bounds = np.empty((0, 2)), np.empty((0, 2))
+    if known is not None:
+        surfaces = occupied(known)
+        bounds = Cells(known.gap, known.resolution, known.origin).bounds()
+    outline = plan.robot.model.outline if outline is None else outline
+    keep_out = (plan.zones or Zones()).keep_out
+    return PathChecker(plan.robot.scenario.reference.speed_mps, outline, surfaces, bounds, keep_out)

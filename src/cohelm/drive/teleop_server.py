@@ -72,7 +72,7 @@ def serve(
             if topics is not None:
                 topics.attend(session)
             requests = OperatorRequests(
-                session, operator, session.known, config.records, path_requests=path_requests
+                session, operator, config.records, path_requests=path_requests
             )
             try:
                 ready(operator.address)

@@ -54,6 +54,13 @@ class Cells(NamedTuple):
         own: Floats = np.column_stack((columns, rows)).astype(np.float64) + 0.5
         return placed(own * self.resolution, self.origin)
 
+    def bounds(self) -> Floats:
+        """Its smallest and largest x and y in the map, (2, 2) [m]."""
+        height, width = self.values.shape
+        ends = np.array([(0, 0), (width, 0), (0, height), (width, height)], dtype=np.float64)
+        corners = placed(ends * self.resolution, self.origin)
+        return np.stack((corners.min(axis=0), corners.max(axis=0)))
+
 
 class KeepOut(NamedTuple):
     """Keep-out zones."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.frames import compose, placed
+from cohelm.core.frames import compose
 from cohelm.core.schema import Coordinate, Schema, refuse
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
@@ -217,11 +217,11 @@ def check(zones: Zones, known: LocalizationMap | None) -> None:
         ("keep-out", None if zones.keep_out is None else zones.keep_out.depth),
         ("speed", None if zones.slow is None else zones.slow.limits),
     )
-    low, high = _corners(known.gap.shape, known.resolution, known.origin)
+    low, high = Cells(known.gap, known.resolution, known.origin).bounds()
     for name, cells in rasters:
         if cells is None:
             continue
-        first, last = _corners(cells.values.shape, cells.resolution, cells.origin)
+        first, last = cells.bounds()
         if (first >= high).any() or (last <= low).any():
             raise CohelmError(
                 f"the {name} zones lie beside the map, from {first[0]:.1f}, {first[1]:.1f} to "
@@ -259,11 +259,3 @@ def _slow(mask: SpeedMask, start: Pose, name: str) -> SpeedZones:
 
 def _on_map(made: OccupancyMap, start: Pose) -> OccupancyMap:
     return replace(made, origin=compose(start, made.origin)) if made.from_start else made
-
-
-def _corners(shape: tuple[int, ...], resolution: float, origin: Pose) -> tuple[Floats, Floats]:
-    """The smallest and largest x and y of a raster in the map [m]."""
-    height, width = shape
-    ends = np.array([(0, 0), (width, 0), (0, height), (width, height)], dtype=np.float64)
-    corners = placed(ends * resolution, origin)
-    return corners.min(axis=0), corners.max(axis=0)
