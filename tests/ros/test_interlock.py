@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+import time
+from multiprocessing import get_context
 from types import SimpleNamespace
 
 import pytest
@@ -11,16 +14,18 @@ pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machi
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Bool as Bool
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Twist
+from cohelm.core.types import Pose, Twist
 from cohelm.robot.gate.modes import GateMode
+from cohelm.robot.port import Odometry
 from cohelm.ros import interlock
 from cohelm.ros.dds import DdsTransport
 from cohelm.ros.filter_node import _reason
 from cohelm.ros.interlock import Interlock
-from cohelm.ros.mismatch import BOOL, TWIST, lock
-from cohelm.ros.port import COMMAND, LATCHED, Endpoint, Qos
+from cohelm.ros.mismatch import BOOL, ODOMETRY, TWIST, lock
+from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Endpoint, Qos
+from cohelm.ros.served import odometry
 from cohelm.ros.topics import Topics
-from tests.ros.stage import Controller, alone, resetting, stage, until
+from tests.ros.stage import KILLED, Controller, alone, resetting, stage, until
 
 pytestmark = pytest.mark.xdist_group("realtime")
 LOCK = "/emergency_stop"
@@ -101,6 +106,62 @@ def test_another_publisher_of_commands_is_a_fault_while_it_is_there(locked):
     assert not free.faults()
     theirs.close()
     assert until(lambda: not one.faults())
+
+
+def drive(name: str, over: threading.Event) -> None:
+    """An odometry's driver."""
+    transport = DdsTransport(name)
+    out = transport.publish("/odom", ODOMETRY, Qos(True, False, 10))
+    while not over.wait(0.02):
+        out.send(odometry(Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)), time.time()))
+    transport.close()
+
+
+def forever(name: str) -> None:
+    """The same in a process of its own, to be killed."""
+    drive(name, threading.Event())
+
+
+def test_a_killed_driver_is_started_again_under_another_name_and_a_living_one_beside_it_is_a_fault(
+    monkeypatch,
+):
+    alone()
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(KILLED))
+    transport = DdsTransport("gate")
+    one = Interlock(transport, "/cmd_vel", "", alone=[("/odom", ODOMETRY, "odometry")])
+    came: list[str] = []
+    transport.subscribe(
+        "/odom", ODOMETRY, SENSOR, lambda r: (one.heard("/odom", r), came.append(r.sender))
+    )
+    process = get_context("spawn").Process(target=forever, args=("first",), daemon=True)
+    process.start()
+    over = [threading.Event(), threading.Event()]
+    threads = [
+        threading.Thread(target=drive, args=each)
+        for each in zip(("second", "third"), over, strict=True)
+    ]
+    try:
+        assert until(lambda: len(came) > 5)
+        process.kill()
+        process.join()
+        threads[0].start()
+        assert until(lambda: len(set(came)) == 2)
+        names = {e.node for e in transport.endpoints() if e.topic == "/odom"}
+        until(lambda: False, 1.0)
+        assert one.faults() == ()
+        assert names == {"/first", "/second"}  # as its lease lasts 10 s
+        threads[1].start()
+        assert says(one, "/odom is published by /first, /second, /third at once")
+        over[1].set()
+    finally:
+        process.kill()
+        for each in over:
+            each.set()
+        for thread in threads:
+            if thread.ident is not None:
+                thread.join()
+        one.close()
+        transport.close()
 
 
 @pytest.mark.parametrize("error", [CohelmError("closed"), RuntimeError("damaged")])

@@ -205,6 +205,57 @@ def test_a_second_driver_that_comes_later_is_a_fault_until_it_goes(monkeypatch, 
     robot.close()
 
 
+def alive(robot, senders: str, pause: float = 0.03) -> tuple[str, ...]:
+    """What is wrong after an odometry and a scan of each of these senders."""
+    for k, sender in enumerate(senders):
+        made = odometry(Reading(0.0, Pose(0, 0, 0), Twist(0, 0)), time.time())
+        robot._on_odometry(Received(made, time.monotonic(), "", sender))
+        message = laser(k, 2.0 + 0.001 * time.monotonic() % 0.01)
+        robot._on_scan(SALLY.lidar.name, Received(message, time.monotonic(), "", sender))
+        time.sleep(pause)
+    return robot.read().health.faults
+
+
+@pytest.mark.parametrize("end", [end for end, _ in SECOND], ids=["scan", "odom"])
+def test_a_driver_started_again_under_another_name_is_one_and_a_second_that_sends_is_two(
+    monkeypatch, end
+):
+    """Whoever was killed is listed until its lease is over, and sends nothing any more."""
+    monkeypatch.setattr(interlock, "_LOOK", 0.01)
+    transport = Spoken(list(ENDS))
+    robot = Ros2Robot(*_found(), transport)
+    assert alive(robot, "aaa") == ()
+    transport.ends.append(end)
+    assert alive(robot, "a") == ()  # the other has sent nothing yet
+    assert alive(robot, "bbbbb") == ()
+    (fault,) = alive(robot, "a")  # it was not dead
+    assert fault.startswith(f"{end.topic} is published by /driver, {end.node} at once")
+    assert alive(robot, "bbbbb") == (fault,)  # and may send again any time
+    transport.ends.remove(end)
+    assert until(lambda: not robot.read().health.faults, 2.0)
+    transport.ends.append(end)
+    assert alive(robot, "ccc") == ()
+    assert alive(robot, "b") == (fault,)
+    robot.close()
+
+
+def test_a_second_driver_of_whom_nobody_knows_what_it_sends_is_a_fault(monkeypatch):
+    """As through a bridge, whose messages name no sender."""
+    monkeypatch.setattr(interlock, "_LOOK", 0.01)
+    transport = Spoken([*ENDS, SECOND[0][0]])
+    robot = Ros2Robot(*_found(), transport)
+    message = laser(1)
+    robot._on_scan(SALLY.lidar.name, Received(message, time.monotonic(), "", "a"))
+    robot._on_scan(SALLY.lidar.name, Received(laser(2), time.monotonic()))
+    assert until(lambda: bool(robot.read().health.faults), 2.0)
+    robot.close()
+
+
+def _found():
+    found = seen(ENDS, FRAMES + readings())
+    return found.model, found
+
+
 def turned(psi: float, v: float, world: bool):
     """Odometry of a robot that drives where it looks."""
     made = odometry(Reading(0.0, Pose(1.0, 2.0, psi), Twist(v, 0.0)), time.time())

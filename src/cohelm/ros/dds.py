@@ -215,7 +215,8 @@ class DdsTransport:
                 for sample in reader.take(_MOST):
                     if getattr(sample, "data", None):  # else its publisher has gone
                         message, damage = unpacked(sample.data, kind)
-                        callback(Received(message, stamp, damage))
+                        sender = str(sample.sample_info.publication_handle)
+                        callback(Received(message, stamp, damage, sender))
 
     def _publish_graph(self) -> None:
         """Publish on ros_discovery_info which node has which publishers and subscribers."""

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from cohelm.ros import mismatch
 from cohelm.ros.mismatch import BOOL
 from cohelm.ros.port import LATCHED, SENSOR, Endpoint, Received, Transport
+from cohelm.ros.senders import Senders
 
 _LOOK = 0.5
 """Period of checking the graph [s]."""
@@ -32,13 +33,13 @@ class Interlock:
         """out: the base's commands; no other publisher is allowed there, but with bypass. lock: a
         topic of std_msgs/msg/Bool, true while nothing may move; empty: none. silence: so long may
         pass without a message on it [s]. alone: topic, type and thing of which there is one; a
-        second one that begins later is as wrong as at the start."""
+        second one that begins later is as wrong as at the start, once it sends."""
         self._transport, self._out, self._lock = transport, out, lock
         self._bypass, self._silence = bypass, silence
         self._pressed, self._unread = "", ""
         self._received_at = time.monotonic()
         self._there, self._missed = False, 0
-        self._alone = tuple(alone)
+        self._alone, self._senders = tuple(alone), Senders()
         self._publisher_gone = self._other = self._blind = self._deaf = self._shared = ""
         self._over = threading.Event()
         if lock:
@@ -63,6 +64,10 @@ class Interlock:
                 ),
             )
         )  # fmt: skip
+
+    def heard(self, topic: str, received: Received) -> None:
+        """A message on a topic of which there is one publisher."""
+        self._senders.heard(topic, received.sender)
 
     def close(self) -> None:
         """Look no more."""
@@ -94,5 +99,11 @@ class Interlock:
         self._publisher_gone = f"no node publishes {self._lock} any more" if left else ""
         self._deaf = mismatch.lock(self._lock, seen)[1] if self._lock else ""
         self._other = "" if self._bypass else mismatch.bypass(self._out, seen)
-        shared = (mismatch.alone(*one, seen)[1] for one in self._alone)
-        self._shared = next(filter(None, shared), "")
+        self._shared = next(filter(None, (self._several(*one, seen) for one in self._alone)), "")
+
+    def _several(self, topic: str, kind: str, what: str, seen: list[Endpoint]) -> str:
+        """Why there are two of one thing; empty: there is one, and maybe one that was killed."""
+        why = mismatch.alone(topic, kind, what, seen)[1]
+        if not why:
+            self._senders.forget(topic)
+        return why if self._senders.several(topic) else ""

@@ -49,6 +49,9 @@ class Received(NamedTuple):
     """When it came, by this machine's monotonic clock [s]."""
     damage: str = ""
     """Why it could not be read."""
+    sender: str = ""
+    """The same for all messages of one publisher, and for no other's; empty where the transport
+    does not tell."""
 
 
 Callback = Callable[[Received], None]

@@ -27,6 +27,8 @@ _DEPTH = 42
 _NODE, _TOPIC, _QOS = 8, 9, 12
 """Positions in a token: of the node's name, the topic and the quality of service."""
 _STAMPED = struct.Struct("<qqB")
+_IDENTITY = 16
+"""Bytes of a sender's."""
 
 
 class Owner(NamedTuple):
@@ -91,9 +93,16 @@ def attachment(number: int, stamp: int, identity: bytes) -> bytes:
     return _STAMPED.pack(number, stamp, len(identity)) + identity
 
 
+def sender(attachment: bytes) -> str:
+    """Of a message, by its attachment; empty where that names none."""
+    if len(attachment) < _STAMPED.size + _IDENTITY:
+        return ""
+    return attachment[_STAMPED.size : _STAMPED.size + _IDENTITY].hex()
+
+
 def identity(token: str) -> bytes:
     """Identity of a token's owner: a hash of our own, not the one that rmw_zenoh makes of it."""
-    return hashlib.blake2b(token.encode(), digest_size=16).digest()
+    return hashlib.blake2b(token.encode(), digest_size=_IDENTITY).digest()
 
 
 def _mangled(name: str) -> str:

@@ -255,23 +255,24 @@ class _Subscriber:
 
     def __init__(self, kind: str, depth: int, callback: Callback, arrived: threading.Event) -> None:
         self._kind, self._callback, self._arrived = kind, callback, arrived
-        self._waiting: deque[tuple[float, Any]] = deque(maxlen=max(depth, 1))
+        self._waiting: deque[tuple[float, Any, Any]] = deque(maxlen=max(depth, 1))
         self.declared: Any = None
         self.token: Any = None
         self.ended = False
 
     def came(self, sample: Any) -> None:
         """From zenoh's own thread."""
-        self._waiting.append((time.monotonic(), sample.payload))
+        self._waiting.append((time.monotonic(), sample.payload, sample.attachment))
         self._arrived.set()
 
     def deliver(self) -> None:
         """All of it, from the transport's thread."""
         with contextlib.suppress(IndexError):  # there is no more
             while not self.ended:
-                stamp, payload = self._waiting.popleft()
+                stamp, payload, attachment = self._waiting.popleft()
                 message, damage = unpacked(payload.to_bytes(), self._kind)
-                self._callback(Received(message, stamp, damage))
+                sender = "" if attachment is None else tokens.sender(attachment.to_bytes())
+                self._callback(Received(message, stamp, damage, sender))
 
 
 class _Writer:
