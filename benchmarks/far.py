@@ -24,7 +24,7 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose, Stick
 from cohelm.link import keys
 from cohelm.link.bulk_messages import LineKind, Polyline
-from cohelm.link.messages import Arming, Device, Mode, RequestKind
+from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.link.scans import WholeScan
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
@@ -175,7 +175,7 @@ def _drive_manually(
         for message in bulk.news():
             if isinstance(message, Polyline) and message.what is LineKind.REFERENCE:
                 person = Person(np.asarray(message.points, dtype=np.float64))
-        station.steer(wanted, True, True, Device.SCRIPT)
+        station.steer(Command(wanted, True, True, Device.SCRIPT))
         time.sleep(BEAT)
         received = station.status()
         if received is None or person is None:

@@ -25,7 +25,7 @@ from cohelm.drive.session import SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.drive.teleop_server import TeleopConfig, serve
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Arming, Device, Mode, RequestKind
+from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.link.station_end import StationEnd
 
 SENT = struct.Struct("dd")
@@ -76,7 +76,7 @@ class BenchStick:
         """Keep the same deflection."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            self.station.steer(self.stick, True, True, Device.SCRIPT)
+            self.station.steer(Command(self.stick, True, True, Device.SCRIPT))
             time.sleep(BEAT)
 
     def ask(self, what: RequestKind, value: int, done) -> None:

@@ -13,7 +13,7 @@ import time
 
 from cohelm.core.types import Stick
 from cohelm.link.keys import pair_here
-from cohelm.link.messages import Device, RequestKind
+from cohelm.link.messages import Command, Device, RequestKind
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.station_end import StationEnd
 from tests.link import net
@@ -39,7 +39,7 @@ def loopback(count: int) -> str:
         for number in range(count):
             wanted = Stick((number % 1000) / 1024, 0.0)
             began = time.perf_counter()
-            station.steer(wanted, True, True, Device.SCRIPT)
+            station.steer(Command(wanted, True, True, Device.SCRIPT))
             while (command := robot.receive().command) is None or command.stick != wanted:
                 time.sleep(0.0001)
             took.append(time.perf_counter() - began)
@@ -70,7 +70,7 @@ def impaired(seconds: float, **bad: float) -> str:
                     number += 1
                     x = number % 4096 / 4096
                     made[x] = time.monotonic()
-                    station.steer(Stick(x, 0.0), True, True, Device.SCRIPT)
+                    station.steer(Command(Stick(x, 0.0), True, True, Device.SCRIPT))
 
             thread = threading.Thread(target=person)
             thread.start()

@@ -80,9 +80,9 @@ class Pattern:
         self._counts[what] = int(count) + 1
         return True
 
-    def steer(self, stick: Stick, valid: bool, armed: bool, device: m.Device, scale: float) -> None:
+    def steer(self, command: m.Command) -> None:
         """Record the arrival time of each deflection."""
-        self.sticks.append((time.time(), stick.psi))
+        self.sticks.append((time.time(), command.stick.psi))
 
     def ask(self, what: m.RequestKind, value: int = 0) -> int:
         """Granted."""

@@ -5,7 +5,7 @@ import time
 
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link import keys
-from cohelm.link.messages import Arming, Device, Mode, RequestKind
+from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.link.station_end import StationEnd
 
 
@@ -15,7 +15,7 @@ def main() -> None:
         while True:
             told = station.status()
             ahead = told and told.status.arming == Arming.ARMED and told.status.mode == Mode.MANUAL
-            station.steer(Stick(0.7, 0.0) if ahead else CENTRED, True, True, Device.SCRIPT)
+            station.steer(Command(Stick(0.7, 0.0) if ahead else CENTRED, True, True, Device.SCRIPT))
             if told and time.monotonic() - asked > 0.5:  # an answer may come too late
                 asked = time.monotonic()
                 lease = told.status.lease

@@ -12,7 +12,7 @@ from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys
 from cohelm.link.bulk_messages import Checked
-from cohelm.link.messages import Device, RequestKind
+from cohelm.link.messages import Command, Device, RequestKind
 from cohelm.station.robot_link import Quality
 
 LAB = DriveOptions("lab-guard", "lab-guard", "twin", True, None, [])
@@ -60,7 +60,7 @@ def awaited():
 def test_before_the_robot_is_ready_all_requests_are_refused_with_the_reason():
     link, _ = awaited()
     assert link.quality()[:3] == (False, "the robot beside it", "starting (3 s)")
-    link.steer(Stick(1.0, 0.0), True, True, Device.KEYBOARD, 1.0)
+    link.steer(Command(Stick(1.0, 0.0), True, True, Device.KEYBOARD, 1.0))
     answer = link.answer(link.ask(RequestKind.TAKE))
     assert not answer.granted
     assert answer.reason == "the robot is not started yet"
@@ -73,7 +73,7 @@ def test_before_the_robot_is_ready_all_requests_are_refused_with_the_reason():
 
 def test_no_request_from_before_the_robot_was_ready_reaches_it():
     link, there = awaited()
-    link.steer(Stick(1.0, 0.0), True, True, Device.KEYBOARD, 1.0)
+    link.steer(Command(Stick(1.0, 0.0), True, True, Device.KEYBOARD, 1.0))
     before = link.ask(RequestKind.TAKE)
     link.propose([(1.0, 2.0)], False)
     there.append(Robot())

@@ -15,7 +15,7 @@ import pytest
 
 from cohelm.core.types import Stick
 from cohelm.link import keys
-from cohelm.link.messages import Arming, Device, Mode, RequestKind
+from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.link.operator_input import STALE
 from cohelm.link.station_end import StationEnd
 from cohelm.loop.dropout import BACK_WITHIN
@@ -58,7 +58,7 @@ class Person(threading.Thread):
             number += 1
             x = 0.0 if self.centred else float(np.float32(0.7 + 2e-5 * number))
             self.made[x] = time.time()
-            self.station.steer(Stick(x, 0.0), True, True, Device.SCRIPT)
+            self.station.steer(Command(Stick(x, 0.0), True, True, Device.SCRIPT))
             time.sleep(PERIOD)
 
 

@@ -15,7 +15,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.local_credentials import credentials_of_drive
-from cohelm.link.messages import Arming, Device, Mode, RequestKind
+from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.link.station_end import StationEnd
 from cohelm.link.sticks.at_helm import drive as at_helm
 from cohelm.link.sticks.port import Feel, Reading
@@ -135,7 +135,7 @@ def test_a_record_started_while_it_stands_says_what_the_gate_did(drive):
     own, to = credentials_of_drive()
     with StationEnd(own, *to) as station:
         told = lambda: station.status().status  # noqa: E731
-        steer = partial(station.steer, CENTRED, True, True, Device.SCRIPT)
+        steer = partial(station.steer, Command(CENTRED, True, True, Device.SCRIPT))
 
         def ask(what: RequestKind, value: int, done) -> None:
             """Again and again: on a busy machine it may come too late, or not be granted yet."""

@@ -91,7 +91,7 @@ class Attack:
 
     def _drive(self) -> None:
         while self._open:
-            self.driver.steer(STICK, True, True, Device.SCRIPT)
+            self.driver.steer(Command(STICK, True, True, Device.SCRIPT))
             time.sleep(0.02)
             self.robot.send_status(STATUS)
             heard = self.robot.receive()

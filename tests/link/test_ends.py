@@ -11,7 +11,7 @@ import pytest
 
 from cohelm.core.types import Pose, Stick
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Device, Discs, Mode, RequestKind, ScanPart
+from cohelm.link.messages import Command, Device, Discs, Mode, RequestKind, ScanPart
 from cohelm.link.robot_end import OperatorInput, RobotEnd
 from cohelm.link.station_end import StationEnd
 from tests.link.ends import CENTRED, STATUS, until
@@ -30,7 +30,7 @@ class Both:
     def turn(self) -> OperatorInput:
         self.robot.send_status(STATUS)
         for station in self.stations:
-            station.steer(self.stick, True, True, Device.SCRIPT)
+            station.steer(Command(self.stick, True, True, Device.SCRIPT))
         self.heard = self.robot.receive()
         for asked in self.heard.requests:
             self.done.append((asked.name, asked.request.what, asked.request.value))
@@ -222,7 +222,7 @@ def test_stick_to_loop_takes_no_longer_than_the_network(both):
     for number in range(100):
         stick = Stick(number / 128, 0.0)
         began = time.perf_counter()
-        one.steer(stick, True, True, Device.SCRIPT)
+        one.steer(Command(stick, True, True, Device.SCRIPT))
         until(
             lambda stick=stick: (c := both.robot.receive().command) and c.stick == stick, within=1.0
         )

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from cohelm.core.types import Stick
-from cohelm.link.messages import Device, RequestKind
+from cohelm.link.messages import Command, Device, RequestKind
 from cohelm.link.operator_input import STALE
 from cohelm.link.station_end import StationEnd
 from tests.link.ends import until
@@ -43,7 +43,7 @@ class Driven:
 
     def _drive(self) -> None:
         while self._open:
-            self.driver.steer(STICK, True, True, Device.SCRIPT)
+            self.driver.steer(Command(STICK, True, True, Device.SCRIPT))
             time.sleep(PERIOD)
 
     def _watch(self) -> None:

@@ -17,7 +17,7 @@ import pytest
 from cohelm.core.types import Stick
 from cohelm.link.bulk_messages import Piece
 from cohelm.link.keys import pair_here
-from cohelm.link.messages import Device, Mode, RequestKind
+from cohelm.link.messages import Command, Device, Mode, RequestKind
 from cohelm.link.operator_input import STALE
 from cohelm.link.robot_bulk import RobotBulk
 from cohelm.link.robot_end import RobotEnd
@@ -82,7 +82,7 @@ class Drive:
             x = 0.0 if self.centred else 0.2 + 0.5 * (number % 4096) / 4096
             x = float(np.float32(x))
             self.made[x] = time.monotonic()
-            self.station.steer(Stick(x, 0.0), True, True, Device.SCRIPT)
+            self.station.steer(Command(Stick(x, 0.0), True, True, Device.SCRIPT))
             time.sleep(DT)
 
     def _loop(self) -> None:

@@ -14,7 +14,7 @@ from cohelm.drive.operate import DriveOptions
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys
-from cohelm.link.messages import Device, Mode, RequestKind, Status
+from cohelm.link.messages import Command, Device, Mode, RequestKind, Status
 from cohelm.link.station_end import StationEnd
 from cohelm.station.app import pages
 from cohelm.station.linked import Linked
@@ -58,7 +58,7 @@ class Robot:
             if status is not None and status.lease.driver != status.lease.you:
                 self.watcher.ask(RequestKind.TAKE)
             elif status is not None:
-                self.watcher.steer(Stick(0.0, 0.0), True, True, Device.SCRIPT)
+                self.watcher.steer(Command(Stick(0.0, 0.0), True, True, Device.SCRIPT))
                 for what in (RequestKind.RESET, RequestKind.ACKNOWLEDGE, RequestKind.RECORD):
                     self.watcher.ask(what, 0)
                 self.watcher.ask(RequestKind.MODE, Mode.HOLD)

@@ -29,7 +29,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.link import local_credentials
 from cohelm.link.keys import pair_here
-from cohelm.link.messages import RequestKind, Device
+from cohelm.link.messages import Command, RequestKind, Device
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
 own = pair_here("nobody")[1]
@@ -86,7 +86,7 @@ with end, StationBulk(own, "127.0.0.1", link, end.session) as bulk:
     end.ask(RequestKind.TAKE)
     until = time.monotonic() + 3.0
     while time.monotonic() < until:
-        end.steer(Stick(1.0, 0.0), True, True, Device.SCRIPT, 1.0)
+        end.steer(Command(Stick(1.0, 0.0), True, True, Device.SCRIPT, 1.0))
         time.sleep(0.05)
     got["link"] = end.status() is not None or end.state().connected
     got["bulk"] = bulk.connected

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from cohelm.link.messages import Device
+from cohelm.link.messages import Command, Device
 from cohelm.station import messages as page
 from cohelm.station.operator import PageOperator
 
@@ -15,10 +15,10 @@ STALE = 0.25
 
 class Link:
     def __init__(self) -> None:
-        self.steered: list[tuple] = []
+        self.steered: list[Command] = []
 
-    def steer(self, *what) -> None:
-        self.steered.append(what)
+    def steer(self, command: Command) -> None:
+        self.steered.append(command)
 
 
 @pytest.mark.parametrize("on_the_way", [0.0, 0.1, 0.2])
@@ -31,9 +31,9 @@ def test_no_deflection_is_repeated_once_it_may_be_older_than_the_limit(on_the_wa
         page.Stick(n=1, heard_ms=heard, x=0.5, psi=0.0, valid=True, armed=True,
                    device="gamepad", speed_scale=1.0)
     )  # fmt: skip
-    assert link.steered[-1][1]
+    assert link.steered[-1].valid
     operator.watch(now - on_the_way + STALE - 0.01)
-    assert link.steered[-1][1]
+    assert link.steered[-1].valid
     operator.watch(now - on_the_way + STALE + 0.06)
-    assert not link.steered[-1][1]
-    assert link.steered[-1][3] is Device.NONE
+    assert not link.steered[-1].valid
+    assert link.steered[-1].device is Device.NONE

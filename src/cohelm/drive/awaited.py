@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from cohelm.core.types import Stick
 from cohelm.link.bulk_messages import Checked
-from cohelm.link.messages import Answer, Device, RequestKind
+from cohelm.link.messages import Answer, Command, RequestKind
 from cohelm.station.robot_link import News, Quality, RobotLink
 
 _NOT_YET = "the robot is not started yet"
@@ -39,13 +38,11 @@ class PendingLink:
         link = self._robot()
         return out if link is None else out + link.news()
 
-    def steer(
-        self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float
-    ) -> None:
+    def steer(self, command: Command) -> None:
         """Send the operator's command; without effect before there is a robot."""
         link = self._robot()
         if link is not None:
-            link.steer(stick, valid, armed, device, speed_scale)
+            link.steer(command)
 
     def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:
         """Make a request."""

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from cohelm.core.types import CENTRED, Stick, Twist
-from cohelm.link.messages import Arming, Device, Mode, RequestKind
+from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.link.operator_input import STALE
 
 if TYPE_CHECKING:
@@ -163,7 +163,7 @@ class _StickClient:
                 self._note(now, last.status.why)
         # In another mode a centred stick lets the controller lead.
         steers = mode is Mode.MANUAL or stick == CENTRED
-        self._end.steer(stick if steers else CENTRED, True, True, Device.TOUCH)
+        self._end.steer(Command(stick if steers else CENTRED, True, True, Device.TOUCH))
         self._report_refusals(now)
 
     def leave(self, pressed: bool) -> None:
@@ -172,9 +172,9 @@ class _StickClient:
         if last is not None and last.status.lease.driver == last.status.lease.you and not pressed:
             given, until = self._end.ask(RequestKind.GIVE), time.monotonic() + 0.5
             while self._end.answer(given) is None and time.monotonic() < until:
-                self._end.steer(CENTRED, True, True, Device.TOUCH)
+                self._end.steer(Command(CENTRED, True, True, Device.TOUCH))
                 time.sleep(_PERIOD)
-        self._end.steer(CENTRED, False, False, Device.TOUCH)
+        self._end.steer(Command(CENTRED, False, False, Device.TOUCH))
         time.sleep(2.0 * _PERIOD)  # so that the robot receives the lost stick
 
     def _ask(self, now: float, what: RequestKind, value: int = 0) -> None:

@@ -20,7 +20,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.types import Pose, Stick, Twist
+from cohelm.core.types import CENTRED, Pose, Stick, Twist
 from cohelm.link.codec import UpTo, array, real, record, text, whole
 
 MOST_BEAMS = 500
@@ -127,10 +127,13 @@ class Command(NamedTuple):
     armed: bool
     """The station's part of arming: the operator chose this device and it was centred."""
     device: Device
-    speed_scale: Annotated[float, real("f", 0.0, 1.0)]
+    speed_scale: Annotated[float, real("f", 0.0, 1.0)] = 1.0
     """Share of the robot's speed that the operator allows, in [0, 1]."""
-    requests: Annotated[tuple[Request, ...], UpTo(8)]
+    requests: Annotated[tuple[Request, ...], UpTo(8)] = ()
     """Those not answered yet, oldest first, at most 8."""
+
+
+NO_STICK = Command(CENTRED, False, False, Device.NONE)
 
 
 class Answer(NamedTuple):

@@ -18,7 +18,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from cohelm.core.types import Stick
+from cohelm.core.types import CENTRED
 from cohelm.link import udp
 from cohelm.link.bulk_messages import FromRobot
 from cohelm.link.clock import Path
@@ -27,9 +27,9 @@ from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.messages import (
+    NO_STICK,
     Answer,
     Command,
-    Device,
     Discs,
     Request,
     RequestKind,
@@ -50,8 +50,6 @@ past mending: then the other end repeats itself in vain."""
 _REQUEST_LIFE = 1.0  # [s]; a stop lives until it is answered
 _PER_TURN = 64
 _log = logging.getLogger("cohelm.link")
-
-NO_STICK = Command(Stick(0.0, 0.0), False, False, Device.NONE, 1.0, ())
 
 
 class ReceivedStatus(NamedTuple):
@@ -122,7 +120,7 @@ class StationEnd(IoThread):
         self._try_at = clock()
         self._why = "not connected yet"
         self._sequence = 0
-        self._steered: Command | None = None
+        self._steered = NO_STICK
         self._steered_at = self._sent_at = -math.inf
         self._requests: deque[Request] = deque()
         self._number = 0
@@ -135,20 +133,17 @@ class StationEnd(IoThread):
 
     # ---- for the station ---------------------------------------------------------------
 
-    def steer(
-        self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float = 1.0
-    ) -> None:
-        """Send what the person wants, now; as `Command`. To be called at 50 Hz.
+    def steer(self, command: Command) -> None:
+        """Send the operator's command now, with the requests made here. To be called at 50 Hz.
 
         A deflection that is not in [-1, 1], or no number, is sent as a stick that is not valid.
         """
-        good = all(-1.0 <= axis <= 1.0 for axis in stick)
-        scale = speed_scale if 0.0 <= speed_scale <= 1.0 else 0.0
+        if not all(-1.0 <= axis <= 1.0 for axis in command.stick):
+            command = command._replace(stick=CENTRED, valid=False)
+        if not 0.0 <= command.speed_scale <= 1.0:
+            command = command._replace(speed_scale=0.0)
         with self._lock:
-            self._steered = Command(
-                stick if good else Stick(0.0, 0.0), valid and good, armed, device, scale, ()
-            )
-            self._steered_at = self.clock()
+            self._steered, self._steered_at = command, self.clock()
         self._waker.wake()
 
     def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:
@@ -350,11 +345,11 @@ class StationEnd(IoThread):
             for request in list(self._requests):
                 if request.what is not RequestKind.STOP and now - request.made > _REQUEST_LIFE:
                     self._expire(request, "the robot did not answer in time")
-            new = self._steered is not None and self._steered_at > self._sent_at
-            gone = self._steered is None or now - self._steered_at > self._fresh
+            new = self._steered_at > self._sent_at
+            gone = now - self._steered_at > self._fresh
             if not new and not (gone and now - self._sent_at >= _BEAT):
                 return
-            command = NO_STICK if gone or self._steered is None else self._steered
+            command = NO_STICK if gone else self._steered
             command = command._replace(requests=tuple(self._requests))
             self._sent_at = now
             connection = self._connection

@@ -14,7 +14,6 @@ import time
 from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
-from cohelm.core.types import Stick
 from cohelm.link import bulk_messages as bulk, messages as robot
 from cohelm.link.rate import TokenBucket
 from cohelm.link.scans import WholeScan
@@ -32,7 +31,6 @@ SEND_WITHIN = 5.0
 """A page that reads nothing for this long is disconnected [s]."""
 _POLL = 0.01
 _REPEAT = 0.05
-_NO_STICK = (Stick(0.0, 0.0), False, False, robot.Device.NONE, 1.0)
 _log = logging.getLogger("cohelm.station")
 
 
@@ -55,7 +53,7 @@ class PageOperator:
         """Our clock when the newest status was true [s]."""
         self._shown: object = None
         self._health: bulk.HealthReport | None = None
-        self._steered: tuple[Stick, bool, bool, robot.Device, float] = _NO_STICK
+        self._steered = robot.NO_STICK
         self._stick_at = self._steered_at = -math.inf
         """Earliest time of the page's newest stick: that of the beat it echoes [s]."""
         self._stick_n = -1
@@ -206,20 +204,17 @@ class PageOperator:
         self._stick_n, self._stick_at = stick.n, now - max(age, 0.0)
         before = self._page_ms
         self._page_ms = age * 1e3 if before is None else 0.9 * before + 0.1 * age * 1e3
-        device = view.DEVICES[stick.device]
-        self._steered = (
-            Stick(stick.x, stick.psi), stick.valid, stick.armed, device, stick.speed_scale
-        )  # fmt: skip
+        self._steered = view.command_of(stick)
         self._steer(now)
 
     def _steer(self, now: float) -> None:
         self._steered_at = now
-        self.link.steer(*self._steered)
+        self.link.steer(self._steered)
 
     def watch(self, now: float) -> None:
         """Called at 50 Hz: repeats the newest stick while it is fresh; then it is lost."""
         if now - self._stick_at > self.stale:
-            self._steered = _NO_STICK
+            self._steered = robot.NO_STICK
         if now - self._steered_at > _REPEAT:
             self._steer(now)
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from cohelm.core.types import Stick
 from cohelm.link.bulk_messages import FromRobot
-from cohelm.link.messages import Answer, Device, RequestKind
+from cohelm.link.messages import Answer, Command, RequestKind
 from cohelm.link.scans import WholeScan
 
 
@@ -47,9 +46,7 @@ class RobotLink(Protocol):
         """New messages since the last call; of replaceable ones the newest."""
         ...
 
-    def steer(
-        self, stick: Stick, valid: bool, armed: bool, device: Device, speed_scale: float
-    ) -> None:
+    def steer(self, command: Command) -> None:
         """Send the operator's command; the newest wins. To be called at 50 Hz."""
 
     def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
 from cohelm import __version__
-from cohelm.core.types import Pose
+from cohelm.core.types import Pose, Stick
 from cohelm.link import bulk_messages as bulk, messages as robot
 from cohelm.link.messages import CENTRE
 from cohelm.station import messages as page
@@ -200,10 +200,9 @@ def request_of(do: page.Do) -> tuple[robot.RequestKind, int]:
     return what, do.value if value is None else int(value)
 
 
-DEVICES: dict[Literal["none", "keyboard", "gamepad", "touch"], robot.Device] = {
-    "none": robot.Device.NONE,
-    "keyboard": robot.Device.KEYBOARD,
-    "gamepad": robot.Device.GAMEPAD,
-    "touch": robot.Device.TOUCH,
-}
-"""Devices by the page's names."""
+def command_of(stick: page.Stick) -> robot.Command:
+    """The command to the robot, still without its requests."""
+    return robot.Command(
+        Stick(stick.x, stick.psi), stick.valid, stick.armed, robot.Device[stick.device.upper()],
+        stick.speed_scale,
+    )  # fmt: skip

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from cohelm.core.types import CENTRED
 from cohelm.link.bulk_messages import Hello
 from cohelm.link.keys import Keys
-from cohelm.link.messages import RequestKind
+from cohelm.link.messages import Command, RequestKind
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import ReceivedStatus, StationEnd
 from cohelm.link.sticks.helm import Helm, SpeedLimits
@@ -45,7 +45,7 @@ def drive(
                     break  # a stick that is gone does not come back to this process
                 next_turn = max(next_turn + PERIOD, time.monotonic())
                 time.sleep(max(0.0, next_turn - time.monotonic()))
-            end.steer(CENTRED, False, False, device.kind)
+            end.steer(Command(CENTRED, False, False, device.kind))
             time.sleep(2.0 * PERIOD)  # so that the robot receives that the stick is gone
     finally:
         device.close()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cohelm.link.messages import Mode, RequestKind, is_centred
+from cohelm.link.messages import Command, Mode, RequestKind, is_centred
 from cohelm.link.station_end import ReceivedStatus, StationEnd
 from cohelm.link.sticks.feel import STILL, CueRules, damped, faded, returning, spring, wanted
 from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice
@@ -43,7 +43,7 @@ class Helm:
             self._pressed(button, last)
         # Armed once it was centred, as on the robot: one rule at both ends.
         self._armed = reading.valid and (self._armed or is_centred(reading.stick))
-        self._end.steer(reading.stick, reading.valid, self._armed, self._device.kind)
+        self._end.steer(Command(reading.stick, reading.valid, self._armed, self._device.kind))
         self._device.feel(self._cue(last, reading, now))
         return reading
 
