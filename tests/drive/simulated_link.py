@@ -59,7 +59,7 @@ class End(RobotEnd):
 
 class Bulk(RobotBulk):
     def __init__(self, end: End, records: Path) -> None:
-        with mock.patch.object(robot_bulk, "_listening", return_value=socket.socket()):
+        with mock.patch.object(robot_bulk.udp, "listening", return_value=socket.socket()):
             super().__init__(end, robot_keys(), records)  # nobody comes by TCP
 
     def _start(self) -> None:

@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from cohelm.link.bulk_messages import Checked
 from cohelm.link.messages import Answer, Command, RequestKind
-from cohelm.station.robot_link import News, Quality, RobotLink
-
-_NOT_YET = "the robot is not started yet"
+from cohelm.station.robot_link import News, Quality, RefusingLink, RobotLink
 
 
-class PendingLink:
-    """`RobotLink` that connects as soon as the robot is ready.
+class PendingLink(RefusingLink):
+    """Connects as soon as the robot is ready.
 
     Requests made before are refused, not stored: a robot that has just started executes new
     requests only.
@@ -21,11 +18,10 @@ class PendingLink:
 
     def __init__(self, made: Callable[[], RobotLink | None], starting: Callable[[], str]) -> None:
         """made: the link, or None while there is no robot yet. starting: what it is doing."""
+        super().__init__("the robot is not started yet")
         self._made, self._starting = made, starting
         self._link: RobotLink | None = None
         self._closed = False
-        self._number = 0
-        self._refused: list[News] = []
 
     def _robot(self) -> RobotLink | None:
         if self._link is None and not self._closed:
@@ -34,9 +30,8 @@ class PendingLink:
 
     def news(self) -> list[News]:
         """What has come since the last call."""
-        out, self._refused = self._refused, []
-        link = self._robot()
-        return out if link is None else out + link.news()
+        link, refused = self._robot(), super().news()
+        return refused if link is None else refused + link.news()
 
     def steer(self, command: Command) -> None:
         """Send the operator's command; without effect before there is a robot."""
@@ -46,23 +41,16 @@ class PendingLink:
 
     def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:
         """Make a request."""
-        link = self._robot()
-        return self._refusal() if link is None else link.ask(what, value, made)
+        return (self._robot() or super()).ask(what, value, made)
 
     def answer(self, number: int) -> Answer | None:
         """The answer to a request; None: none yet."""
-        if number < 0 or self._link is None:
-            return Answer(number, False, _NOT_YET)
-        return self._link.answer(number)
+        link = self._link if number >= 0 else None
+        return (link or super()).answer(number)
 
     def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
         """Waypoints."""
-        link = self._robot()
-        if link is not None:
-            return link.propose(points, only_check)
-        answer = Answer(self._refusal(), False, _NOT_YET)
-        self._refused.append(News(Checked(answer, 65535), math.nan, math.nan))
-        return answer.number
+        return (self._robot() or super()).propose(points, only_check)
 
     def fetch(self, name: str, offset: int = 0, size: int = 0) -> None:
         """A record, or the list of them."""
@@ -82,8 +70,3 @@ class PendingLink:
         self._closed = True
         if self._link is not None:
             self._link.close()
-
-    def _refusal(self) -> int:
-        """The number of something that is refused: below 0, as none of a robot's is."""
-        self._number -= 1
-        return self._number

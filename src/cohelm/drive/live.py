@@ -30,11 +30,10 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
-from cohelm.core.errors import CohelmError
 from cohelm.drive.foxglove_teleop import FoxgloveTeleop, Joined
 from cohelm.drive.published import ENCODINGS, PublishedTwists
 from cohelm.drive.recorder import EventSink, receive
-from cohelm.link.udp import resolved
+from cohelm.link.udp import listening, resolved
 from cohelm.record.topics import IMAGE, LASTING, RecordTopics, definitions
 from cohelm.robot.keep.record_pipe import ALIVE
 from cohelm.robot.model import RobotModel
@@ -92,14 +91,15 @@ class Live(EventSink):
 
     def __init__(self, config: LiveConfig, model: RobotModel) -> None:
         """Raises CohelmError if it can not listen."""
-        listening = _bound(config.host, config.port)
-        port = listening.getsockname()[1]
+        where = resolved(config.host, config.port, socket.SOCK_STREAM)[1]
+        served = listening(where, "choose another with --foxglove HOST:PORT")
+        port = served.getsockname()[1]
         self.address = LiveConfig(config.host, port, config.token).address
         """Includes the token."""
         try:
-            super().__init__("cohelm live", _main, listening, config.token, model, config.joined)
+            super().__init__("cohelm live", _main, served, config.token, model, config.joined)
         finally:
-            listening.close()
+            served.close()
 
     def close(self) -> None:
         """End the server; viewers are disconnected."""
@@ -110,36 +110,24 @@ class Live(EventSink):
             self._process.join()
 
 
-def _bound(host: str, port: int) -> socket.socket:
-    family, where = resolved(host, port, socket.SOCK_STREAM)
-    try:
-        return socket.create_server(where[:2], family=family)
-    except OSError as error:
-        why = os.strerror(error.errno) if error.errno else error
-        raise CohelmError(
-            f"can not listen on {host} port {port} ({why}): choose another with "
-            "--foxglove HOST:PORT"
-        ) from None
-
-
 def _main(
-    listening: socket.socket, token: str, model: RobotModel, joined: Joined | None,
+    served: socket.socket, token: str, model: RobotModel, joined: Joined | None,
     loop: socket.socket, gated: socket.socket,
 ) -> None:  # fmt: skip
     """Main function of the server process. It ends when both lines are closed."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     os.nice(5)  # loop, gate process and recorder come first
     teleop = None if joined is None else FoxgloveTeleop(joined)
-    asyncio.run(_serve(listening, LiveServer(model, token, teleop), [loop, gated]))
+    asyncio.run(_serve(served, LiveServer(model, token, teleop), [loop, gated]))
     if teleop is not None:
         teleop.close()
 
 
-async def _serve(listening: socket.socket, server: LiveServer, lines: list[socket.socket]) -> None:
+async def _serve(served: socket.socket, server: LiveServer, lines: list[socket.socket]) -> None:
     silent = logging.Logger("cohelm.live", logging.CRITICAL)  # strangers fill no terminal
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
+    served.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
     async with serve(
-        server.attend, sock=listening, process_request=server.admit, subprotocols=_PROTOCOLS,
+        server.attend, sock=served, process_request=server.admit, subprotocols=_PROTOCOLS,
         compression=None, max_size=_LARGEST, max_queue=4, open_timeout=_OPEN, close_timeout=_CLOSE,
         server_header=None, logger=silent,
     ):  # fmt: skip

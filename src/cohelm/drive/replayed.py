@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from cohelm.drive.playback import Playback
-from cohelm.link.bulk_messages import Checked
-from cohelm.link.messages import Answer, RequestKind
-from cohelm.station.robot_link import News, PlaybackPosition, Quality, RobotLink
+from cohelm.station.robot_link import News, PlaybackPosition, Quality, RefusingLink
 
 _PERIOD = 0.03
 _REFUSAL = "this is a record; nothing can be done to it any more"
 
 
-class Replaying(RobotLink):
+class Replaying(RefusingLink):
     """Plays a record, at first from its start; stops at its end. It can not be steered."""
 
     def __init__(self, played: Playback, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__(_REFUSAL)
         self._played, self._clock = played, clock
         self._place = PlaybackPosition(0.0, True, 1.0)
         self._since = clock()
         self._sent_at = -1.0
         self._first = True
         self._new = True
-        self._number = 0
-        self._refused: list[News] = []
         self._shown: dict[object, object] = {}
 
     @property
@@ -62,7 +59,7 @@ class Replaying(RobotLink):
 
     def news(self) -> list[News]:
         """The robot's messages at this position."""
-        out, self._refused = self._refused, []
+        out = super().news()
         if self._first:
             self._first = False
             out += [News(message, self.start, 0.0) for message in self._played.first()]
@@ -78,22 +75,6 @@ class Replaying(RobotLink):
         slot = (type(message), getattr(message, "what", None))
         before, self._shown[slot] = self._shown.get(slot), message
         return before is not message
-
-    def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:
-        """Refused."""
-        self._number += 1
-        return self._number
-
-    def answer(self, number: int) -> Answer | None:
-        """Always the same."""
-        return Answer(number, False, _REFUSAL)
-
-    def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
-        """Refused."""
-        self._number += 1
-        answer = Answer(self._number, False, _REFUSAL)
-        self._refused.append(News(Checked(answer, 65535), self.start, 0.0))
-        return self._number
 
     def quality(self) -> Quality:
         """There is no link."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from cohelm.core.frames import compose
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.robot.clock import clock_of
@@ -80,7 +79,4 @@ def mapped(path: Path, start: Pose) -> LocalizationMap:
     A published map is in that frame already; a map of `cohelm map` is in the frame of the robot's
     first pose, here `start`. Raises CohelmError if the file can not be used.
     """
-    made = read_map(path)
-    if made.from_start:
-        made = replace(made, origin=compose(start, made.origin), from_start=False)
-    return made.known()
+    return read_map(path).placed(start).known()

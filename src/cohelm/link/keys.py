@@ -18,6 +18,7 @@ from __future__ import annotations
 import datetime
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -59,26 +60,32 @@ def home() -> Path:
 
 def made(name: str, role: str) -> tuple[bytes, bytes]:
     """A new certificate and its key, PEM, on curve P-256; role: robot or station."""
+    return self_signed(name, role, _ALWAYS)
+
+
+def self_signed(
+    name: str, unit: str, valid: tuple[datetime.datetime, datetime.datetime],
+    extensions: Sequence[x509.ExtensionType] = (),
+) -> tuple[bytes, bytes]:  # fmt: skip
+    """A new self-signed certificate and its key, PEM, on curve P-256. unit: of the organization, or
+    empty. valid: from and until when."""
     key = ec.generate_private_key(ec.SECP256R1())
-    subject = x509.Name(
-        [
-            x509.NameAttribute(NameOID.COMMON_NAME, name),
-            x509.NameAttribute(NameOID.ORGANIZATIONAL_UNIT_NAME, role),
-        ]
-    )
-    certificate = (
+    called = [(NameOID.COMMON_NAME, name), (NameOID.ORGANIZATIONAL_UNIT_NAME, unit)]
+    subject = x509.Name([x509.NameAttribute(oid, text) for oid, text in called if text])
+    made = (
         x509.CertificateBuilder()
         .subject_name(subject)
         .issuer_name(subject)
         .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
-        .not_valid_before(_ALWAYS[0])
-        .not_valid_after(_ALWAYS[1])
+        .not_valid_before(valid[0])
+        .not_valid_after(valid[1])
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .sign(key, hashes.SHA256())
     )
+    for extension in extensions:
+        made = made.add_extension(extension, critical=False)
     pem = serialization.Encoding.PEM
-    return certificate.public_bytes(pem), key.private_bytes(
+    return made.sign(key, hashes.SHA256()).public_bytes(pem), key.private_bytes(
         pem, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
 

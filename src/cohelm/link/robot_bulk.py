@@ -51,6 +51,7 @@ _PATIENCE = 5.0  # [s], for a handshake
 _LARGEST_UP = 65_536
 _PORTS = 5  # that are tried
 _LAST = (Picture, Map, ZoneMap)  # the big ones, after all others
+_CURE = "is another robot running here? Choose another port with --listen HOST:PORT"
 _log = logging.getLogger("cohelm.link")
 
 
@@ -108,7 +109,8 @@ class RobotBulk(IoThread):
         self._digests = Digests(records)
         self._clock: Callable[[], float] = time.monotonic
         self._context = stream_context(keys)
-        self._listener = _listening(end.address)
+        self._listener = udp.listening(end.address, _CURE)
+        self._listener.setblocking(False)
         self._session = secrets.randbits(64)
         super().__init__("link bulk")
         self._lock = threading.Lock()
@@ -306,20 +308,3 @@ class RobotBulk(IoThread):
 def _slot(message: FromRobot) -> object:
     several = isinstance(message, Polyline | ZoneMap)
     return (type(message), message.what) if several else type(message)
-
-
-def _listening(address: udp.Address) -> socket.socket:
-    family = socket.AF_INET6 if ":" in str(address[0]) else socket.AF_INET
-    made = socket.socket(family, socket.SOCK_STREAM)
-    try:
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind(address[:2])
-        made.listen(64)
-    except OSError as error:
-        made.close()
-        raise CohelmError(
-            f"can not listen on {address[0]} port {address[1]} ({error.strerror}): is another "
-            f"robot running here? Choose another port with --listen HOST:PORT"
-        ) from None
-    made.setblocking(False)
-    return made

@@ -1,4 +1,4 @@
-"""The UDP sockets of both ends."""
+"""The sockets of the link, and of the other servers here."""
 
 from __future__ import annotations
 
@@ -62,6 +62,25 @@ def opened(family: int, bind: Address | None = None, shared: bool = False) -> so
                 f"can not listen on {bind[0]} port {bind[1]} ({error.strerror}): choose another "
                 "with --listen HOST:PORT"
             ) from None
+    return made
+
+
+def listening(
+    where: Address, cure: str, made: socket.socket | None = None, backlog: int = 128
+) -> socket.socket:
+    """A TCP socket that listens. made: one to use. cure: what to do where that is not possible, as
+    CohelmError says."""
+    host, port = where[:2]
+    if made is None:
+        made = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        made.bind((host, port))
+        made.listen(backlog)
+    except (OSError, OverflowError) as error:
+        made.close()
+        why = getattr(error, "strerror", None) or error
+        raise CohelmError(f"can not listen on {host} port {port} ({why}): {cure}") from None
     return made
 
 

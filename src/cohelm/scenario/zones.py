@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.frames import compose
 from cohelm.core.schema import Coordinate, Schema, refuse
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
@@ -177,7 +175,7 @@ def read_zones(kept_out: Path | None, slow: Path | None, start: Pose) -> Zones |
     if kept_out is None and slow is None:
         return None
     return Zones(
-        None if kept_out is None else _kept_out(_on_map(read_map(kept_out), start), str(kept_out)),
+        None if kept_out is None else _kept_out(read_map(kept_out).placed(start), str(kept_out)),
         None if slow is None else _slow(read_speed_mask(slow), start, str(slow)),
     )
 
@@ -246,7 +244,7 @@ def _kept_out(made: OccupancyMap, name: str) -> KeepOut:
 
 
 def _slow(mask: SpeedMask, start: Pose, name: str) -> SpeedZones:
-    made, limits = _on_map(mask.cells, start), mask.limits()
+    made, limits = mask.cells.placed(start), mask.limits()
     if not mask.absolute:
         limits = np.where(limits < 100.0, limits / np.float32(100.0), np.float32(0.0))
         if not limits.any():
@@ -255,7 +253,3 @@ def _slow(mask: SpeedMask, start: Pose, name: str) -> SpeedZones:
                 "base and multiplier"
             )
     return SpeedZones(Cells(limits, made.resolution, made.origin), not mask.absolute)
-
-
-def _on_map(made: OccupancyMap, start: Pose) -> OccupancyMap:
-    return replace(made, origin=compose(start, made.origin)) if made.from_start else made

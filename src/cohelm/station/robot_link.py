@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from cohelm.link.bulk_messages import FromRobot
+from cohelm.link.bulk_messages import Checked, FromRobot
 from cohelm.link.messages import Answer, Command, RequestKind
 from cohelm.link.scans import WholeScan
 
@@ -74,6 +75,36 @@ class RobotLink(Protocol):
 
     def close(self) -> None:
         """Close the link."""
+
+
+class RefusingLink(RobotLink):
+    """A link that refuses every request, with a reason; a record, or a robot that still starts."""
+
+    def __init__(self, reason: str) -> None:
+        self._reason = reason
+        self._number = 0
+        self._refused: list[News] = []
+
+    def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:
+        """A number below 0, as none of a robot's is."""
+        self._number -= 1
+        return self._number
+
+    def answer(self, number: int) -> Answer | None:
+        """Always the same."""
+        return Answer(number, False, self._reason)
+
+    def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
+        """Refused in the next news."""
+        self._number -= 1
+        answer = Answer(self._number, False, self._reason)
+        self._refused.append(News(Checked(answer, 65535), math.nan, math.nan))
+        return self._number
+
+    def news(self) -> list[News]:
+        """The refused proposals since the last call."""
+        refused, self._refused = self._refused, []
+        return refused
 
 
 class PlaybackPosition(NamedTuple):

@@ -16,7 +16,7 @@ from typing import Any
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from cohelm.core.errors import CohelmError
+from cohelm.link.udp import listening
 from cohelm.station.app import Station
 from cohelm.station.listener import ListeningSocket
 from cohelm.station.robot_link import Connect
@@ -30,6 +30,7 @@ DONE_WITHIN = 20.0
 LARGEST_MESSAGE = 16_384
 """Largest message from a page [B]."""
 _BACKLOG = 128
+_CURE = "choose another with --port (0 takes a free one)"
 _log = logging.getLogger("cohelm.station")
 
 
@@ -89,7 +90,9 @@ class Server:
     ) -> None:  # fmt: skip
         """certificate: files of certificate and key, for TLS. Raises CohelmError."""
         self.token = secrets.token_urlsafe(16)
-        self._listener = _listening(host, port)
+        # It listens from here on: a page opened as soon as the address is printed is served later.
+        self._listener = ListeningSocket(socket.AF_INET6 if ":" in host else socket.AF_INET)
+        listening((host, port), _CURE, self._listener, _BACKLOG)
         self._names = frozenset[str]() if certificate is None else certified(certificate[0])
         self.station = Station(
             connect, self.token, self._names, self._listener.admitted,
@@ -156,18 +159,3 @@ class _GracefulServer(uvicorn.Server):
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         if not self.should_exit:
             super().handle_exit(sig, frame)
-
-
-def _listening(host: str, port: int) -> ListeningSocket:
-    listening = ListeningSocket(socket.AF_INET6 if ":" in host else socket.AF_INET)
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listening.bind((host, port))
-        listening.listen(
-            _BACKLOG
-        )  # a page opened as soon as the address is printed waits, and is served
-    except (OSError, OverflowError) as error:
-        listening.close()
-        cure = "choose another with --port (0 takes a free one)"
-        raise CohelmError(f"can not listen on {host} port {port}: {error}; {cure}") from None
-    return listening

@@ -14,13 +14,11 @@ import ssl
 from pathlib import Path
 
 from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
-from cohelm.link.keys import fingerprint, read
+from cohelm.link.keys import fingerprint, read, self_signed
 from cohelm.link.owned import guarded, make_folder
 
 DAYS = 397
@@ -119,26 +117,13 @@ def _valid(path: Path, key: Path, names: list[x509.GeneralName]) -> bool:
 
 
 def _make(path: Path, key_path: Path, names: list[x509.GeneralName]) -> None:
-    key = ec.generate_private_key(ec.SECP256R1())
-    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "cohelm station")])
-    now = datetime.datetime.now(datetime.UTC)
-    made = (
-        x509.CertificateBuilder()
-        .subject_name(name)
-        .issuer_name(name)
-        .public_key(key.public_key())
-        .serial_number(x509.random_serial_number())
-        .not_valid_before(now - datetime.timedelta(days=1))
-        .not_valid_after(now + datetime.timedelta(days=DAYS - 1))
-        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .add_extension(x509.SubjectAlternativeName(names), critical=False)
-        .add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH]), critical=False)
-        .sign(key, hashes.SHA256())
-    )
-    secret = key.private_bytes(
-        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
-    )
+    begins = datetime.datetime.now(datetime.UTC) - datetime.timedelta(days=1)
+    usage = x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH])
+    certificate, key = self_signed(
+        "cohelm station", "", (begins, begins + datetime.timedelta(days=DAYS)),
+        (x509.SubjectAlternativeName(names), usage),
+    )  # fmt: skip
     key_path.unlink(missing_ok=True)
     with os.fdopen(os.open(key_path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-        file.write(secret)
-    path.write_bytes(made.public_bytes(serialization.Encoding.PEM))
+        file.write(key)
+    path.write_bytes(certificate)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
+from cohelm.core.frames import compose
 from cohelm.core.types import Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap, map_from_occupancy
 from cohelm.perceive.match.surfaces import MOST_CELLS
@@ -49,6 +50,12 @@ class OccupancyMap:
         if unknown_is_solid:
             solid |= self.cells == UNKNOWN
         return grid(solid, self.resolution, self.origin)
+
+    def placed(self, start: Pose) -> OccupancyMap:
+        """The same in the world's frame. start: the robot's first pose."""
+        if not self.from_start:
+            return self
+        return replace(self, origin=compose(start, self.origin), from_start=False)
 
     def known(self) -> LocalizationMap:
         """The same for localisation. CohelmError where nothing is occupied, or nothing free."""
