@@ -1,4 +1,4 @@
-"""What a tired or hostile user gives: one sentence on stderr with the mend, code 2, no output."""
+"""Invalid command lines and files: one sentence on stderr with the cure, exit status 2."""
 
 import gzip
 import io
@@ -47,13 +47,13 @@ def refused(said, *words):
         (BASE.replace("b\n", "x" * 99 + "\n"), ["name: must have at most 80 characters, got 99"]),
     ],
 )  # fmt: skip
-def test_a_wrong_scenario_is_refused_where_it_is_wrong(cohelm, tmp_path, text, words):
+def test_an_error_in_a_scenario_is_reported_with_its_line(cohelm, tmp_path, text, words):
     (tmp_path / "s.yaml").write_text(text)
     refused(cohelm("run", "s.yaml", "--json"), *words)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_drive_in_a_scenario_that_is_not_there_is_not_started(cohelm):
+def test_a_drive_in_a_missing_scenario_is_not_started(cohelm):
     said = cohelm("drive", "lab-gard")
     refused(said, "lab-gard", "did you mean lab-guard?")
     assert "starting" not in said.err
@@ -64,7 +64,7 @@ def test_an_invalid_controller_twist_is_refused(cohelm, wanted):
     refused(cohelm("base", "--controller", wanted, "--for", "1"), wanted, "such as 0.5,0")
 
 
-def test_before_free_floor_is_asked_for_it_is_known_what_will_drive_there(cohelm):
+def test_the_robot_is_checked_before_asking_for_free_floor(cohelm):
     refused(cohelm("calibrate", "sally", "--driver", "nowhere"), "nowhere", "package:name")
 
 
@@ -176,7 +176,7 @@ def test_a_file_in_place_of_the_output_folder_is_reported(cohelm, tmp_path, out)
     ],
     ids=" ".join,
 )  # fmt: skip
-def test_a_name_that_is_empty_is_not_this_folder(cohelm, tmp_path, command):
+def test_an_empty_path_is_refused(cohelm, tmp_path, command):
     """As where a variable of the shell is empty: what lay here would be written over."""
     refused(cohelm(*command, ""), "name is empty", "or . for this folder")
     assert list(tmp_path.iterdir()) == []
@@ -192,7 +192,7 @@ def test_an_existing_record_is_reported_before_anything_starts(cohelm, tmp_path)
     refused(cohelm("robot", "lab-guard", "--fast", "--record", "r.mcap"), "r.mcap exists already")
 
 
-def test_an_empty_file_of_a_robot_is_not_mended_with_a_scenario(cohelm, tmp_path):
+def test_an_empty_robot_file_is_reported_with_the_robot_documentation(cohelm, tmp_path):
     (tmp_path / "r.yaml").touch()
     refused(cohelm("filter", "--robot", "r.yaml"), "the file is empty; see docs/robot-yaml.md")
     refused(cohelm("filter", "--robot", "sally", "--params", "r.yaml"), "r.yaml: the file is empty")
@@ -251,7 +251,7 @@ wheel_radius_m: 0.1
 """
 
 
-def test_a_robot_given_for_a_scenario_is_called_one_and_the_reverse(cohelm, tmp_path):
+def test_a_robot_file_given_as_a_scenario_is_recognized_and_the_reverse(cohelm, tmp_path):
     (tmp_path / "cart.yaml").write_text(ROBOT)
     (tmp_path / "office.yaml").write_text(BASE)
     said = cohelm("run", "cart.yaml")
@@ -261,9 +261,7 @@ def test_a_robot_given_for_a_scenario_is_called_one_and_the_reverse(cohelm, tmp_
 
 
 @pytest.mark.parametrize("wrong", ["footprint", "footprint_mm"])
-def test_of_a_robots_file_a_key_that_is_mistyped_is_named_and_not_all_of_a_scenarios(
-    cohelm, tmp_path, wrong
-):
+def test_a_mistyped_key_of_a_robot_file_is_named(cohelm, tmp_path, wrong):
     (tmp_path / "cart.yaml").write_text(ROBOT.replace("footprint_m", wrong))
     said = cohelm("robot", "cart.yaml")
     refused(said, f"cart.yaml:3: {wrong}: unknown key; did you mean footprint_m")
@@ -336,7 +334,7 @@ def test_unusable_options_of_a_drive_are_reported_before_anything_starts(
 
 
 @pytest.mark.parametrize("option", [("--print-config",), ("--lock-timeout", "1")])
-def test_what_only_a_ros_2_robot_has_is_refused_of_another(cohelm, option):
+def test_options_of_ros_2_robots_are_refused_for_other_robots(cohelm, option):
     refused(cohelm("robot", "lab-guard", *option), "of a ROS 2 robot: add --ros2")
 
 
@@ -363,18 +361,18 @@ def test_a_wrong_command_line_is_one_sentence_that_names_the_help(cohelm, words,
     assert said.err.count("\n") == 1
 
 
-def test_where_a_robot_is_driven_is_not_left_out_of_account_for_a_scenario(cohelm):
+def test_the_scenario_option_is_refused_beside_a_scenario(cohelm):
     refused(
         cohelm("drive", "--scenario", "minimal"), "lab-guard is none: give minimal in its place"
     )
 
 
 @pytest.mark.parametrize("option", ["--law", "--compare"])
-def test_a_law_without_a_name_is_not_the_guard(cohelm, option):
+def test_an_empty_law_name_is_refused(cohelm, option):
     refused(cohelm("campaign", "random", "--n", "1", option, ""), "name each law")
 
 
-def test_a_file_named_mcap_that_is_none_is_not_read_as_another_log(cohelm, tmp_path):
+def test_an_empty_mcap_file_is_not_read_as_a_carmen_log(cohelm, tmp_path):
     (tmp_path / "empty.mcap").touch()
     refused(cohelm("map", "empty.mcap"), "is not an MCAP file")
 
@@ -385,7 +383,7 @@ def test_a_cluster_without_a_port_is_refused_in_one_sentence(cohelm):
     assert said.err.count("\n") == 1
 
 
-def test_without_an_answer_nothing_is_calibrated(cohelm, monkeypatch):
+def test_without_confirmation_nothing_is_calibrated(cohelm, monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO())
     said = cohelm("calibrate", "sally")
     assert said.code == 2

@@ -1,4 +1,4 @@
-"""`cohelm calibrate`, as it is typed; the simulated robot drives in real time."""
+"""`cohelm calibrate`; the simulated robot drives in real time."""
 
 import json
 import signal
@@ -45,7 +45,7 @@ def test_a_robot_is_measured_and_its_file_written_and_then_again_with_a_load(tmp
 
 
 @pytest.mark.slow
-def test_ctrl_c_half_way_stops_the_robot_and_reports_that_it_was_not_enough(tmp_path):
+def test_ctrl_c_during_calibration_stops_the_robot_and_reports_missing_data(tmp_path):
     ran = subprocess.Popen(TYPED, cwd=tmp_path, stdout=-1, stderr=-1, text=True)
     try:
         ran.wait(20.0)

@@ -1,4 +1,4 @@
-"""`cohelm campaign` as it is meant, and how it answers what can not be done."""
+"""`cohelm campaign`: results, comparison, replay, errors."""
 
 import json
 import re
@@ -48,7 +48,7 @@ def test_one_law_gives_one_json_object_with_its_counts(cohelm, driven, tmp_path)
     assert json.loads((tmp_path / "there" / "summary.json").read_text()).items() <= got.items()
 
 
-def test_laws_are_put_side_by_side_on_the_same_episodes(cohelm, driven, tmp_path):
+def test_laws_are_compared_on_the_same_episodes(cohelm, driven, tmp_path):
     said = driven(cohelm, TWO, tmp_path / "there")
     assert said.code == 0
     assert re.search(r"quantity\W+none\W+paper", said.out)
@@ -62,7 +62,7 @@ def test_laws_are_put_side_by_side_on_the_same_episodes(cohelm, driven, tmp_path
     assert "link " not in page
 
 
-def test_one_s_own_robot_drives_and_the_folder_goes_on_without_its_file(cohelm, tmp_path):
+def test_a_campaign_with_a_custom_robot_continues_without_its_file(cohelm, tmp_path):
     """The file is kept in the plan: it may be moved or changed afterwards."""
     shutil.copy(shipped_path("turtlebot3_burger"), tmp_path / "mine.yaml")
     drive = ("--law", "none", "--n", "1", "--seed", "2", "--jobs", "1", "--json")
@@ -81,7 +81,7 @@ def test_one_s_own_robot_drives_and_the_folder_goes_on_without_its_file(cohelm, 
     assert "robot turtlebot3_burger (requested: husky)" in other.err
 
 
-def test_episodes_that_could_not_be_driven_are_said_and_the_status_is_1(cohelm, tmp_path):
+def test_failed_episodes_are_reported_and_the_exit_status_is_1(cohelm, tmp_path):
     (tmp_path / "torn.py").write_text("def law(robot, period):\n    return lambda now: 1 / 0\n")
     wanted = ("campaign", "random", "--law", "torn:law", "--n", "2", "--jobs", "1", "--out", "x")
     said = cohelm(*wanted)
@@ -93,7 +93,7 @@ def test_episodes_that_could_not_be_driven_are_said_and_the_status_is_1(cohelm, 
     assert len(json.loads(again.out)["failed"]) == 2
 
 
-def test_a_row_is_driven_again_alone_and_is_the_same(cohelm, driven, tmp_path):
+def test_a_replayed_row_equals_the_row_of_the_campaign(cohelm, driven, tmp_path):
     driven(cohelm, TWO, tmp_path / "there")
     got = json.loads(cohelm("campaign", "there", "--replay", "paper/1", "--json").out)
     assert got["same_as_row"] is True
@@ -126,9 +126,7 @@ def test_a_row_is_driven_again_alone_and_is_the_same(cohelm, driven, tmp_path):
         (("campaign", "random", "--replay", "1"), ["random", "holds no campaign"]),
     ],
 )
-def test_requests_that_can_not_be_done_are_refused_in_one_sentence(
-    cohelm, tmp_path, arguments, words
-):
+def test_invalid_options_are_refused_in_one_sentence(cohelm, tmp_path, arguments, words):
     said = cohelm(*arguments, "--json")
     assert (said.code, said.out) == (2, "")
     assert said.err.startswith("error: ")
@@ -149,7 +147,7 @@ def test_a_folder_of_another_campaign_is_not_touched(cohelm, driven, tmp_path):
     assert sorted((f.name, f.stat().st_size) for f in (tmp_path / "there").rglob("*")) == before
 
 
-def test_ctrl_c_keeps_what_was_driven_and_prints_how_to_continue(cohelm, tmp_path):
+def test_ctrl_c_keeps_finished_episodes_and_prints_how_to_continue(cohelm, tmp_path):
     command = [sys.executable, "-m", "cohelm", "campaign", "adversary", "--law", "none"]
     process = subprocess.Popen(
         [*command, "--n", "300", "--jobs", "2", "--out", "there"],

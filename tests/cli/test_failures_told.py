@@ -1,4 +1,4 @@
-"""What failed stands in the summary, in --json and in the exit status, not only in a log."""
+"""Failures are in the summary, in --json and in the exit status."""
 
 import json
 import resource
@@ -27,7 +27,7 @@ SOUND = {
 }  # fmt: skip
 
 
-def test_a_sound_drive_has_no_failure():
+def test_a_successful_drive_reports_no_failure():
     assert failures(SOUND) == []
 
 
@@ -105,7 +105,7 @@ def _drive(path, ranges, finish=True):
 
 
 @pytest.mark.parametrize("ranges", [np.nan, np.inf])
-def test_a_map_is_not_made_of_nothing(cohelm, tmp_path, ranges):
+def test_a_record_without_scans_makes_no_map(cohelm, tmp_path, ranges):
     _drive(tmp_path / "nothing.mcap", ranges)
     said = cohelm("map", "nothing.mcap", "--json")
     assert said.code == 2
@@ -122,7 +122,7 @@ def test_a_map_of_a_record_that_was_cut_short_is_made_and_the_status_is_1(cohelm
     assert "is cut short or damaged" in said.err
 
 
-def test_a_start_takes_no_negative_time_where_the_clock_is_set_back(monkeypatch):
+def test_the_starting_time_is_not_negative_after_a_clock_change(monkeypatch):
     starting = tell.Starting("the robot")
     monkeypatch.setattr(tell.time, "time", lambda: 0.0)
     try:

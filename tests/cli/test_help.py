@@ -1,4 +1,4 @@
-"""Help: what there is, at 80 columns, without waiting for numbers to be imported."""
+"""Help texts fit 80 columns and need no slow imports."""
 
 import itertools
 import json
@@ -65,7 +65,7 @@ def test_the_version_is_the_packages(cohelm):
     assert cohelm("--version") == (0, f"cohelm {__version__}\n", "")
 
 
-def test_help_imports_none_of_what_takes_long():
+def test_help_imports_no_slow_modules():
     command = [sys.executable, "-c", SHOW_IMPORTS, "--help"]
     help_ = subprocess.run(command, capture_output=True, text=True, check=True)
     loaded = {name.split(".")[0] for name in help_.stderr.split()}

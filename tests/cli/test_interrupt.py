@@ -1,4 +1,4 @@
-"""Ctrl-C is never raised where numba makes an answer: it would end the process with a fault."""
+"""Ctrl-C is delayed while numba converts results."""
 
 import os
 import signal
@@ -33,13 +33,13 @@ def busy(seconds):
     return names
 
 
-def test_in_code_of_ours_it_is_raised():
+def test_an_interrupt_in_our_own_code_is_raised_at_once():
     with pytest.raises(KeyboardInterrupt):
         interrupted(signal.SIGINT, sys._getframe())
 
 
 @pytest.mark.parametrize("file", ["<string>", "/somewhere/site-packages/numba/core/serialize.py"])
-def test_where_an_answer_is_made_it_is_put_off_until_that_is_done_and_never_lost(file):
+def test_an_interrupt_inside_numba_is_delayed_and_never_lost(file):
     busy, done = frames_of(file)["busy"], False
     try:
         busy(0.1)
@@ -77,18 +77,18 @@ def pressed_in(function: str, file: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("function", ["get_command", "get_params_from_function", "main", "flush"])
-def test_it_ends_the_command_without_a_traceback_also_before_and_after_its_work(function):
+def test_ctrl_c_never_prints_a_traceback(function):
     ran = pressed_in(function, "press.py")
     assert ran.returncode == 130
     assert "Traceback" not in ran.stderr, ran.stderr
 
 
-def test_one_that_was_put_off_until_the_command_was_over_comes_no_more():
+def test_an_interrupt_delayed_beyond_the_command_is_dropped():
     ran = pressed_in("flush", "<string>")
     assert (ran.returncode, ran.stderr) == (0, "")
 
 
-def test_next_to_nothing_is_imported_before_ctrl_c_is_taken_care_of():
+def test_few_modules_are_imported_before_ctrl_c_is_handled():
     source = (
         "import sys; old = {*sys.modules}; import cohelm.__main__; print(*{*sys.modules} - old)"
     )

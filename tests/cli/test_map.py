@@ -1,4 +1,4 @@
-"""`cohelm map`: a drive's record becomes a map that localisation works on."""
+"""`cohelm map`: a map from the record of a drive."""
 
 import json
 import math
@@ -114,7 +114,7 @@ def test_a_file_that_is_no_record_is_refused_in_one_sentence(cohelm, tmp_path):
         assert said in done.err
 
 
-def test_live_a_record_is_mapped_while_it_is_being_written(tmp_path, monkeypatch):
+def test_a_record_is_mapped_while_it_is_written(tmp_path, monkeypatch):
     """The drive goes on whenever mapping waits for more of it; at its end comes Ctrl-C."""
     path = tmp_path / "drive.mcap"
     moments = iter(list(drive(*along(TOUR[:4]), 1)))
@@ -203,7 +203,7 @@ def test_another_drive_continues_the_map_where_the_last_one_ended(folder, tmp_pa
     assert math.hypot(rows[-1, 1] - end.x, rows[-1, 2] - end.y) < 0.1
 
 
-def test_a_drive_that_begins_elsewhere_is_not_joined_to_the_last_one(folder):
+def test_a_drive_that_begins_elsewhere_is_not_appended(folder):
     survey = MappingSession.read(folder).survey
     survey.set_down()
     (seen,) = mapping.mapping_scans(LIDAR.lidar(), *scanned(along(TOUR[8:10])))
@@ -252,9 +252,7 @@ def test_cuts_and_crops_of_a_mapping_can_be_undone(folder, tmp_path, cohelm):
         (("map/map.png", "--resume", "--out", "nowhere"), "there is no such file"),
     ],
 )
-def test_marks_that_make_no_sense_are_refused_in_a_sentence(
-    folder, tmp_path, cohelm, options, said
-):
+def test_invalid_marks_are_refused_in_one_sentence(folder, tmp_path, cohelm, options, said):
     (tmp_path / "map").symlink_to(folder)
     before = (folder / "survey.npz").read_bytes()
     done = cohelm("map", *options)
@@ -270,7 +268,7 @@ def test_a_damaged_mapping_is_reported(folder, tmp_path):
             MappingSession.read(tmp_path)
 
 
-def test_a_wall_of_one_cell_is_black_in_a_small_picture():
+def test_a_thin_wall_is_visible_in_a_small_picture():
     """Averaged, the walls of a map of 40 m in cells of 2.5 cm are a light grey."""
     occupied = np.zeros((1700, 1501), np.bool_)
     occupied[:, 1500] = occupied[40, :] = True

@@ -1,4 +1,4 @@
-"""`cohelm pair` as its user meets it."""
+"""`cohelm pair`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def on(tmp_path, monkeypatch):
     return run
 
 
-def test_a_robot_and_a_station_are_paired_listed_and_parted(on, tmp_path):
+def test_a_station_is_paired_listed_and_removed(on, tmp_path):
     made = on("robot", "new", "anna", "--robot", "sally")
     assert made.exit_code == 0, made.output
     assert "cohelm pair install anna.pair" in made.stdout

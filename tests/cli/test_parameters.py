@@ -1,4 +1,4 @@
-"""Options from a ROS 2 parameter file, and what each bad one gets."""
+"""Options from a ROS 2 parameter file."""
 
 import pytest
 
@@ -14,7 +14,7 @@ def parameters(text, node="cohelm_filter"):
     return f"{node}:\n  ros__parameters: {{{text}}}\n"
 
 
-def test_a_file_gives_options_and_the_command_line_has_the_last_word(cohelm, tmp_path):
+def test_the_command_line_takes_precedence_over_a_parameter_file(cohelm, tmp_path):
     text = parameters("robot: sally, transport: foxglove, url: 'ws://127.0.0.1:9', wait: 2.0")
     said = filtered(cohelm, tmp_path, text)
     assert "no foxglove_bridge answers at ws://127.0.0.1:9" in said.err
@@ -30,7 +30,7 @@ def test_the_topics_of_further_lidars_may_be_one_or_a_list(cohelm, tmp_path, top
 
 @pytest.mark.parametrize("simulated", ["true", "false"])
 @pytest.mark.parametrize("node", ["/**", "/j100/cohelm_filter"])
-def test_wildcards_and_namespaces_are_meant_as_in_ros(cohelm, tmp_path, node, simulated):
+def test_wildcards_and_namespaces_follow_ros(cohelm, tmp_path, node, simulated):
     text = parameters(f"robot: sally, use_sim_time: {simulated}, transport: pigeon", node)
     assert "--transport 'pigeon'" in filtered(cohelm, tmp_path, text).err
 

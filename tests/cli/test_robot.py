@@ -1,4 +1,4 @@
-"""`cohelm robot` as a process: over the link, and with options that do not go together."""
+"""`cohelm robot` as a process: over the link, and conflicting options."""
 
 import os
 import socket
@@ -35,20 +35,20 @@ def test_a_paired_station_connects_to_a_listening_robot(tmp_path, monkeypatch):
         robot.communicate(timeout=30.0)
 
 
-def test_a_station_says_how_to_drive_or_the_command_line_does(cohelm):
+def test_mode_options_are_refused_with_listen(cohelm):
     said = cohelm("robot", "--listen", "127.0.0.1", "--arrive")
     assert said.code == 2
     assert "leave out --mode, --dock, --arrive and --fast" in said.err
 
 
-def test_a_mode_that_there_is_not_starts_nothing(cohelm):
+def test_an_unknown_mode_is_refused_before_anything_starts(cohelm):
     said = cohelm("robot", "--mode", "fly")
     assert said.code == 2
     assert "there is no mode 'fly'" in said.err
     assert "starting" not in said.err
 
 
-def test_a_robot_of_ones_own_is_not_simulated(cohelm):
+def test_simulation_options_are_refused_for_a_custom_robot(cohelm):
     said = cohelm("robot", "--driver", "tests.api.carts:Cart", "--fast")
     assert said.code == 2
     assert "with --driver nothing is simulated" in said.err
@@ -60,14 +60,14 @@ def test_a_missing_custom_robot_is_reported(cohelm):
     assert "no_such_package:Cart can not be imported" in said.err
 
 
-def test_where_nothing_can_be_shown_nothing_starts(cohelm):
+def test_an_invalid_address_of_the_live_view_starts_nothing(cohelm):
     said = cohelm("robot", "--foxglove", "host:port")
     assert said.code == 2
     assert "'host:port' is no HOST[:PORT]" in said.err
     assert "starting" not in said.err
 
 
-def test_where_there_is_neither_map_nor_wall_it_drives_by_its_odometry(cohelm, tmp_path):
+def test_without_map_and_walls_the_robot_uses_its_odometry(cohelm, tmp_path):
     """As the first drive through a building has to, of which there is no map yet."""
     (tmp_path / "bare.yaml").write_text(
         "name: bare\nreference: {speed_mps: 0.5, waypoints_m: [[0, 0], [4, 0]]}\n"

@@ -1,4 +1,4 @@
-"""`run` and `replay` as they are meant: what they leave, and what they say of it."""
+"""`cohelm run` and `cohelm replay`: files and output."""
 
 import json
 from datetime import datetime
@@ -36,12 +36,12 @@ def test_a_replay_gives_the_metrics_of_the_run_to_the_last_digit(cohelm, tmp_pat
     assert set(ran["discs"]) == {"cone_1", "cone_2", "cone_3", "mover"}
 
 
-def test_a_run_is_replayed_by_the_name_of_its_folder_too(cohelm):
+def test_a_run_is_replayed_by_its_folder(cohelm):
     cohelm("run", *BRIEF, "--out", "there")
     assert json.loads(cohelm("replay", "there", "--json").out)["record"] == "there/record.mcap"
 
 
-def test_the_scenario_that_is_left_makes_the_same_run_again(cohelm, tmp_path):
+def test_the_stored_scenario_repeats_the_run(cohelm, tmp_path):
     first = json.loads(cohelm("run", *BRIEF, "--out", "first", "--json").out)
     second = json.loads(cohelm("run", "first/scenario.yaml", "--out", "second", "--json").out)
     assert (first.pop("out"), second.pop("out")) == ("first", "second")
@@ -51,7 +51,7 @@ def test_the_scenario_that_is_left_makes_the_same_run_again(cohelm, tmp_path):
     ).read_bytes()
 
 
-def test_the_default_folder_bears_name_and_time_whatever_the_name(cohelm, tmp_path):
+def test_the_default_folder_has_name_and_time(cohelm, tmp_path):
     name = "../a b/" + "車" * 60
     said = cohelm("run", *BRIEF, "--set", f"name={name}", "--json")
     (folder,) = (tmp_path / "out").iterdir()
@@ -69,7 +69,7 @@ def test_runs_that_start_in_the_same_second_have_folders_of_their_own(tmp_path, 
     assert all(folder.is_dir() for folder in folders)
 
 
-def test_a_folder_with_other_files_in_it_is_used_and_they_stay(cohelm, tmp_path):
+def test_other_files_in_the_output_folder_are_kept(cohelm, tmp_path):
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "notes.txt").write_text("mine")
     assert cohelm("run", *BRIEF, "--out", "there").code == 0
@@ -77,14 +77,14 @@ def test_a_folder_with_other_files_in_it_is_used_and_they_stay(cohelm, tmp_path)
     assert {file.name for file in (tmp_path / "there").iterdir()} == {*WRITTEN, "notes.txt"}
 
 
-def test_a_warning_goes_beside_the_one_json_object_not_into_it(cohelm):
+def test_warnings_are_printed_on_stderr_beside_the_json_object(cohelm):
     said = cohelm("run", *BRIEF, "--set", "reference.speed_mps=5", "--json")
     assert said.code == 0
     assert said.err.startswith("warning: reference: asks for a speed of 5")
     assert json.loads(said.out)["scenario"] == "minimal"
 
 
-def test_a_name_can_neither_color_nor_command_the_terminal(cohelm, tmp_path):
+def test_names_can_not_send_terminal_control_sequences(cohelm, tmp_path):
     (tmp_path / "s.yaml").write_text(
         'name: "\\e[31m[bold]x\\a"\nreference: {waypoints_m: [[0, 0], [1, 0]]}\n'
     )
@@ -94,7 +94,7 @@ def test_a_name_can_neither_color_nor_command_the_terminal(cohelm, tmp_path):
     assert "\x1b" not in said.out + said.err
 
 
-def test_of_a_crowd_the_nearest_are_reported_and_the_others_counted(cohelm, tmp_path):
+def test_of_many_obstacles_the_nearest_are_listed_and_the_others_counted(cohelm, tmp_path):
     crowd = "\n".join(
         f"  - {{name: o{i}, center_m: [{i % 40 - 20}, {3 + i // 40}], radius_m: 0.1}}"
         for i in range(100)
@@ -110,7 +110,7 @@ def test_of_a_crowd_the_nearest_are_reported_and_the_others_counted(cohelm, tmp_
     assert len(kept["discs"]) == 100
 
 
-def test_with_nothing_around_nothing_is_near(cohelm, tmp_path):
+def test_without_obstacles_clearances_are_null(cohelm, tmp_path):
     (tmp_path / "s.yaml").write_text("name: s\nreference: {waypoints_m: [[0, 0], [1, 0]]}\n")
     assert "nothing near" in cohelm("run", "s.yaml").out
     said = json.loads(cohelm("run", "s.yaml", "--json").out)

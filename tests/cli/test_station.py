@@ -1,4 +1,4 @@
-"""Where a station may listen, and with which certificate, as it is typed."""
+"""`cohelm station`: address, TLS, certificates."""
 
 import datetime
 import http.client
@@ -81,11 +81,11 @@ def station(record: Path, *options: object) -> Iterator[str]:
 
 @pytest.mark.parametrize("command", [("station", "--replay", "x.mcap"), ("drive", "lab-guard")])
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "robot.local"])
-def test_the_token_does_not_cross_a_network_in_clear_unasked(cohelm, command, host):
+def test_the_token_is_sent_unencrypted_only_on_request(cohelm, command, host):
     refused(cohelm(*command, "--host", host), "in clear", "add --tls", "--without-tls")
 
 
-def test_unencrypted_mode_is_warned_of_each_time(cohelm, monkeypatch):
+def test_unencrypted_mode_prints_a_warning(cohelm, monkeypatch):
     from cohelm.cli import station as told
 
     monkeypatch.setattr(told, "_recorded", lambda path: None)
@@ -97,7 +97,7 @@ def test_unencrypted_mode_is_warned_of_each_time(cohelm, monkeypatch):
         assert "in clear" not in cohelm("station", "--replay", "x.mcap", *quiet).err
 
 
-def test_one_address_is_printed_that_opens_everywhere(record):
+def test_the_printed_address_has_the_token(record):
     with station(record) as address:
         origin, _, token = address.partition("/#token=")
         assert len(token) >= 22  # 128 bits
@@ -107,7 +107,7 @@ def test_one_address_is_printed_that_opens_everywhere(record):
         link.close()
 
 
-def test_a_certificate_of_ones_own_and_the_name_in_it(record, tmp_path):
+def test_a_custom_certificate_and_its_host_name_are_used(record, tmp_path):
     authority, certificate, key = signed(tmp_path)
     with station(record, "--tls-cert", certificate, "--tls-key", key) as address:
         origin, _, token = address.partition("/#token=")
@@ -140,7 +140,7 @@ def test_errors_in_a_certificate_are_reported_before_anything_starts(cohelm, tmp
     refused(cohelm(*replay, "--tls-cert", certificate, "--tls-key", key), "chmod 600")
 
 
-def test_a_second_ctrl_c_is_no_more_than_the_first():
+def test_a_second_ctrl_c_has_no_further_effect():
     """uvicorn would break its end off, which shows as a traceback."""
     server = Server(lambda _: None)
     server._server.handle_exit(signal.SIGINT, None)

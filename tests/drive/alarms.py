@@ -1,4 +1,4 @@
-"""How often the plausibility monitor says something where nothing lies.
+"""Counts false alarms of the plausibility monitor.
 
 Episodes of the campaigns, driven by their own fast simulation; what odometry and LiDAR would have
 read along them, errors and all, is given to the monitor: `python -m tests.drive.alarms random`.

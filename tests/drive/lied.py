@@ -1,4 +1,4 @@
-"""One drive of a robot that lies, into a wall, and what came of it.
+"""One drive of a robot with false readings into a wall.
 
 `python -m tests.drive.lied --kind kinematic` drives all of them and prints a table.
 """

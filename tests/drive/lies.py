@@ -1,4 +1,4 @@
-"""A robot whose senses lie, finite and plausible at a glance; each lie begins at a set time.
+"""False sensor readings, finite and plausible at a glance; each begins at a set time.
 
 What each is noticed by, and how soon, stands in `LIES`; `tests/drive/test_lies.py` holds it.
 """

@@ -1,4 +1,4 @@
-"""Somebody who looks on at a drive, as Foxglove does: a real client over a real socket."""
+"""A viewer as Foxglove: a real client over a real socket."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A station that holds its stick ahead while it lives: `python -m tests.drive.steers PORT`."""
+"""A station that holds its stick ahead while it runs: `python -m tests.drive.steers PORT`."""
 
 import sys
 import time

@@ -1,4 +1,4 @@
-"""The page is there before the robot is, and nothing reaches a robot that was not there."""
+"""The page before the robot is ready: requests are refused, not stored."""
 
 import time
 
@@ -85,7 +85,7 @@ def test_no_request_from_before_the_robot_was_ready_reaches_it():
     assert there[0].reached == [("ask", RequestKind.RESET)]
 
 
-def test_a_page_that_left_before_makes_no_link_afterwards():
+def test_a_closed_page_opens_no_link_when_the_robot_is_ready():
     link, there = awaited()
     link.close()
     there.append(Robot())

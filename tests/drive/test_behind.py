@@ -1,4 +1,4 @@
-"""A person backs the robot up where it has never looked, through the whole loop."""
+"""Backing into unobserved space, through the whole loop."""
 
 import math
 
@@ -10,7 +10,7 @@ from cohelm.loop.operator import Scripted
 from tests.drive.faults import CORRIDOR
 
 
-def test_no_operator_backs_it_into_unobserved_space_and_the_screen_shows_why():
+def test_backing_into_unobserved_space_is_prevented_with_the_reason():
     made = simulated(CORRIDOR, "kinematic", real_time=False)
     box: list[Session] = []
 

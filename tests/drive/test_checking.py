@@ -1,4 +1,4 @@
-"""Ways are checked in a process that can be slow, and can die, without anybody waiting for it."""
+"""Paths are checked in a process of its own, which may hang or die."""
 
 import os
 import signal
@@ -54,7 +54,7 @@ def test_a_dead_worker_is_replaced_and_its_job_is_answered():
     assert process._child is None
 
 
-def test_a_check_that_never_ends_is_abandoned_and_no_call_waits(monkeypatch):
+def test_a_check_that_hangs_is_given_up_and_no_call_blocks(monkeypatch):
     monkeypatch.setattr(checking, "WITHIN", 0.5)
     process = RemoteChecking(Sleepy())
     try:
@@ -75,7 +75,7 @@ def test_a_check_that_never_ends_is_abandoned_and_no_call_waits(monkeypatch):
         process.close()
 
 
-def test_a_process_that_was_given_up_is_ended_though_nobody_came_to_it_before_the_end():
+def test_a_process_that_was_given_up_is_ended_on_close():
     """Its replacing is left out, as all that has not begun then; its end is not."""
     process, held_up = RemoteChecking(JUDGE), threading.Event()
     child = process._child
@@ -87,7 +87,7 @@ def test_a_process_that_was_given_up_is_ended_though_nobody_came_to_it_before_th
     assert child._process.exitcode is not None
 
 
-def test_a_process_that_comes_up_after_the_end_is_ended(monkeypatch):
+def test_a_process_that_starts_after_close_is_ended(monkeypatch):
     """On a busy machine `close` does not wait for it."""
     process = RemoteChecking(Sleepy())
     monkeypatch.setattr(checking, "_AGAIN", 0.0)

@@ -1,4 +1,4 @@
-"""Docking: straight, slowly, with the dock's margin; whatever ends it, it ends in hold."""
+"""Docking and undocking; whatever ends it, the robot holds."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_a_driver_docks_and_undocks_without_a_mode_change_in_between(drive):
         ("stick", "the stick was deflected"),
     ],
 )
-def test_whatever_ends_docking_ends_it_for_good(drive, ends, said):
+def test_docking_that_was_ended_does_not_resume(drive, ends, said):
     loop, told = drive.loop, events(drive)
 
     def script():
@@ -286,7 +286,7 @@ def test_a_robot_without_rear_sensor_undocks_at_a_crawl(robot, speed, reason):
     assert out.cap == (0.15, "docking at charger")
 
 
-def test_a_site_without_docks_says_so(settings):
+def test_without_docks_docking_is_refused(settings):
     none = Docking([], settings, 0.05)
     assert none.refusal(0, Seen(1.0), CENTRED, False) == "this site has no dock"  # pyright: ignore
     assert none.phase(Seen(1.0)) == (DockPhase.AWAY, 0)  # pyright: ignore
@@ -311,7 +311,7 @@ def test_a_lost_or_misaligned_robot_does_not_dock(docking):
                 assert len(refusal(number, seen, CENTRED, backwards).encode()) <= 64
 
 
-def test_a_dock_is_called_by_its_name_or_refused_with_those_there_are():
+def test_an_unknown_dock_is_refused_with_the_known_names():
     plan = SessionConfig(simulated("dock", real_time=False))
     assert dock_of(plan, "charger") == 1
     assert dock_of(plan, "") == 0
@@ -325,7 +325,7 @@ def test_a_dock_is_called_by_its_name_or_refused_with_those_there_are():
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["kinematic", "twin"])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_sally_docks_in_a_bay_that_it_does_not_enter_otherwise(kind, seed):
+def test_sally_enters_a_narrow_bay_only_for_docking(kind, seed):
     made = simulated("dock", kind, real_time=False, seed=seed)
     with Session(SessionConfig(made)) as session:
         loop = session.loop
@@ -343,7 +343,7 @@ def test_sally_docks_in_a_bay_that_it_does_not_enter_otherwise(kind, seed):
         assert loop.gated.truth().least_moving > 0.0355
 
 
-def test_a_replay_shows_the_docks_there_were(tmp_path):
+def test_a_replay_shows_the_docks(tmp_path):
     setup = build.setup(load.scenario("dock", ["simulation.duration_s=0.1"]))
     with Recorder(tmp_path / "run.mcap", scene(setup)) as recorder:
         for piece in pieces(setup):

@@ -1,4 +1,4 @@
-"""A page that hangs for a moment, on the real loop in simulated time: stand, and go on."""
+"""Short dropouts of stick or page pause the robot; in simulated time."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def test_a_stick_that_is_not_released_after_a_dropout_latches_a_stop(session, an
 
 
 @pytest.mark.parametrize("what", ["disarmed", "released", "given away", "another device"])
-def test_a_deliberate_act_during_a_dropout_is_not_a_dropout(session, anna, what):
+def test_a_deliberate_action_during_a_dropout_ends_it(session, anna, what):
     lead(session, anna, Mode.SHARED)
     if what != "disarmed":
         away(anna, "page", True)
@@ -152,7 +152,7 @@ def test_a_deliberate_act_during_a_dropout_is_not_a_dropout(session, anna, what)
 
 
 @pytest.mark.parametrize("mode", first([Mode.HOLD, Mode.MANUAL, Mode.SHARED]))
-def test_a_mode_chosen_meanwhile_wins(session, anna, mode):
+def test_a_mode_chosen_during_a_dropout_takes_precedence(session, anna, mode):
     lead(session, anna, Mode.SHARED)
     away(anna, "page", True)
     drive(session, 0.5)
@@ -167,7 +167,7 @@ def test_a_mode_chosen_meanwhile_wins(session, anna, mode):
     assert (speed(session) > 0.1) is (mode == Mode.SHARED)  # which she chose, and nobody steers
 
 
-def test_a_stop_meanwhile_wins(session, anna):
+def test_a_stop_during_a_dropout_takes_precedence(session, anna):
     lead(session, anna, Mode.SHARED)
     away(anna, "page", True)
     drive(session, 0.5)

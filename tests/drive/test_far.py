@@ -105,7 +105,7 @@ def drives(station: StationEnd, person: Person) -> None:
 
 
 @pytest.mark.parametrize("loss", [0.02, 0.10])
-def test_no_old_command_is_used_and_after_a_black_out_driving_continues(
+def test_no_old_command_is_used_and_after_a_long_interruption_driving_continues(
     loss, tmp_path, monkeypatch
 ):
     monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "keys"))

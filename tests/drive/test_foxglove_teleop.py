@@ -1,4 +1,4 @@
-"""Foxglove's Teleop panel steers through the lease, as a station does, or is told why not."""
+"""Foxglove's Teleop panel steers as a client of the link."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_a_twist_is_the_same_in_either_encoding(kind):
 
 
 @pytest.mark.parametrize(("v", "omega"), [(0.5, 0.0), (-0.2, 0.0), (0.3, 0.8), (0.4, -0.1)])
-def test_the_requested_twist_is_what_the_law_makes_of_the_stick(v, omega):
+def test_the_stick_of_a_twist_gives_that_twist_in_the_law(v, omega):
     asked = human(limited(stick_of(Twist(v, omega), GAINS), GAINS), GAINS)
     assert tuple(asked) == pytest.approx((v, omega))
 

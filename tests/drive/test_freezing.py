@@ -1,4 +1,4 @@
-"""One of a drive's processes is stopped at random moments: the robot stands in time, or goes on."""
+"""Processes of a drive freeze at random moments: the robot stops in time, or continues."""
 
 import pytest
 
@@ -8,7 +8,7 @@ pytestmark = [pytest.mark.xdist_group("realtime"), pytest.mark.slow]
 
 
 @pytest.mark.parametrize("who", PROCESSES)
-def test_whichever_process_freezes_at_any_moment_the_robot_behaves_as_promised(who, tmp_path):
+def test_the_robot_is_safe_when_any_process_freezes_at_any_moment(who, tmp_path):
     found = rounds(who, 20, 3, tmp_path)
     assert [one for one in found if one["wrong"]] == []
     if who in ("loop", "gate process"):

@@ -1,4 +1,4 @@
-"""What works for the loop hangs, and is not dead: the loop drives on, and somebody is told."""
+"""A hanging planner or recorder is reported, and the loop continues."""
 
 import os
 import signal
@@ -88,7 +88,7 @@ def test_a_hanging_planner_or_recorder_is_reported_and_the_robot_continues(tmp_p
 
 
 @pytest.mark.slow
-def test_without_a_route_no_plan_is_waited_for():
+def test_without_a_route_the_loop_waits_for_no_plan():
     with Session(SessionConfig(simulated(CORRIDOR, seed=2), patience=PATIENT)) as session:
         loop, planner = session.loop, children(os.getpid())["cohelm planner"]
         drive(session, 1.0, Mode.AUTOMATIC)

@@ -1,4 +1,4 @@
-"""`cohelm drive` as its user meets it: a stick joins it, and when its robot dies it says so."""
+"""`cohelm drive`: a local stick joins, and the end of the robot process is reported."""
 
 import os
 import re
@@ -131,7 +131,7 @@ def test_a_local_stick_joins_the_drive_and_takes_the_lease(drive):
 
 
 @pytest.mark.slow
-def test_a_record_started_while_it_stands_says_what_the_gate_did(drive):
+def test_a_record_started_at_rest_has_the_events_of_the_gate(drive):
     own, to = credentials_of_drive()
     with StationEnd(own, *to) as station:
         told = lambda: station.status().status  # noqa: E731

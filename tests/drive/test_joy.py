@@ -1,4 +1,4 @@
-"""A joystick on a topic drives as a stick does; silent it is lost as a stick is."""
+"""A joystick on a ROS 2 topic has the rules of a stick."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ def test_a_killed_loop_does_not_leave_the_robot_moving(drive):
 
 
 @pytest.mark.slow
-def test_a_blocked_loop_is_late_and_the_robot_stands_before_it_is_back(drive):
+def test_a_blocked_loop_makes_the_robot_stop_before_it_continues(drive):
     going = drive("--for", "8")
     going.driving()
     going.process.send_signal(signal.SIGSTOP)
@@ -210,7 +210,7 @@ def test_when_the_driver_s_process_is_killed_the_robot_stops(drive, tmp_path, mo
 
 
 @pytest.mark.slow
-def test_a_disk_that_fills_up_stops_the_record_but_not_the_robot(drive):
+def test_a_full_disk_stops_the_record_but_not_the_robot(drive):
     going = drive("--for", "8")
     going.said("IDLE -> AUTOMATIC", STARTED)
     limit = going.record.stat().st_size + 30_000
@@ -242,7 +242,7 @@ def test_the_stop_reason_is_recorded_though_the_file_system_is_full(drive, tmp_p
 
 @pytest.mark.slow
 @pytest.mark.parametrize("who", ["recorder", "planner"])
-def test_without_its_helpers_the_loop_drives_on(drive, who):
+def test_the_loop_continues_without_planner_and_recorder(drive, who):
     going = drive("--for", "6")
     going.driving()
     os.kill(child(going.process.pid, who), signal.SIGKILL)

@@ -39,7 +39,7 @@ def test_no_false_reading_drives_the_robot_into_a_wall(lie, mode, seed):
     held(lie, mode, "kinematic", False, seed)
 
 
-def test_a_lag_that_begins_close_before_a_wall_of_the_map_is_noticed():
+def test_a_lag_that_begins_near_a_wall_of_the_map_is_detected():
     held("0.3 s older than stamped", "automatic", "kinematic", True, 471)
 
 
@@ -47,7 +47,7 @@ def test_a_lag_that_begins_close_before_a_wall_of_the_map_is_noticed():
 @pytest.mark.parametrize("kind", ["kinematic", "twin"])
 @pytest.mark.parametrize("mode", list(MODES))
 @pytest.mark.parametrize("lie", list(LIES))
-def test_no_false_reading_of_the_whole_set_drives_the_robot_into_a_wall(lie, mode, kind):
+def test_no_false_reading_of_the_full_set_drives_the_robot_into_a_wall(lie, mode, kind):
     for mapped in (True, False):
         for seed in SEEDS:
             held(lie, mode, kind, mapped, seed)

@@ -1,4 +1,4 @@
-"""Who looks on sees what a record holds, holds nobody up, and can do nothing else."""
+"""The live view: the messages of a record, read-only, without delaying the loop."""
 
 import asyncio
 import itertools
@@ -112,7 +112,7 @@ def drive(tmp_path_factory):
     return seen
 
 
-def test_live_is_what_the_record_holds_message_for_message(drive):
+def test_the_live_view_has_the_messages_of_the_record(drive):
     record = recorded(drive.path)
     assert set(drive.first.heard) == set(record) - {"/detour"}
     for topic, live in drive.first.heard.items():
@@ -129,7 +129,7 @@ def test_viewers_receive_messages_of_loop_and_gate_in_their_order(drive):
     assert found == sorted(found)
 
 
-def test_the_channels_are_the_records(drive):
+def test_the_channels_are_the_topics_of_a_record(drive):
     with drive.path.open("rb") as file:
         summary = make_reader(file).get_summary()
     of_record = {
@@ -315,7 +315,7 @@ def test_without_the_token_no_viewer_connects(live, path):
 
 
 @pytest.mark.parametrize("protocol", ["foxglove.sdk.v1", "foxglove.websocket.v1"])
-def test_it_greets_as_foxgloves_own_server_does(live, protocol):
+def test_the_greeting_is_that_of_foxgloves_own_server(live, protocol):
     """The SDK's takes the newer protocol only; Lichtblick may speak the older one."""
     context, theirs = foxglove.Context(), foxglove.start_server
     server = theirs(name="x", port=0, context=context)
@@ -348,13 +348,13 @@ def test_a_port_in_use_is_reported_in_one_sentence():
             Live(LiveConfig(port=port), SALLY)
 
 
-def test_the_address_is_one_that_others_can_reach():
+def test_the_address_of_the_live_view_has_brackets_or_the_host_name():
     assert LiveConfig("::1", 5, "t").address == "ws://[::1]:5/t"
     assert LiveConfig("0.0.0.0", 5, "t").address == f"ws://{socket.gethostname()}:5/t"
     assert LiveConfig().token != LiveConfig().token
 
 
-def test_a_listener_on_the_network_is_warned_of(capsys):
+def test_listening_on_the_network_prints_a_warning(capsys):
     assert live_view("localhost") == LiveConfig("localhost", token=ANY)
     assert live_view("[::1]:99") == LiveConfig("::1", 99, token=ANY)
     assert capsys.readouterr().err == ""

@@ -1,4 +1,4 @@
-"""Losing things, in simulated time: the robot stops in time, and the record says why."""
+"""Loss of sensors, stick and driver in simulated time."""
 
 from itertools import pairwise
 
@@ -61,14 +61,14 @@ def test_a_broken_rear_lidar_stops_the_robot_too_and_is_named(fault):
         assert speed(session) == 0.0
 
 
-def test_a_loop_delayed_while_reading_takes_no_reading_to_be_from_the_future():
+def test_a_loop_delayed_while_reading_sees_no_reading_from_the_future():
     with Session(SessionConfig(failing(HELD_UP, AT))) as session:
         drive(session, AT + 0.2, Mode.AUTOMATIC)
         assert session.loop.supervisor.problem == ""
         assert "future" not in session.gated.gate.reason
 
 
-def test_after_a_fault_only_a_reset_and_a_mode_request_drive_again():
+def test_after_a_fault_driving_needs_a_reset_and_a_mode_request():
     operator = Scripted(lambda _: None, lambda: 0.0)
     with Session(SessionConfig(failing("scans stop", AT)), operator) as session:
         drive(session, 4.5, Mode.AUTOMATIC)
@@ -129,7 +129,7 @@ def test_a_stick_lost_in_use_latches_a_stop():
         assert any("the stick is lost" in alarm.text for alarm in status.alarms)
 
 
-def test_carrying_on_alone_is_a_setting_and_takes_over_without_a_jump():
+def test_with_carry_on_the_controller_takes_over_without_a_jump():
     plan = SessionConfig(failing("", AT), loop=LoopParams(carry_on=True))
     session, operator = shared(plan, hand(2.0, 3.0, 5.0))
     twists = []
@@ -157,7 +157,7 @@ def test_an_unarmed_stick_may_be_lost_in_automatic_mode():
         assert speed(session) > 0.4
 
 
-def test_stop_by_anyone_and_a_mode_by_hand():
+def test_anyone_may_stop_and_only_the_driver_chooses_a_mode():
     def script(t: float) -> Stick:
         return Stick(0.0, 0.0) if t < 1.0 else Stick(0.8, 0.0)
 

@@ -1,4 +1,4 @@
-"""The place on the map is lost while a person drives, on the twin, through the whole loop."""
+"""Localization is lost during a manual drive on the twin."""
 
 import math
 from dataclasses import replace

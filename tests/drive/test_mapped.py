@@ -1,4 +1,4 @@
-"""The frame of a map that is given with --map."""
+"""The frame of a map given with --map."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ START = Pose(10.0, 5.0, np.pi / 2)
 
 
 @pytest.mark.parametrize(("from_start", "x", "y"), [(False, 1.0, 0.5), (True, 9.5, 6.0)])
-def test_a_published_map_is_in_the_worlds_frame_and_one_of_ours_begins_at_the_start(
+def test_a_published_map_is_in_the_world_frame_and_our_own_in_the_frame_of_the_start(
     tmp_path, from_start, x, y
 ):
     cells = np.full((20, 40), OCCUPIED, dtype=np.int8)

@@ -16,7 +16,7 @@ walls_m: [[2.0, 4.0, 3.0, 4.0]]
 """
 
 
-def test_a_lidar_sees_the_cells_of_the_map_and_both_plants_keep_their_distance_from_them(tmp_path):
+def test_map_cells_are_seen_by_the_lidar_and_avoided_on_both_plants(tmp_path):
     cells = np.full((100, 100), FREE, dtype=np.int8)
     cells[[0, -1], :] = cells[:, [0, -1]] = OCCUPIED
     write_map(tmp_path, OccupancyMap(cells, 0.05, Pose(0.0, 0.0, 0.0)))

@@ -1,4 +1,4 @@
-"""What comes on topics: it makes ways and tells places, and never sets a robot off."""
+"""Goals, paths and initial poses on ROS 2 topics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may end a drive, and who has said that he will not."""
+"""Signals that end a drive."""
 
 import os
 import re

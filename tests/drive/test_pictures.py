@@ -1,4 +1,4 @@
-"""The camera in the record: the twin's pictures come back, at the rate asked for, or none do."""
+"""Camera pictures of the twin in records."""
 
 import io
 from dataclasses import replace
@@ -51,7 +51,7 @@ def test_a_drive_of_the_twin_holds_its_pictures(rate, tmp_path):
         assert 1.0 < frame.stamp <= 1.5
 
 
-def test_a_picture_that_is_not_packed_when_a_newer_one_comes_never_is():
+def test_a_frame_waiting_for_compression_is_replaced_by_a_newer_one():
     pictures = Pictures(waits=False)
     try:
         pose = simulated(CORRIDOR).start

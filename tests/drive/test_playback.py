@@ -1,4 +1,4 @@
-"""A drive that was recorded is shown again as the stations were shown it."""
+"""Playback of a recorded drive."""
 
 import math
 
@@ -96,7 +96,7 @@ def test_playback_shows_the_map_path_scan_and_obstacles_of_the_drive(driven):
     assert np.median(np.abs(np.abs(y) - 1.5)) < 0.1
 
 
-def test_playback_repeats_nothing_except_after_a_jump_back(driven):
+def test_playback_repeats_messages_only_after_seeking_back(driven):
     now = [0.0]
     link = Replaying(Playback(driven[0]), lambda: now[0])
     first = [type(news.message) for news in link.news()]

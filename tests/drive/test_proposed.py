@@ -1,4 +1,4 @@
-"""Waypoints that a person proposes, judged before the robot follows them."""
+"""Checks of proposed waypoints and goals."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_two_equal_consecutive_waypoints_are_refused_with_a_reason() -> None:
     assert said.why
 
 
-def test_the_first_way_point_may_be_where_the_robot_stands() -> None:
+def test_the_first_waypoint_may_be_the_pose_of_the_robot() -> None:
     said = checked_path(np.array([(0.0, 0.0), (1.0, 0.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
     assert said.reference is not None
 
@@ -65,7 +65,7 @@ def test_a_goal_behind_a_wall_is_reached_through_the_door_with_clearance() -> No
     assert swept_clearances(DOOR, OUTLINE, poses).min() >= ROOM
 
 
-def test_in_the_open_a_goal_is_straight_ahead() -> None:
+def test_in_open_space_the_path_to_a_goal_is_straight() -> None:
     nothing = np.empty((0, 2))
     said = planned_path(Goal(3.0, 4.0), HERE, 0.5, OUTLINE, nothing, nothing)
     assert said.reference is not None

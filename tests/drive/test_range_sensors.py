@@ -101,14 +101,14 @@ def driven(made: AtGlass, seconds: float):
 
 
 @pytest.mark.parametrize("seed", [1])
-def test_with_the_stick_ahead_it_stops_before_glass_that_a_sonar_sees(seed):
+def test_glass_that_only_the_sonar_detects_is_not_hit(seed):
     far, fast, latch = driven(before_glass([SONAR], seed), 8.0)
     assert fast > 0.4
     assert GLASS - 0.4 < far < GLASS - 0.03
     assert latch == ""
 
 
-def test_at_glass_that_only_its_bumper_meets_it_stops_and_latches():
+def test_glass_that_only_the_bumper_detects_latches_a_stop():
     bumper = ContactModel(name="front", mount_x_m=0.36, width_m=0.4)
     far, fast, latch = driven(before_glass([], 1, (bumper,)), 8.0)
     assert fast > 0.4
@@ -117,7 +117,7 @@ def test_at_glass_that_only_its_bumper_meets_it_stops_and_latches():
 
 
 @pytest.mark.slow
-def test_without_the_sonar_it_drives_into_it():
+def test_without_the_sonar_the_glass_is_hit():
     """So the test above tells something."""
     far, _, _ = driven(before_glass([], 1), 10.0)
     assert far > GLASS

@@ -67,7 +67,7 @@ def left_to_compile(line) -> None:
 
 
 @pytest.mark.skipif("NUMBA_DISABLE_JIT" in os.environ, reason="nothing is compiled")
-def test_after_the_warm_up_neither_a_new_path_nor_being_lost_compiles_anything():
+def test_after_the_warm_up_nothing_is_compiled_for_a_new_path_or_when_lost():
     ours, theirs = multiprocessing.Pipe()
     process = multiprocessing.get_context("spawn").Process(target=left_to_compile, args=(theirs,))
     process.start()

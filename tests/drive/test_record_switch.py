@@ -1,4 +1,4 @@
-"""A record is begun and ended as often as anybody likes, and nothing queues."""
+"""Records are started and ended on request without a queue."""
 
 import time
 
@@ -26,7 +26,7 @@ class Slow(FakeRecording):
         return super().close(within)
 
 
-def test_five_hundred_toggles_are_one_record_more_and_the_end_waits_for_none(tmp_path):
+def test_five_hundred_toggles_leave_one_record_and_delay_no_end(tmp_path):
     Slow.at_work = Slow.most = 0
     Slow.made.clear()
 

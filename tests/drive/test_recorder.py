@@ -1,4 +1,4 @@
-"""The recorder's process: what it was told is in its files, however those who told it end."""
+"""The recorder process keeps every message it received."""
 
 import multiprocessing
 import os

@@ -1,4 +1,4 @@
-"""Who may have ways checked, how many, and that nobody's are lost for another's."""
+"""Requests for paths: who may make them, and their limits."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A latched stop without a station: who is at the robot lets go of it, and only on purpose."""
+"""Reset of a latched stop without a station."""
 
 from __future__ import annotations
 

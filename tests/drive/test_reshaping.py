@@ -1,4 +1,4 @@
-"""An outline that changes while all of cohelm drives: it counts when the robot can stop with it."""
+"""An outline that changes while driving is used once the robot can stop with it."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def at_speed(change):
     return at
 
 
-def test_with_an_extended_arm_it_continues_and_ends_its_route_earlier_by_the_arm():
+def test_with_an_extended_arm_the_route_ends_earlier_by_the_arm():
     """To a wall that it reaches with its arm and not with its file's outline."""
     short, long = Ride(10.5, seconds=30.0), Ride(10.5, at_speed(longer), seconds=30.0)
     assert short.told(RESHAPED) == 0
@@ -115,7 +115,7 @@ def test_with_an_extended_arm_it_continues_and_ends_its_route_earlier_by_the_arm
     assert not any("outline changes" in why for why in long.reasons)
 
 
-def test_where_it_can_not_stop_clear_of_both_outlines_it_brakes_and_reports_why():
+def test_an_outline_in_which_it_can_not_stop_makes_it_brake_with_the_reason():
     """Grown 5 cm before a wall, at speed: the larger outline would be in the wall."""
 
     def at(ride) -> None:

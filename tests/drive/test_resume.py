@@ -183,7 +183,7 @@ def test_no_mode_outlives_the_lease_in_which_it_was_chosen(drive, mode):
 
 
 @pytest.mark.parametrize("ends", ["release", "lost"])
-def test_carry_on_is_for_a_lost_driver_and_not_for_one_who_releases_the_lease(tmp_path, ends):
+def test_carry_on_applies_to_a_lost_driver_and_not_to_a_released_lease(tmp_path, ends):
     def script(drive: Drive):
         anna = yield from driving(drive)
         if ends == "release":

@@ -1,4 +1,4 @@
-"""How careful a session's guard is, before anything is started."""
+"""Margins and delay of a session's guard, and the start and end of a session."""
 
 import os
 import time
@@ -15,7 +15,7 @@ from cohelm.robot.port import Readings
 
 
 @pytest.mark.parametrize(("kind", "steps"), [("kinematic", 2), ("twin", 4)])
-def test_the_guard_has_room_for_the_lidars_noise_and_foresees_the_whole_lag(kind, steps):
+def test_the_guard_has_margins_for_lidar_noise_and_predicts_the_whole_lag(kind, steps):
     """50 ms of delay; the twin's drives lag by 20 more, and speed follows a line through a step."""
     plan = SessionConfig(simulated("lab-guard", kind, real_time=False))
     driver = driver_of(plan, real_time=False)
@@ -38,7 +38,7 @@ def test_the_guard_has_room_for_the_lidars_noise_and_foresees_the_whole_lag(kind
 
 
 @pytest.mark.xdist_group("realtime")
-def test_after_a_drive_the_process_is_an_ordinary_one_again():
+def test_after_a_drive_the_process_priority_is_restored():
     """What drew a picture after a drive kept every other process off its processor."""
 
     def rank() -> set[tuple[int, int]]:
@@ -71,7 +71,7 @@ def _slow(task: object) -> object:
     return task
 
 
-def test_a_start_waits_for_its_first_plan_only():
+def test_only_the_start_waits_for_a_plan():
     """It waited three minutes, whenever compiling took longer than a plan may."""
     with Session(SessionConfig(simulated("lab-guard", real_time=False))) as session:
         session.run(lambda loop: loop.timing.punctuality().periods > 5)

@@ -1,4 +1,4 @@
-"""What a station is shown of a drive, without asking for it."""
+"""Detour, faults and clearance that stations are sent."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""While a robot starts, which may take a minute, who wants the end has it at once, and silently."""
+"""Ctrl-C while a robot starts."""
 
 import os
 import signal
@@ -47,7 +47,7 @@ class Started:
         return said
 
 
-def test_ctrl_c_ends_a_start_and_its_processes_at_once():
+def test_ctrl_c_during_the_start_ends_all_processes_at_once():
     robot = Started("robot", str(CORRIDOR))
     try:
         end = time.monotonic() + STARTED

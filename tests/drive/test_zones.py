@@ -1,4 +1,4 @@
-"""Keep-out and speed zones in whole drives, and every mask that can not be used."""
+"""Keep-out and speed zones in whole drives, and invalid masks."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class Ride:
         self.told = hand.told
 
 
-def test_it_drives_round_a_keep_out_zone_and_slowly_through_a_speed_zone(tmp_path):
+def test_keep_out_zones_are_avoided_and_speed_zones_obeyed(tmp_path):
     slow = (3.6, -1.5, 4.6, 1.5)
     zones = read_zones(mask(tmp_path, ACROSS), speeds(tmp_path, slow, values=[40]), START)
     ride = Ride(zones, 5.5, 60.0)
@@ -109,7 +109,7 @@ def test_it_drives_round_a_keep_out_zone_and_slowly_through_a_speed_zone(tmp_pat
     assert {s.cap_reason for s in before} == {""}
 
 
-def test_no_stick_drives_it_into_a_keep_out_zone_and_the_reason_is_reported(tmp_path):
+def test_no_stick_motion_enters_a_keep_out_zone_and_the_reason_is_reported(tmp_path):
     zones = read_zones(mask(tmp_path, (2.0, -1.5, 4.0, 1.5)), None, START)
     ride = Ride(zones, 5.0, 6.0, Stick(1.0, 0.0))
     assert max(ride.depths) == 0.0
@@ -222,7 +222,7 @@ def test_a_mask_on_a_topic_that_marks_nothing_is_refused_in_a_sentence(kind, val
     assert str(error.value).startswith(why)
 
 
-def test_a_mask_of_a_file_and_one_of_a_topic_can_not_be_of_one_kind(tmp_path):
+def test_a_file_and_a_topic_can_not_define_zones_of_one_kind(tmp_path):
     made = simulated(CORRIDOR)
     cells = np.full((3, 4), 100, np.int8)
     told = [FilterMask("/info", "/mask", 0, 0.0, 1.0, cells, 0.1, START)]
@@ -235,7 +235,7 @@ def test_a_mask_of_a_file_and_one_of_a_topic_can_not_be_of_one_kind(tmp_path):
     assert zones.slow is not None
 
 
-def test_zones_need_a_map_and_may_say_what_they_are_of_nav2(tmp_path):
+def test_zones_need_a_map_and_accept_the_type_of_nav2(tmp_path):
     zones = read_zones(mask(tmp_path, ACROSS), None, START)
     with pytest.raises(CohelmError, match="there is none to localise on: give one with --map"):
         check(zones, None)

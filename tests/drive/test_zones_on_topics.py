@@ -1,4 +1,4 @@
-"""Masks that change while a robot drives: their zones are taken up, or it is said why not."""
+"""Zones from ROS 2 topics that change while driving."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def test_a_zone_that_appears_while_driving_is_avoided_without_a_stop():
     assert not ride.loop.supervisor.paused
 
 
-def test_a_zone_before_which_it_can_not_stop_makes_it_stop_first():
+def test_a_zone_too_near_to_stop_for_is_adopted_after_braking():
     here, paused = (0.9, -1.5, 2.3, 0.1), []
 
     def at(ride, loop):
@@ -253,7 +253,7 @@ def test_zones_are_adopted_where_the_robot_can_stop_and_at_once_while_it_is_lost
         assert driver.zones is other[2]
 
 
-def test_another_process_judges_ways_from_then_on():
+def test_a_new_checker_runs_in_a_new_process():
     made = simulated(CORRIDOR, real_time=False)
     plan = SessionConfig(made)
     checking = RemoteChecking(checker_of(plan, None))

@@ -1,4 +1,4 @@
-"""Both ends on this machine, and what is needed to test them."""
+"""Both ends of the link on this machine, for tests."""
 
 from __future__ import annotations
 

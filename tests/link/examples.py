@@ -1,4 +1,4 @@
-"""Any message of the protocol, for properties."""
+"""Hypothesis strategies for every message of the protocol."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Everything a hostile network, a stranger or a broken station can send, at a robot that is driven.
+"""Fuzzes a driven robot: floods, damaged datagrams and streams, hostile stations.
 
 As a program: python -m tests.link.fuzz [SECONDS [SEED [FILE]]]; ends with 1 if anything was wrong.
 FILE gets a line a minute: seconds since the start, memory of this process [kB], what was sent.

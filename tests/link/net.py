@@ -1,4 +1,4 @@
-"""A bad network of real packets: two network namespaces joined through this program.
+"""A bad network for tests: two network namespaces joined through this program.
 
 As a module: `with Network() as net:`; sockets made inside `net.robot()` or `net.station()` live
 on that side. As a program it is the wire itself, told by lines of JSON on stdin how bad to be.

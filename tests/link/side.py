@@ -1,4 +1,4 @@
-"""The robot's side of a drive, as far as the driver is concerned: the loop's own rules."""
+"""The robot's side of a drive for link tests: arming, loss and stops as in the loop."""
 
 from __future__ import annotations
 

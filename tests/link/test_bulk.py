@@ -1,4 +1,4 @@
-"""Bulk over real sockets on this machine."""
+"""Bulk messages over real sockets on this machine."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def test_an_unpaired_station_gets_nothing(both):
         assert not stream.connected
 
 
-def test_slow_and_silent_strangers_do_not_keep_a_station_out(both):
+def test_slow_and_silent_connections_do_not_block_a_station(both):
     held = [socket.create_connection((HERE, both.port)) for _ in range(30)]
     for sock in held:
         sock.send(b"\x16\x03")
@@ -177,7 +177,7 @@ def test_slow_and_silent_strangers_do_not_keep_a_station_out(both):
         sock.close()
 
 
-def test_bulk_slows_down_when_the_datagrams_wait_and_speeds_up_when_not():
+def test_bulk_slows_down_while_datagrams_are_delayed_and_speeds_up_again():
     pace, now = CongestionControl(0.0), 0.0
     for _ in range(100):
         now += 0.11

@@ -1,4 +1,4 @@
-"""What is known of the other clock, against a path whose delays are known."""
+"""Clock offset and age of messages, against a path with known delays."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def exchange(path: Path, offset: float, there: float, back: float, at: float, nu
 
 @given(ways=delays, offset=st.floats(-1e6, 1e6))
 @settings(max_examples=200)
-def test_age_is_wrong_by_half_the_shortest_round_trip_at_most(ways, offset):
+def test_the_error_of_an_age_is_at_most_half_the_shortest_round_trip(ways, offset):
     path, now = Path(), 100.0
     shortest = math.inf
     for number, (there, back) in enumerate(ways):
@@ -66,7 +66,7 @@ def test_after_a_clock_has_jumped_the_age_is_bounded_again_from_the_next_echo_on
     assert path.max_age(now + 50.0 + jump, now) == pytest.approx(0.02, abs=0.01)
 
 
-def test_a_small_jump_that_hides_in_a_long_round_trip_never_makes_a_command_younger():
+def test_a_clock_jump_within_the_round_trip_never_makes_a_command_younger():
     path, now = Path(), 100.0
     for number in range(20):
         now = exchange(path, 50.0, 0.1, 0.1, now, number + 1)
@@ -75,7 +75,7 @@ def test_a_small_jump_that_hides_in_a_long_round_trip_never_makes_a_command_youn
         assert path.max_age(now - 0.1 + 49.91, now) >= 0.1 - 1e-9
 
 
-def test_nothing_is_known_before_an_echo():
+def test_without_an_echo_the_offset_is_unknown():
     path = Path()
     assert path.update(Header(1, 1, 5.0, math.nan, math.nan), 100.0)
     assert math.isnan(path.offset)
@@ -93,7 +93,7 @@ def test_older_and_repeated_messages_are_not_new():
 
 
 @given(late=st.floats(0.3, 30.0))
-def test_a_burst_after_a_black_out_does_not_look_young(late):
+def test_a_burst_after_an_interruption_keeps_its_age(late):
     """Commands held up by the network for `late` seconds are as old as they are."""
     path, now = Path(), 100.0
     for number in range(20):
@@ -105,7 +105,7 @@ def test_a_burst_after_a_black_out_does_not_look_young(late):
 
 
 @pytest.mark.parametrize("jump", [-3600.0, -1.0, 0.5, 3600.0])
-def test_a_clock_that_jumps_is_noticed_at_once(jump):
+def test_a_clock_jump_is_detected_at_once(jump):
     path, now = Path(), 100.0
     for number in range(20):
         now = exchange(path, 50.0, 0.02, 0.02, now, number + 1)
@@ -115,7 +115,7 @@ def test_a_clock_that_jumps_is_noticed_at_once(jump):
 
 @pytest.mark.parametrize("echo", [math.inf, -math.inf, 1e300, -1e300, 200.0, math.nan])
 @pytest.mark.parametrize("hold", [math.nan, -1.0, 1e30, 0.0])
-def test_echoes_that_can_not_be_are_ignored(echo, hold):
+def test_impossible_echoes_are_ignored(echo, hold):
     path = Path()
     exchange(path, 50.0, 0.02, 0.02, 100.0, 1)
     before = path.offset
@@ -123,7 +123,7 @@ def test_echoes_that_can_not_be_are_ignored(echo, hold):
     assert path.offset == before
 
 
-def test_loss_is_counted():
+def test_the_share_of_lost_datagrams_is_measured():
     path, now = Path(), 100.0
     for number in range(100):
         now += 0.02
@@ -132,7 +132,7 @@ def test_loss_is_counted():
     assert path.lost == pytest.approx(0.25, abs=0.02)
 
 
-def test_another_session_begins_anew():
+def test_another_session_restarts_the_estimate():
     path = Path()
     exchange(path, 50.0, 0.02, 0.02, 100.0, 1000)
     assert path.update(Header(2, 1, 0.0, math.nan, math.nan), 101.0)

@@ -1,4 +1,4 @@
-"""Both ends over real sockets on this machine."""
+"""Both ends of the link over real sockets on this machine."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def both(keys):
         yield both
 
 
-def test_the_stick_reaches_the_loop_and_the_status_the_station(both):
+def test_stick_and_status_are_exchanged(both):
     one = both.stations[0]
     assert both.ask(one, RequestKind.TAKE).granted
     both.stick = Stick(0.5, -0.25)
@@ -123,7 +123,7 @@ def test_observers_may_only_stop_and_acknowledge(both):
     ]
 
 
-def test_each_request_is_done_once_and_in_order(both):
+def test_each_request_is_executed_once_and_in_order(both):
     one = both.stations[0]
     both.ask(one, RequestKind.TAKE)
     numbers = [one.ask(RequestKind.MODE, value) for value in (1, 2, 3)]
@@ -144,7 +144,7 @@ def test_a_station_that_no_longer_steers_sends_no_stick(both):
 
 
 @pytest.mark.parametrize("stick", [Stick(math.nan, 0.0), Stick(0.0, 1.5), Stick(math.inf, 0.0)])
-def test_a_deflection_that_is_none_is_sent_as_a_stick_that_is_not_valid(both, stick):
+def test_an_invalid_deflection_is_sent_as_an_invalid_stick(both, stick):
     one = both.stations[0]
     both.ask(one, RequestKind.TAKE)
     both.stick = stick
@@ -159,7 +159,7 @@ def test_a_closed_station_leaves_the_lease_and_no_command(both):
     assert both.robot.receive().command is None
 
 
-def test_a_scan_comes_whole_through_its_parts(both):
+def test_a_scan_is_assembled_from_its_parts(both):
     one = both.stations[0]
     ranges = np.arange(720, dtype=np.uint16)
     for number in range(3):
@@ -183,7 +183,7 @@ def test_a_scan_comes_whole_through_its_parts(both):
     assert one.discs().rows.shape == (2, 6)
 
 
-def test_it_comes_back_by_itself_when_the_robot_is_started_again(keys):
+def test_the_station_reconnects_to_a_restarted_robot(keys):
     robot_keys, station_keys = keys
     with RobotEnd(robot_keys, HERE, 0) as robot:
         port = robot.address[1]
@@ -199,7 +199,7 @@ def test_it_comes_back_by_itself_when_the_robot_is_started_again(keys):
 
 
 @pytest.mark.parametrize(("answers", "again"), [(False, 5.5), (True, 2.5)])
-def test_a_handshake_that_hangs_is_soon_begun_anew(keys, answers, again):
+def test_a_handshake_without_result_is_restarted(keys, answers, again):
     """Once the robot has answered, a slow path is no reason to wait for longer."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
         robot.bind((HERE, 0))
@@ -214,7 +214,7 @@ def test_a_handshake_that_hangs_is_soon_begun_anew(keys, answers, again):
     assert np.diff(list(first.values())) == pytest.approx([again, again], abs=0.5)
 
 
-def test_stick_to_loop_takes_no_longer_than_the_network(both):
+def test_the_latency_from_stick_to_loop_is_that_of_the_network(both):
     """Median below 15 ms on a busy machine; docs/link.md has what a quiet one needs."""
     one = both.stations[0]
     both.ask(one, RequestKind.TAKE)

@@ -1,4 +1,4 @@
-"""Whatever floods the robot: a stop is obeyed within two periods, the driver is not disturbed."""
+"""Floods: a stop is executed within two periods, and the driver is not disturbed."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_no_flood_of_a_paired_station_loses_a_stop(driven, kind):
 
 @pytest.mark.slow  # how soon, and beside whom: to be measured on a machine with nothing else to do
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_flood_holds_up_a_stop_or_the_driver(driven, kind):
+def test_no_flood_delays_a_stop_or_the_driver(driven, kind):
     took, periods = pressed(driven, kind)
     assert max(took) <= 2, took
     assert all(s.first for s in periods)

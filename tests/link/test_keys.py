@@ -1,4 +1,4 @@
-"""Pairing: who is let in, and what is refused with a sentence."""
+"""Pairing: keys, certificates, and what is refused."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_paired_station_is_accepted_and_both_ends_are_authenticated(tmp_path, 
     assert server.take(client.seal(b"x" * 1150)[0]) == [b"x" * 1150]
 
 
-def test_a_station_that_was_shut_out_is_refused(tmp_path, moved):
+def test_a_removed_station_is_refused(tmp_path, moved):
     keys.pair("anna", tmp_path / "anna.pair")
     keys.pair("ben", tmp_path / "ben.pair")
     keys.unpair("anna")
@@ -72,7 +72,7 @@ def test_a_station_that_was_shut_out_is_refused(tmp_path, moved):
         shaken(robot, keys.station())
 
 
-def test_a_station_takes_no_other_robot_for_its_own_even_one_that_stole_its_certificate():
+def test_a_station_accepts_no_other_robot_even_with_its_stolen_certificate():
     robot, station = keys.pair_here()
     impostor, _ = keys.pair_here()
     with pytest.raises(HandshakeRefused, match="certificate"):
@@ -83,7 +83,7 @@ def test_a_station_takes_no_other_robot_for_its_own_even_one_that_stole_its_cert
         shaken(station._replace(trusted=(station.certificate,)), station)
 
 
-def test_a_certificate_signed_by_a_paired_station_is_not_let_in():
+def test_a_certificate_signed_by_a_paired_station_is_refused():
     """Pinned is pinned: a station can not let others in."""
     from cryptography import x509
     from cryptography.hazmat.primitives import hashes, serialization
@@ -145,7 +145,7 @@ def test_a_pairing_that_fails_is_reported_with_the_cure(tmp_path, moved):
         keys.station("x")
 
 
-def test_a_reinstalled_robot_is_not_taken_for_the_old_one(tmp_path, monkeypatch, moved):
+def test_a_reinstalled_robot_must_be_paired_again(tmp_path, monkeypatch, moved):
     for where in ("one", "two"):
         monkeypatch.setenv("COHELM_KEYS", str(tmp_path / where))
         keys.robot("sally")
@@ -164,7 +164,7 @@ def test_damaged_certificates_are_reported(tmp_path, home):
         keys.robot()
 
 
-def test_a_folder_in_which_no_key_can_be_kept_is_told_with_the_cure(tmp_path, monkeypatch):
+def test_an_unwritable_key_folder_is_reported_with_the_cure(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "file" / "keys"))
     with pytest.raises(CohelmError, match="name another folder with the variable COHELM_KEYS"):

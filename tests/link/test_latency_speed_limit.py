@@ -1,4 +1,4 @@
-"""The cap on speed of a person who sees the past."""
+"""Latency limits the speed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cohelm.link.latency_speed_limit import CRAWL, UNCAPPED_DELAY, speed_cap
 
 
 @given(st.floats(UNCAPPED_DELAY + 0.001, 5.0), st.floats(0.0, 20.0), st.floats(0.1, 5.0))
-def test_what_the_person_sees_leaves_room_to_stop(delay, clearance, deceleration):
+def test_the_latency_limit_leaves_room_to_stop(delay, clearance, deceleration):
     cap = speed_cap(delay, clearance, deceleration, math.inf)
     way = cap.speed * delay + cap.speed**2 / (2.0 * deceleration)
     assert way == pytest.approx(clearance) or cap.speed == CRAWL
@@ -19,11 +19,11 @@ def test_what_the_person_sees_leaves_room_to_stop(delay, clearance, deceleration
 
 
 @pytest.mark.parametrize(("delay", "clearance"), [(0.1, 0.2), (math.nan, 0.2), (1.0, math.inf)])
-def test_without_delay_or_obstacles_nothing_is_capped(delay, clearance):
+def test_without_delay_or_obstacles_the_speed_is_not_limited(delay, clearance):
     assert speed_cap(delay, clearance, 1.0, 1.0) == (math.inf, "")
 
 
-def test_more_delay_is_never_faster_and_a_cap_above_the_robot_is_none():
+def test_more_delay_never_raises_the_limit_and_a_limit_above_the_robots_speed_is_none():
     caps = [speed_cap(0.2 + 0.1 * n, 1.0, 1.0, math.inf).speed for n in range(10)]
     assert caps == sorted(caps, reverse=True)
     assert speed_cap(0.2, 50.0, 1.0, 1.0).speed == math.inf

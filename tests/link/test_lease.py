@@ -1,4 +1,4 @@
-"""One driver at a time, whatever is asked in whatever order."""
+"""The lease: one driver at a time, for any sequence of requests."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ def test_a_driver_who_does_not_answer_loses_the_lease():
     assert lease.expired(held, ANSWER_WITHIN) == LeaseState(2)
 
 
-def test_a_silent_driver_is_not_waited_for():
+def test_a_silent_driver_loses_the_lease_at_once():
     assert lease.take(LeaseState(1), 2, 0.0, silent=True).held == LeaseState(2)
 
 
-def test_only_the_driver_hands_over_and_refuses_and_only_to_a_client():
+def test_only_the_driver_hands_over_or_refuses_and_only_to_a_client():
     assert not lease.give(LeaseState(1), 2, 0, everyone).granted
     assert not lease.refuse(LeaseState(1, 2, 5.0), 2).granted
     assert not lease.give(LeaseState(1), 1, 9, everyone).granted

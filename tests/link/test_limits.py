@@ -1,4 +1,4 @@
-"""What one client may cost: its places, its numbers, its datagrams and requests; never its stop."""
+"""Limits of one client: slots, client numbers, datagrams and requests; a stop always counts."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ requests = st.builds(
 
 
 @given(st.lists(requests, max_size=8))
-def test_no_command_with_a_stop_in_it_is_overlooked(asked):
+def test_a_stop_in_any_command_is_found(asked):
     data = command(1, *asked)
     assert may_stop(data) is any(r.what is RequestKind.STOP for r in asked)
     assert from_operator(data)[1].requests == tuple(asked)
@@ -86,7 +86,7 @@ def test_no_command_with_a_stop_in_it_is_overlooked(asked):
 
 @given(st.binary(max_size=1200))
 @settings(max_examples=300)
-def test_looking_for_a_stop_never_breaks(data):
+def test_looking_for_a_stop_accepts_any_bytes(data):
     assert may_stop(data) in (True, False)
     assert may_stop(b"\x01\x01" + data) in (True, False)
 
@@ -124,7 +124,7 @@ def test_requests_beyond_a_rate_are_refused_with_an_answer_and_stops_are_not(rob
     assert len(refused) + len(done) == 88 + 1
 
 
-def test_numbers_are_used_again_and_newcomers_still_get_a_status(robot, keys):
+def test_client_numbers_are_reused_and_new_clients_get_a_status(robot, keys):
     """After 65 535 connections, as if there had been so many."""
     robot._clients.last = 65_533
     with contextlib.ExitStack() as stack:
@@ -136,7 +136,7 @@ def test_numbers_are_used_again_and_newcomers_still_get_a_status(robot, keys):
 
 
 @given(st.integers(0, 65_535), st.sets(st.integers(1, 65_535), max_size=30))
-def test_a_number_is_free_small_enough_and_rests_before_it_is_used_again(last, taken):
+def test_a_client_number_is_free_fits_two_bytes_and_is_reused_late(last, taken):
     number = free_number(last, taken)
     assert 1 <= number <= 65_535
     assert number not in taken
@@ -144,7 +144,7 @@ def test_a_number_is_free_small_enough_and_rests_before_it_is_used_again(last, t
         assert number == last % 65_535 + 1
 
 
-def test_a_station_that_takes_all_its_places_leaves_some_to_others_and_the_driver_his(keys, raw):
+def test_one_station_can_not_use_all_client_slots_or_displace_the_driver(keys, raw):
     robot_keys, first = keys
     _, second = pair_here("second")
     trusted = robot_keys._replace(trusted=(*robot_keys.trusted, second.certificate))

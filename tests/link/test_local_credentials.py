@@ -1,4 +1,4 @@
-"""The way to a drive on this machine: there while it runs, for this person only, then gone."""
+"""Credentials for a stick on this machine: private, and removed after the drive."""
 
 import stat
 
@@ -40,7 +40,7 @@ def test_of_several_drives_one_must_be_named():
             credentials_of_drive("127.0.0.1:1")
 
 
-def test_what_a_killed_drive_left_is_not_lent_and_the_next_drive_removes_it():
+def test_credentials_of_a_killed_drive_are_not_used_and_the_next_drive_removes_them():
     _, stick = pair_here("stick")
     with shared_credentials(stick, "127.0.0.1", 41000):
         left = home() / "drive" / "40000"
@@ -51,7 +51,7 @@ def test_what_a_killed_drive_left_is_not_lent_and_the_next_drive_removes_it():
             assert not left.exists()
 
 
-def test_nothing_is_borrowed_that_another_user_may_have_put_there():
+def test_credentials_that_another_user_may_have_written_are_refused():
     _, stick = pair_here("stick")
     with shared_credentials(stick, "127.0.0.1", 41000):
         for path, mode in [
@@ -67,7 +67,7 @@ def test_nothing_is_borrowed_that_another_user_may_have_put_there():
         assert credentials_of_drive()[1][1] == 41000
 
 
-def test_a_drive_lends_nothing_in_a_folder_that_others_may_write():
+def test_no_credentials_are_written_to_a_folder_that_others_may_write():
     _, stick = pair_here("stick")
     (home() / "drive").mkdir(parents=True)
     (home() / "drive").chmod(0o777)

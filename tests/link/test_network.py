@@ -151,9 +151,7 @@ def true_ages(steps: list[Used]) -> list[float]:
 
 @pytest.mark.parametrize("loss", [pytest.param(0.02, marks=pytest.mark.slow), 0.10])
 @where_the_machine_runs
-def test_with_delay_jitter_and_loss_commands_arrive_young_and_none_is_used_old(
-    drive, network, loss
-):
+def test_with_delay_jitter_and_loss_no_old_command_is_used(drive, network, loss):
     network.be(delay=0.05, jitter=0.01, loss=loss, duplicate=0.05, rate=4e6)
     drive.start()
     began = time.monotonic()
@@ -171,7 +169,7 @@ def test_with_delay_jitter_and_loss_commands_arrive_young_and_none_is_used_old(
 
 
 @where_the_machine_runs
-def test_after_a_black_out_no_old_command_is_used_and_driving_continues(drive, network):
+def test_after_an_interruption_no_old_command_is_used_and_driving_continues(drive, network):
     network.be(delay=0.05, jitter=0.01)
     drive.start()
     session = drive.station._connection
@@ -195,9 +193,7 @@ def test_after_a_black_out_no_old_command_is_used_and_driving_continues(drive, n
 
 
 @where_the_machine_runs
-def test_a_network_that_hoards_for_three_seconds_and_then_delivers_all_moves_nothing(
-    drive, network
-):
+def test_packets_held_for_three_seconds_and_then_delivered_move_nothing(drive, network):
     """A full buffer: every packet arrives in order, 3 s late, at once."""
     drive.start()
     began = time.monotonic()
@@ -224,9 +220,7 @@ def test_forged_replayed_and_reordered_packets_are_not_used(drive, network):
 
 @pytest.mark.slow
 @where_the_machine_runs
-def test_a_record_fetched_over_a_thin_line_does_not_delay_commands_or_status(
-    drive, network, tmp_path
-):
+def test_a_download_over_a_slow_link_does_not_delay_commands_or_status(drive, network, tmp_path):
     (tmp_path / "run.mcap").write_bytes(bytes(np.random.default_rng(1).bytes(3_000_000)))
     with network.robot():
         down = RobotBulk(drive.robot, drive.robot_keys, tmp_path)
@@ -256,9 +250,7 @@ def test_a_record_fetched_over_a_thin_line_does_not_delay_commands_or_status(
 
 
 @where_the_machine_runs
-def test_stop_pressed_in_a_black_out_is_done_when_it_ends_and_other_requests_are_not(
-    drive, network
-):
+def test_only_a_stop_requested_during_an_interruption_is_executed_after_it(drive, network):
     drive.start()
     network.be(loss=1.0)
     mode = drive.station.ask(RequestKind.MODE, Mode.AUTOMATIC)

@@ -1,4 +1,4 @@
-"""Keys, and whom they let in, are this user's alone: what others may have changed is refused."""
+"""Keys that other users may have read or changed are refused."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_a_symbolic_link_below_the_keys_is_not_followed(
         whom(home, path)
 
 
-def test_the_folder_of_the_keys_may_be_a_link_and_what_it_leads_to_counts(
+def test_the_key_folder_may_be_a_symbolic_link_and_its_target_is_checked(
     home: Path, tmp_path: Path
 ) -> None:
     elsewhere = tmp_path / "elsewhere"
@@ -83,7 +83,7 @@ def test_the_folder_of_the_keys_may_be_a_link_and_what_it_leads_to_counts(
         keys.robot()
 
 
-def test_a_folder_that_anybody_may_put_another_in_place_of_is_refused(home: Path) -> None:
+def test_a_key_folder_that_others_may_replace_is_refused(home: Path) -> None:
     home.parent.chmod(0o777)
     with pytest.raises(CohelmError, match="anybody may rename what is in"):
         keys.robot()
@@ -91,7 +91,7 @@ def test_a_folder_that_anybody_may_put_another_in_place_of_is_refused(home: Path
     assert keys.robot().name == "sally"
 
 
-def test_every_folder_that_is_made_is_this_users_alone_whatever_the_umask(
+def test_new_folders_are_private_with_any_umask(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "config" / "cohelm" / "keys"))
@@ -106,7 +106,7 @@ def test_every_folder_that_is_made_is_this_users_alone_whatever_the_umask(
     assert [path for path in made if path.stat().st_mode & 0o077] == []
 
 
-def test_nothing_is_written_where_others_may_write(home: Path, tmp_path: Path) -> None:
+def test_no_key_is_written_where_others_may_write(home: Path, tmp_path: Path) -> None:
     (home / "robot" / "stations").chmod(0o777)
     with pytest.raises(CohelmError, match="others may write"):
         keys.pair("ben", tmp_path / "ben.pair")

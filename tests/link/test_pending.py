@@ -1,4 +1,4 @@
-"""A stop can not be lost, is done first, and nothing that was asked before it is done after it."""
+"""Pending requests: a stop is never lost, comes first, and cancels earlier requests."""
 
 from hypothesis import given, strategies as st
 
@@ -51,7 +51,7 @@ def test_no_flood_and_no_order_loses_a_stop(sequence):
 
 
 @given(st.lists(asked, max_size=60))
-def test_no_mode_and_no_reset_from_before_a_stop_is_done_after_it(sequence):
+def test_a_mode_or_reset_from_before_a_stop_is_not_executed_after_it(sequence):
     pending = Pending()
     fill(pending, sequence)
     last = max(
@@ -63,7 +63,7 @@ def test_no_mode_and_no_reset_from_before_a_stop_is_done_after_it(sequence):
 
 
 @given(st.lists(asked, max_size=400))
-def test_no_client_takes_anothers_place(sequence):
+def test_no_client_displaces_the_requests_of_another(sequence):
     pending = Pending()
     fill(pending, [(1, what) for _, what in sequence])
     assert pending.add(request(2, 1, RequestKind.ACKNOWLEDGE))

@@ -1,4 +1,4 @@
-"""Who is not paired gets nowhere, and whoever drives does not notice."""
+"""Unpaired and hostile senders change nothing during a drive."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_station_with_the_right_certificate_but_another_key_is_refused(driven)
         assert station.status() is None
 
 
-def test_a_replayed_or_forged_datagram_is_dropped_in_silence():
+def test_a_replayed_or_forged_datagram_is_dropped_silently():
     robot, keys = pair_here()
     server = Channel(context(robot, server=True), server=True)
     client = Channel(context(keys, server=False), server=False)
@@ -93,7 +93,7 @@ def in_force(driven):
     return heard[-1]
 
 
-def test_a_flood_of_hellos_and_handshakes_does_not_reach_the_driver(driven):
+def test_a_flood_of_hellos_and_handshakes_does_not_disturb_the_driver(driven):
     """1500 hellos from new ports, and strangers who go all the way, within a few seconds."""
     began, before = time.monotonic(), driven.ages.copy()
     made = context(stranger(driven.keys), server=False)
@@ -125,7 +125,7 @@ def test_a_flood_of_hellos_and_handshakes_does_not_reach_the_driver(driven):
 
 
 @pytest.mark.parametrize("seconds", [3.0, pytest.param(600.0, marks=pytest.mark.slow)])
-def test_everything_at_once_moves_nothing_and_breaks_nothing(seconds):
+def test_all_attacks_at_once_move_nothing_and_crash_nothing(seconds):
     assert fuzz.main(seconds, seed=7 if seconds < 10.0 else int(time.time())) == []
 
 

@@ -1,4 +1,4 @@
-"""Recorded sticks: what is read, and what is refused in words that help."""
+"""Stick files: accepted forms, and errors."""
 
 import gzip
 from pathlib import Path
@@ -42,7 +42,7 @@ def refusal(*args, **options) -> str:
 @pytest.mark.parametrize(
     "header", ["t,x,psi", "t,fore_aft,left_right", "time_s, stick_x, stick_psi"]
 )
-def test_a_plain_table_is_read_under_each_of_its_names(tmp_path, header):
+def test_each_column_name_of_a_plain_table_is_accepted(tmp_path, header):
     table = stick.read(written(tmp_path, f"# mine\n{header}\n-1,0,0\n\n0.5,1,-0.25\n0.5,0,0\n"))
     assert table.times.tolist() == [-1.0, 0.5, 0.5]
     assert table.x.tolist() == [0.0, 1.0, 0.0]
@@ -54,7 +54,7 @@ def test_a_plain_table_is_read_under_each_of_its_names(tmp_path, header):
         st.tuples(st.floats(0, 10), st.floats(-1, 1), st.floats(-1, 1)), min_size=1, max_size=20
     )
 )
-def test_every_table_in_order_comes_back_to_the_last_bit(tmp_path_factory, steps):
+def test_every_ordered_table_is_read_back_bit_for_bit(tmp_path_factory, steps):
     times = np.cumsum([step[0] for step in steps])
     rows = [f"{float(t)!r},{x!r},{psi!r}" for t, (_, x, psi) in zip(times, steps, strict=True)]
     file = written(tmp_path_factory.mktemp("stick"), "\n".join(["t,x,psi", *rows]))
@@ -70,7 +70,7 @@ def test_a_gzip_file_is_read_as_the_plain_one(tmp_path):
     assert stick.read(file).x.tolist() == [0.5]
 
 
-def test_a_log_of_events_gives_the_persons_hand_in_parts_of_full_deflection(tmp_path):
+def test_the_stick_of_an_event_log_is_scaled_to_full_deflection(tmp_path):
     file = written(tmp_path, EVENTS)
     table = stick.read(f"{file}#0")
     assert table.times.tolist() == [-0.04, 1.5]
@@ -111,7 +111,7 @@ def test_a_stick_file_that_is_not_in_order_is_refused_with_line_and_value(tmp_pa
     assert said in refusal(written(tmp_path, text))
 
 
-def test_a_run_or_hand_that_is_not_there_is_refused_with_those_that_are(tmp_path):
+def test_a_missing_run_or_source_is_refused_with_the_available_ones(tmp_path):
     events, runs = written(tmp_path, EVENTS), written(tmp_path, RUNS, "runs.csv")
     assert "no run '7'; it holds 0, 1" in refusal(f"{events}#7")
     assert "no source 'nav'; there are joy_cmd, sloppy_joy_cmd" in refusal(f"{events}#0:nav")
@@ -141,7 +141,7 @@ def test_too_much_deflection_is_clipped_only_on_request(tmp_path):
 @recorded
 @pytest.mark.parametrize("name", ["joystick_runs_10hz.csv.gz", "joystick_raw_events.csv.gz"])
 @pytest.mark.parametrize("run", range(6))
-def test_every_recorded_run_is_a_stick_in_order_that_reaches_full_deflection(name, run):
+def test_every_recorded_run_is_ordered_and_reaches_full_deflection(name, run):
     table = stick.read(DATA / f"{name}#{run}")
     assert len(table.times) > 300
     assert (np.diff(table.times) >= 0.0).all()
@@ -151,7 +151,7 @@ def test_every_recorded_run_is_a_stick_in_order_that_reaches_full_deflection(nam
 
 @recorded
 @pytest.mark.parametrize("run", range(6))
-def test_both_logs_of_a_run_show_the_same_hand(run):
+def test_both_logs_of_a_run_have_the_same_stick(run):
     even = stick.read(DATA / f"joystick_runs_10hz.csv.gz#{run}")
     events = stick.read(DATA / f"joystick_raw_events.csv.gz#{run}")
     newest = np.searchsorted(events.times, even.times, side="right") - 1

@@ -68,7 +68,7 @@ def test_damaged_messages_are_refused_or_are_messages(data, messages, reader, bu
 
 
 @given(cut=st.integers(0, 10_000))
-def test_half_a_message_and_one_with_more_behind_are_refused(cut):
+def test_truncated_messages_and_trailing_bytes_are_refused(cut):
     whole = encode(HEADER, COMMAND)
     with pytest.raises(Malformed, match="bytes"):
         from_operator(whole[: cut % len(whole)])
@@ -97,7 +97,7 @@ def test_a_count_larger_than_the_message_costs_no_memory():
         from_robot(head + (99_999).to_bytes(4, "little"), bulk=True)
 
 
-def test_each_way_takes_only_its_own_messages():
+def test_each_direction_accepts_only_its_own_messages():
     command = encode(HEADER, COMMAND)
     health = encode(HEADER, b.HealthReport(0.5, ()))
     for data, reader, bulk in (
@@ -108,13 +108,13 @@ def test_each_way_takes_only_its_own_messages():
             reader(data, bulk)
 
 
-def test_another_version_is_named():
+def test_another_protocol_version_is_reported():
     with pytest.raises(Malformed, match="version 9"):
         from_operator(b"\x09" + encode(HEADER, COMMAND)[1:])
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf"), 1.0001, -2.0])
-def test_a_deflection_that_is_none_can_be_neither_sent_nor_received(number):
+def test_an_invalid_deflection_can_be_neither_sent_nor_received(number):
     with pytest.raises(ValueError, match="not a number in"):
         encode(HEADER, COMMAND._replace(stick=Stick(number, 0.0)))
     raw = bytearray(encode(HEADER, COMMAND))
@@ -124,27 +124,27 @@ def test_a_deflection_that_is_none_can_be_neither_sent_nor_received(number):
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])
-def test_way_points_must_be_numbers(number):
+def test_waypoints_must_be_finite_numbers(number):
     points = b.Waypoints(1, np.array([[0.0, number]]), False)
     with pytest.raises(ValueError, match="finite"):
         encode(HEADER, points)
 
 
-def test_long_texts_are_cut_between_letters_show_that_they_are_and_are_cleaned():
+def test_long_texts_are_truncated_with_an_ellipsis_and_cleaned():
     message = b.HealthReport(1.0, ("ü" * 100, "a\x1b[31mb\n"))
     got = from_robot(encode(HEADER, message), bulk=True)[1]
     assert isinstance(got, b.HealthReport)
     assert got.faults == ("ü" * 58 + "…", "a [31mb ")
 
 
-def test_the_reason_why_the_robot_stands_is_a_whole_sentence():
+def test_the_reason_of_a_stop_is_not_truncated():
     why = "scans and odometry disagree: in 0.4 s 0.12 m and 14 deg against 0.31 m and -2 deg"
     got = from_robot(encode(HEADER, STATUS._replace(stopped=why, why=why)))[1]
     assert isinstance(got, m.Status)
     assert (got.stopped, got.why) == (why, why)
 
 
-def test_of_too_many_the_first_are_sent():
+def test_of_too_many_items_the_first_are_sent():
     rows = np.arange(300, dtype=np.float32).reshape(50, 6)
     got = from_robot(encode(HEADER, m.Discs(1, rows)))[1]
     assert ex.same(got, m.Discs(1, rows[:40]))

@@ -1,4 +1,4 @@
-"""Alarms have numbers that the link can carry, however many there were."""
+"""Alarm numbers fit the link after any number of alarms."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Whoever drives by hand is alone with the robot: the controller asks for nothing by itself."""
+"""The driver: manual mode, and the obstacles given to the planner."""
 
 import math
 from types import SimpleNamespace
@@ -18,7 +18,7 @@ HERE = Pose(0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("gently", [False, True])
-def test_by_hand_with_the_stick_centred_it_makes_way_for_nobody(gently):
+def test_in_manual_mode_with_a_centred_stick_there_is_no_evasion(gently):
     """Not with evasion on either, as it is by default: somebody walks at the standing robot."""
     assert SETTINGS.evasion.horizon > 0.0
     driver = Driver(None, SETTINGS, 0.0, None)
@@ -32,7 +32,7 @@ def test_by_hand_with_the_stick_centred_it_makes_way_for_nobody(gently):
         driver.record_applied(Twist(d.safe_v, d.safe_omega))
 
 
-def test_the_planner_is_handed_the_unseen_ground_apart_from_what_stands_and_from_zones():
+def test_the_planner_gets_unobserved_space_apart_from_obstacles_and_zones():
     stands, unseen, zones = np.ones((3, 2)), np.full((2, 2), 5.0), np.full((4, 2), 9.0)
     tasks = []
     planning = SimpleNamespace(plan=lambda now: None, offer=lambda now, task: tasks.append(task))

@@ -1,4 +1,4 @@
-"""What is lost for a moment brakes the robot; nothing goes on that was not centred since."""
+"""A dropout brakes the robot; only a stick that was centred since resumes."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_only_the_same_stick_back_in_time_and_centred_resumes(script):
 
 @given(scripts)
 @settings(max_examples=200)
-def test_whatever_is_lost_the_robot_stands_or_is_stopped_in_the_same_period(script):
+def test_any_loss_brakes_or_stops_the_robot_in_the_same_period(script):
     steers, standing, mine = True, False, "anna's gamepad"
     for period in lived(script)[1:]:
         if steers and period.what in (*AWAY, "disarmed", "released"):
@@ -146,7 +146,7 @@ def test_a_stick_that_is_never_centred_again_is_a_loss():
 
 
 @pytest.mark.parametrize("what", DONE)
-def test_a_deliberate_act_is_no_dropout(what):
+def test_a_deliberate_action_is_no_dropout(what):
     periods = lived([("deflected", 20), (what, 10)])
     # another driver's stick is not this one's; it waits to be centred, as it always did
     assert [p.then for p in periods][-1] is (
@@ -160,7 +160,7 @@ def test_a_driver_without_a_stick_has_none_to_centre():
     assert stepped(dropout, "the driver is lost", heard, StickState(), now)[1] is DropoutAction.STOP
 
 
-def test_an_age_that_is_not_known_gives_no_more_time():
+def test_an_unknown_age_does_not_extend_the_time_limit():
     dropout = Dropout(driver=1, device=Device.GAMEPAD)
     heard = OperatorInput(1, "anna", None, math.nan, 0.0, ())
     stood, then = stepped(dropout, "the stick is lost", heard, StickState(), 100.0)

@@ -1,4 +1,4 @@
-"""A driver who is driver_lost is lost, with a stick or without; one far away is slowed down."""
+"""Loss of the driver, speed scale, and the latency speed limit."""
 
 import math
 
@@ -71,7 +71,7 @@ def test_the_clearance_is_from_the_outline_to_the_nearest_obstacle_of_any_kind()
     assert driver.clearance(pose, surroundings([(1.0, 2.0, 0.0, 0.0, 0.1, 0.2)]), 0) == 0.0
 
 
-def test_lost_it_crawls_by_what_the_scan_alone_vouches_for():
+def test_a_lost_robot_creeps_with_the_clearance_of_the_scan_alone():
     settings = SETTINGS
     caps = [lost_cap(clear, 0.05, settings) for clear in (0.0, 0.02, 0.1, 1.0, math.inf)]
     speeds = [c.speed for c in caps]

@@ -1,4 +1,4 @@
-"""What plans in another process never holds the loop up, wherever that process is stopped."""
+"""The planner in another process never delays the loop."""
 
 import os
 import signal
@@ -35,7 +35,7 @@ def planning():
     made.close()
 
 
-def test_tasks_and_plans_longer_than_the_line_holds_arrive_whole(planning):
+def test_tasks_and_plans_larger_than_the_socket_buffer_arrive_complete(planning):
     for fill in (b"a", b"b"):
         assert planning.offer(0.0, 2 * LONG * fill)
         assert not planning.offer(0.0, b"one at a time")
@@ -43,7 +43,7 @@ def test_tasks_and_plans_longer_than_the_line_holds_arrive_whole(planning):
     assert not planning.broken
 
 
-def test_a_planner_stopped_in_the_middle_of_its_answer_is_not_waited_for(planning):
+def test_the_loop_does_not_wait_for_a_planner_stopped_in_its_answer(planning):
     assert planning.offer(0.0, LONG * b"a")
     child = planning._child
     while child._outgoing:
@@ -90,7 +90,7 @@ def asked(planning, begin: float, seconds: float) -> Any:
     return None, None
 
 
-def test_a_planner_that_hangs_is_late_in_time_and_no_sooner(planning):
+def test_a_hanging_planner_is_reported_after_its_timeout(planning):
     assert planning.offer(0.0, b"a")
     assert planned(planning) == b"a"
     with stopped(planning):

@@ -94,7 +94,7 @@ def test_stepper_and_loop_drive_the_same_way(name, delay):
     same(*made(delay, BODIES[name]))
 
 
-def test_they_do_so_with_a_second_lidar_too():
+def test_stepper_and_loop_drive_the_same_way_with_two_lidars():
     model, setup = made(0.04, BODIES["a walker crosses"], "sally-rear")
     same(model, replace(setup, duration=5.0))
 

@@ -1,4 +1,4 @@
-"""Every way in which a reading can be wrong is seen, and said."""
+"""Invalid, late and missing sensor readings are detected and reported."""
 
 import math
 
@@ -30,7 +30,7 @@ def readings(o=odometry(), s=scan()):  # noqa: B008
     return Readings(o, s, None, None)
 
 
-def test_sound_readings_are_sound():
+def test_valid_readings_are_accepted():
     made = senses()
     for k in range(50):
         t = 10.0 + 0.02 * k
@@ -72,7 +72,7 @@ def test_a_scan_is_as_old_as_its_last_beam():
         (odometry(9.98), "the odometry's clock went back by 20 ms"),
     ],
 )
-def test_odometry_that_no_wheels_can_follow_has_jumped(after, said):
+def test_odometry_beyond_the_limits_of_the_wheels_is_a_jump(after, said):
     made = senses()
     assert made.problem(10.0, readings()) == ""
     assert made.problem(10.02, readings(after)) == said
@@ -84,7 +84,7 @@ CURE = "a clock jumped; if it stays so, set both clocks (chrony, ntp) and start 
 
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("which", ["odometry", "scan"])
-def test_a_clock_that_was_set_is_told_from_a_sensor_that_is_silent(step, which):
+def test_a_set_clock_is_distinguished_from_a_silent_sensor(step, which):
     """Readings that go on coming, an hour after their stamps, are of another clock."""
     made = senses()
     said = set()
@@ -100,7 +100,7 @@ def test_a_clock_that_was_set_is_told_from_a_sensor_that_is_silent(step, which):
     assert made.problem(12.02, readings(odometry(12.02), scan(12.0, 101))) == ""
 
 
-def test_a_sensor_that_falls_silent_is_told_by_the_age_of_its_newest_reading():
+def test_a_silent_sensor_is_detected_by_the_age_of_its_newest_reading():
     made = senses()
     assert made.problem(10.0, readings()) == ""
     said = [made.problem(10.0 + 0.1 * k, readings()) for k in range(2, 40)]

@@ -1,4 +1,4 @@
-"""A stick is believed only after it was centred, and a vanished one is not a centred one."""
+"""Arming of the stick: centred first, and a lost stick is not a centred one."""
 
 import math
 
@@ -41,7 +41,7 @@ def test_a_deflected_stick_waits_until_it_was_centred():
     assert stick_state.stick.x > 0.0
 
 
-def test_the_deflection_in_use_moves_no_faster_than_a_hand():
+def test_the_deflection_in_use_is_rate_limited():
     stick_state, last = ARMED, 0.0
     for _ in range(30):
         stick_state = after(received(1.0, -1.0), start=stick_state)
@@ -76,11 +76,11 @@ def test_after_a_loss_it_must_be_centred_again():
     assert after(received(0.0), start=stick_state).arming == Arming.ARMED
 
 
-def test_a_stick_that_only_waited_is_not_missed():
+def test_losing_a_stick_that_was_not_armed_is_no_loss():
     assert after(received(0.8), received(valid=False)).lost == ""
 
 
-def test_another_drivers_stick_must_be_centred_itself():
+def test_another_drivers_stick_must_be_centred_first():
     other = received(0.8)._replace(driver=2)
     stick_state = after(*[other] * 20, start=ARMED)
     assert (stick_state.arming, stick_state.stick, stick_state.lost) == (

@@ -1,4 +1,4 @@
-"""Time is counted as it was kept."""
+"""Statistics of the loop's timing."""
 
 import math
 
@@ -7,14 +7,14 @@ import pytest
 from cohelm.loop.timing import Timing
 
 
-def test_nothing_counted_is_not_known():
+def test_without_periods_the_statistics_are_unknown():
     kept = Timing().punctuality()
     assert kept.periods == 0
     assert math.isnan(kept.within_2ms)
     assert math.isnan(kept.late_median)
 
 
-def test_shares_and_worst_are_those_of_what_came():
+def test_shares_and_worst_values_are_those_of_the_periods():
     timing = Timing()
     for k in range(1000):
         timing.add(0.02 * k, 0.0005 if k % 100 else 0.005, 0.001, k == 500)
@@ -45,7 +45,7 @@ def test_the_recent_worst_is_forgotten_after_two_seconds():
     assert timing.recent == 0.001
 
 
-def test_periods_left_out_are_late_ones():
+def test_skipped_periods_count_as_late():
     timing = Timing()
     timing.add(0.0, 0.0, 0.05, True)
     timing.missed(0.03)

@@ -1,4 +1,4 @@
-"""Runs that the record's tests write down: a real one in the lab, and ones of arbitrary bits."""
+"""Runs for the record's tests: one in the lab, and ones of arbitrary bits."""
 
 import math
 from collections.abc import Iterator

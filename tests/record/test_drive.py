@@ -1,4 +1,4 @@
-"""A drive's record: read back as it was, by ROS 2's own definitions, whole or cut short."""
+"""Records of drives are read back as written, complete or cut short."""
 
 import re
 
@@ -55,14 +55,14 @@ def test_a_replayed_robot_ignores_commands(drive):
     assert robot.read().odometry.twist.v > 0.2
 
 
-def test_after_its_end_nothing_new_comes(drive):
+def test_after_the_end_of_a_record_there_are_no_new_readings(drive):
     robot = Replayed(drive)
     assert robot.duration == pytest.approx(3.0, abs=0.03)
     robot.wait(99.0)
     assert robot.read().odometry.stamp == pytest.approx(robot.duration)
 
 
-def test_another_reader_understands_every_message(drive):
+def test_an_independent_reader_decodes_every_message(drive):
     with drive.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         seen = {channel.topic for _, channel, _, _ in reader.iter_decoded_messages()}
@@ -93,7 +93,7 @@ def test_a_period_comes_back_to_the_last_bit(tmp_path):
 
 
 @pytest.mark.parametrize("psi", [np.inf, np.nan])
-def test_odometry_that_is_no_number_is_recorded_and_places_nothing(tmp_path, psi):
+def test_odometry_that_is_not_finite_is_recorded_without_a_transform(tmp_path, psi):
     row = np.zeros((), dtype=ROW)
     path = tmp_path / "one.mcap"
     with path.open("wb") as file:
@@ -145,7 +145,7 @@ def test_a_record_without_odometry_or_robot_is_refused_with_the_cure(drive, tmp_
         Replayed(empty)
 
 
-def test_a_drive_holds_only_what_belongs_in_it(tmp_path):
+def test_unknown_message_types_are_refused(tmp_path):
     with (tmp_path / "x.mcap").open("wb") as file:
         made = RecordWriter(file, About("drive", EPOCH), sally())
         with pytest.raises(TypeError, match="does not hold a str"):

@@ -1,4 +1,4 @@
-"""What goes wrong while a run is written or read: nothing recorded is lost, every word helps."""
+"""Failures while a record is written or read."""
 
 import os
 import resource
@@ -126,7 +126,7 @@ def test_ctrl_c_while_a_piece_is_written_leaves_that_piece_whole(
 
 
 @pytest.mark.parametrize("exchange", [1, 2, 3, 4])
-def test_ctrl_c_while_its_handler_is_exchanged_leaves_the_next_one_as_it_was(
+def test_ctrl_c_while_handlers_are_exchanged_keeps_the_former_handler(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, exchange: int
 ) -> None:
     """One that was put off for numba comes as an alarm, and may raise between any two lines."""
@@ -292,7 +292,7 @@ def test_a_record_cut_off_anywhere_gives_the_whole_pieces_before(
 
 @given(part=st.floats(0.0, 1.0, exclude_max=True), flip=st.integers(1, 255))
 @settings(deadline=None, max_examples=40)
-def test_a_changed_byte_never_passes_for_the_run_unnoticed(
+def test_a_changed_byte_is_always_detected(
     record: bytes, tmp_path_factory: pytest.TempPathFactory, part: float, flip: int
 ) -> None:
     data = bytearray(record)
@@ -371,7 +371,7 @@ def test_a_record_that_lacks_a_field_names_it(tmp_path: Path) -> None:
         read(tmp_path / "a.mcap")
 
 
-def test_fields_of_a_later_cohelm_do_not_disturb(tmp_path: Path) -> None:
+def test_additional_fields_of_a_later_cohelm_are_ignored(tmp_path: Path) -> None:
     names = '["cone_1", "cone_2", "cone_3", "mover"]'
     later = period.DEFINITION + "float64 tomorrow\n"
     store = get_typestore(Stores.EMPTY)

@@ -1,4 +1,4 @@
-"""The layout of docs/ shows what there is in a record: every topic and field it names is there."""
+"""The Foxglove layout in docs/ names only topics and fields of a record."""
 
 import json
 from pathlib import Path
@@ -65,7 +65,7 @@ def test_the_layout_names_only_what_a_record_holds(kind, messages):
                 assert isinstance(getattr(messages[kind][topic], field), float | int | bool), path
 
 
-def test_the_layout_places_every_panel_once():
+def test_every_panel_is_in_the_layout_once():
     def placed(tree) -> list[str]:
         return [tree] if isinstance(tree, str) else placed(tree["first"]) + placed(tree["second"])
 

@@ -1,4 +1,4 @@
-"""An independent ROS 2 decoder finds the run in the file, on every topic."""
+"""An independent ROS 2 decoder reads a record of a run."""
 
 import math
 from collections import defaultdict

@@ -1,4 +1,4 @@
-"""What is written is read, to the last bit."""
+"""Records are read back bit for bit."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory

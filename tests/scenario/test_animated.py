@@ -1,4 +1,4 @@
-"""Worlds in which plugins move things, as DynaBARN's: read as Gazebo would drive them."""
+"""Gazebo worlds with animated models, as DynaBARN's."""
 
 import numpy as np
 import pytest
@@ -63,7 +63,7 @@ def at(made, t):
     return discs[0]
 
 
-def test_a_cylinder_goes_straight_from_key_frame_to_key_frame_and_begins_anew(folder):
+def test_a_cylinder_moves_straight_between_key_frames_and_repeats(folder):
     made = seen(folder, cc())
     assert len(made.bodies) == 1
     assert len(made.walls) == 4
@@ -82,25 +82,25 @@ def test_the_jump_at_the_end_of_a_period_is_no_motion(folder):
     assert max(speeds) <= 2.0 + 1e-9
 
 
-def test_what_does_not_repeat_rests_where_it_came_to(folder):
+def test_an_animation_without_repeat_stays_at_its_end(folder):
     made = seen(folder, cc(repeat="false"))
     for t in (5.5, 20.0):
         assert at(made, t)[:4] == pytest.approx([0.0, -1.0, 0.0, 0.0])
 
 
-def test_it_stands_at_its_last_key_frame_until_the_period_is_over(folder):
+def test_the_last_key_frame_is_held_until_the_end_of_the_period(folder):
     made = seen(folder, cc(length=8.0))
     assert at(made, 7.0)[:4] == pytest.approx([0.0, -1.0, 0.0, 0.0])
     assert at(made, 9.0)[:4] == pytest.approx([-2.0, 2.0, 2.0, 0.0])
 
 
-def test_what_is_fixed_to_a_model_off_its_origin_goes_along_and_a_box_is_the_disc_around_it(folder):
+def test_parts_move_with_their_model_and_a_box_becomes_a_disc(folder):
     made = seen(folder, cc(), text=moving("<box><size>0.6 0.8 1</size></box>", off="1 -2 0"))
     assert at(made, 1.0)[:4] == pytest.approx([-1.0, 0.0, 2.0, 0.0])
     assert at(made, 0.0)[4] == pytest.approx(0.5)
 
 
-def test_a_plugin_without_source_is_named_and_its_model_stands(folder):
+def test_a_plugin_without_source_is_reported_and_its_model_stands(folder):
     seen = read_gazebo(folder / "worlds" / "world_3.world", 0.3)
     assert seen.animations == (None,)
     assert seen.discs[0, :2] == pytest.approx([-0.225, 0.075])
@@ -115,6 +115,6 @@ def test_a_plugin_without_source_is_named_and_its_model_stands(folder):
      (cc([(0.0, 1.0, 1.0), (1e-5, 2.0, 2.0)], length=0.0).replace("(0.00)", "(0)", 1)
       .replace("CreateKeyFrame(0.00)", "CreateKeyFrame(1e-5)"), "at most 100000 pieces")],
 )  # fmt: skip
-def test_a_source_that_can_not_be_followed_is_refused_in_a_sentence(folder, source, says):
+def test_an_invalid_animation_source_is_refused_in_one_sentence(folder, source, says):
     with pytest.raises(CohelmError, match=says):
         seen(folder, source, duration=1e4)

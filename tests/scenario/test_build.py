@@ -1,4 +1,4 @@
-"""From a scenario to a run, and from its text to the same run again."""
+"""From a scenario to a run, and from its stored text to the same run."""
 
 from pathlib import Path
 
@@ -29,12 +29,12 @@ def windows(trace) -> list[float]:
     return trace.rows["t"][np.flatnonzero(np.diff(led.astype(int)))].tolist()
 
 
-def test_the_shipped_scenarios_are_those_we_mean():
+def test_the_shipped_scenarios_are_as_documented():
     assert sorted(load.shipped()) == SHIPPED
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_the_text_kept_with_a_run_makes_the_same_run_again(name):
+def test_the_scenario_in_a_record_repeats_the_run(name):
     first = run(build.setup(scenario("simulation.seed=7", "simulation.duration_s=10", name=name)))
     again = run(build.setup(load.parse(first.scenario, Scenario, "again")))
     assert again.rows.tobytes() == first.rows.tobytes()
@@ -42,7 +42,7 @@ def test_the_text_kept_with_a_run_makes_the_same_run_again(name):
     assert again.scenario == first.scenario
 
 
-def test_the_text_kept_with_a_run_stands_alone_and_knows_its_stick(tmp_path):
+def test_the_scenario_in_a_record_is_self_contained(tmp_path):
     (tmp_path / "hand.csv").write_text("t,x,psi\n0,0,0\n1,0.8,0.1\n2,0,0\n")
     (tmp_path / "mine.yaml").write_text(
         (FOLDER / "minimal.yaml").read_text().partition("stick:")[0]
@@ -58,7 +58,7 @@ def test_the_text_kept_with_a_run_stands_alone_and_knows_its_stick(tmp_path):
         build.setup(kept)
 
 
-def test_a_stick_given_beside_the_scenario_replaces_its_hand(tmp_path, monkeypatch):
+def test_a_stick_file_replaces_the_stick_of_the_scenario(tmp_path, monkeypatch):
     (tmp_path / "log.csv").write_text("run,source,t,v,w\n3,joy_cmd,0,1,0.65\n4,joy_cmd,0,0,0\n")
     monkeypatch.chdir(tmp_path)
     made = load.scenario("minimal", stick="log.csv#3")
@@ -66,7 +66,7 @@ def test_a_stick_given_beside_the_scenario_replaces_its_hand(tmp_path, monkeypat
     assert (hands.x.tolist(), hands.psi.tolist()) == ([1.0], [0.5])
 
 
-def test_every_choice_of_the_paper_reaches_the_law():
+def test_every_option_of_the_paper_reaches_the_law():
     made = build.setup(
         scenario(
             "law.barrier={motion_sign: printed}", "law.filter=none",
@@ -137,7 +137,7 @@ def test_the_lab_requests_nothing_beyond_the_limits_of_sally(name):
     assert build.warnings(scenario(name=name)) == []
 
 
-def test_in_the_shared_lab_the_person_leads_past_cones_and_mover_and_nowhere_else():
+def test_in_the_shared_lab_the_operator_leads_only_past_cones_and_mover():
     trace = run(build.setup(scenario(name="lab-shared")))
     rows = trace.rows
     assert windows(trace) == pytest.approx([2.5, 6.3, 43.0, 46.6], abs=0.5)
@@ -149,7 +149,7 @@ def test_in_the_shared_lab_the_person_leads_past_cones_and_mover_and_nowhere_els
     assert rows["e_p"][back].max() < 0.03
 
 
-def test_in_the_lab_the_barrier_keeps_what_tracking_alone_runs_through():
+def test_in_the_lab_the_barrier_avoids_obstacles_that_tracking_hits():
     with_it = run(build.setup(scenario(name="lab-avoid")))
     without = run(build.setup(scenario("law.filter=none", name="lab-avoid")))
     assert with_it.h.min() > 0.14

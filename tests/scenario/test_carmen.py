@@ -1,4 +1,4 @@
-"""CARMEN logs are read as users have them, damaged lines and all."""
+"""CARMEN logs, damaged lines included."""
 
 import gzip
 import math
@@ -40,7 +40,7 @@ def test_scans_and_odometry_of_a_log(tmp_path):
     assert made.lidar.beams == 180
 
 
-def test_a_scan_is_where_its_own_line_says_and_not_odometry_written_at_the_same_time(tmp_path):
+def test_the_pose_of_a_scan_is_that_of_its_own_line(tmp_path):
     """A scan matcher's log says first where odometry led, and then, in the scan, where it is."""
     before = "ODOM 1.4 2.1 0.5 0 0 0 2.0 host 2.0"
     made = read_log(written(tmp_path, flaser(1.0), before, flaser(2.0, pose=(1.5, 2.0, 0.6))))
@@ -50,7 +50,7 @@ def test_a_scan_is_where_its_own_line_says_and_not_odometry_written_at_the_same_
 @pytest.mark.parametrize(
     ("n", "step", "last"), [(180, 1.0, 89.0), (181, 1.0, 90.0), (361, 0.5, 90.0)]
 )
-def test_a_front_laser_looks_from_right_to_left(tmp_path, n, step, last):
+def test_the_beams_of_a_front_laser_go_from_right_to_left(tmp_path, n, step, last):
     lidar = read_log(written(tmp_path, flaser(1.0, n))).lidar.lidar()
     bearings = np.degrees(lidar.mount.psi + lidar.first + lidar.step * np.arange(n))
     assert bearings[0] == pytest.approx(-90.0)
@@ -58,7 +58,7 @@ def test_a_front_laser_looks_from_right_to_left(tmp_path, n, step, last):
     assert math.degrees(lidar.step) == pytest.approx(step)
 
 
-def test_a_laser_ahead_of_the_robot_is_mounted_there(tmp_path):
+def test_the_mount_of_the_laser_is_read(tmp_path):
     pose = (1.0, 2.0, math.pi / 2)
     lidar = read_log(written(tmp_path, flaser(1.0, pose=pose, laser=(1.0, 2.3, math.pi / 2)))).lidar
     assert (lidar.mount_x_m, lidar.mount_y_m) == pytest.approx((0.3, 0.0))
@@ -84,7 +84,7 @@ def test_the_newer_kind_of_message_describes_its_laser(tmp_path):
     assert made.odometry[0].pose == (1.0, 0.0, 0.0)
 
 
-def test_a_raw_scan_takes_its_place_from_the_odometry_beside_it(tmp_path):
+def test_a_raw_scan_gets_its_pose_from_the_odometry(tmp_path):
     raw = "RAWLASER1 0 -1.5 3.0 1.5 30 0.01 0 3 1 2 3 0 5.0 host 5.0"
     made = read_log(written(tmp_path, "ODOM 1 2 3 0 0 0 5.0 host 5.0", raw))
     assert len(made.scans) == 1
@@ -139,7 +139,7 @@ def stamped(logged, sent, pose=(0.0, 0.0, 0.0)):
 @pytest.mark.parametrize(
     "garbage", [lambda k: 0.0, lambda k: k % 2, lambda k: math.nan, lambda k: (k * 7919) % 101]
 )
-def test_a_log_whose_last_times_are_garbage_is_read_whole_by_when_it_was_sent(tmp_path, garbage):
+def test_a_log_with_invalid_logger_times_is_read_by_its_sender_times(tmp_path, garbage):
     lines = [stamped(garbage(k), 5.0 + k, (0.1 * k, 0.0, 0.0)) for k in range(80)]
     made = read_log(written(tmp_path, *lines))
     assert len(made.scans) == 80
@@ -147,7 +147,7 @@ def test_a_log_whose_last_times_are_garbage_is_read_whole_by_when_it_was_sent(tm
     assert made.odometry[79].pose.x == pytest.approx(7.9)
 
 
-def test_a_log_without_any_sound_time_is_read_whole_in_its_order(tmp_path):
+def test_a_log_without_valid_times_is_read_in_its_order(tmp_path):
     lines = [stamped(k % 2, 0.0, (0.1 * k, 0.0, 0.0)) for k in range(406)]
     made = read_log(written(tmp_path, *lines))
     assert len(made.scans) == len(made.odometry) == 406

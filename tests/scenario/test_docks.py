@@ -1,4 +1,4 @@
-"""Docks of a scenario: what no robot could dock at is refused in a sentence."""
+"""Docks of a scenario, and refused ones."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_a_dock_with_enough_clearance_is_accepted(room, outline):
         ({"x_m": 0.0, "y_m": 1.65}, "the robot has 6 cm to a wall"),
     ],
 )
-def test_where_no_robot_could_dock_is_refused_in_a_sentence(room, outline, changed, said):
+def test_an_impossible_dock_is_refused_in_one_sentence(room, outline, changed, said):
     with pytest.raises(CohelmError) as refused:
         checked([dock(**changed)], outline, HARD, room, None)
     assert said in str(refused.value)
@@ -106,13 +106,13 @@ ONE = "{name: charger, x_m: 2, y_m: 0, heading_rad: 0, margin_m: 0.1}"
         (["docks=[{name: a, x: 2}]"], "unknown key; did you mean x_m"),
     ],
 )
-def test_a_dock_that_is_none_is_refused_with_its_key(changes, said):
+def test_an_invalid_dock_is_refused_with_its_key(changes, said):
     with pytest.raises(CohelmError) as refused:
         load.scenario("minimal", changes)
     assert said in str(refused.value)
 
 
-def test_a_dock_comes_back_from_what_a_record_keeps():
+def test_docks_are_read_back_from_a_record():
     made = load.scenario("dock")
     again = load.parse(load.dump(made), Scenario, "again")
     assert again.docks == made.docks
@@ -120,7 +120,7 @@ def test_a_dock_comes_back_from_what_a_record_keeps():
 
 
 @pytest.mark.parametrize("resolution", [0.02, 0.1, 0.2])
-def test_a_wall_within_the_outline_is_no_room_however_coarse_the_map(outline, resolution):
+def test_a_wall_within_the_outline_refuses_a_dock_on_a_coarse_map(outline, resolution):
     in_the_way = np.array([(1.9, 0.0)])
     said = no_room(dock().dock(), outline, in_the_way, resolution)
     assert said.startswith("on its approach, at 1.54, 0.00, the robot has nothing to a wall")

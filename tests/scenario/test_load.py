@@ -1,4 +1,4 @@
-"""Every mistake in a scenario is told: where it stands, what stands there, what may."""
+"""Errors in a scenario are reported with line, value and allowed values."""
 
 import os
 import tracemalloc
@@ -239,20 +239,20 @@ def test_a_missing_or_incomplete_robot_file_is_reported(tmp_path):
 
 @given(st.text(max_size=200))
 @settings(max_examples=40)
-def test_no_text_whatever_brings_more_than_a_sentence(text):
+def test_any_text_gives_a_scenario_or_sentences(text):
     with suppress(CohelmError):
         parsed(text)
 
 
 @given(st.text(max_size=40), st.text(max_size=40))
 @settings(max_examples=40)
-def test_no_override_whatever_brings_more_than_a_sentence(key, value):
+def test_any_override_gives_a_scenario_or_a_sentence(key, value):
     for path in (key, "law.barrier.k_cbf", "obstacles.0", "stick.kind"):
         with suppress(CohelmError):
             parsed(GOOD, f"{path}={value}")
 
 
-def test_of_what_is_far_too_large_no_more_is_read_than_a_file_may_have(tmp_path):
+def test_files_beyond_the_size_limit_are_not_read_further(tmp_path):
     """2 GB were read whole, and took 4 GB, only to see whether they describe a robot."""
     large = tmp_path / "large.yaml"
     with large.open("wb") as file:

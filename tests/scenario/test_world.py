@@ -1,4 +1,4 @@
-"""`world:` in a scenario: files by others, run as they are, and told where they can not be."""
+"""The key `world:` of a scenario."""
 
 from pathlib import Path
 
@@ -50,7 +50,7 @@ THROUGH = (
 
 
 @pytest.mark.parametrize("senses", ["truth", "lidar"])
-def test_on_a_map_the_robot_plans_a_path_round_a_wall(office, senses):
+def test_on_a_map_the_robot_plans_a_path_around_a_wall(office, senses):
     made = build.setup(load.scenario(written(office, THROUGH + f"senses: {senses}\n")))
     metrics = measure(run(made))
     assert metrics.reached
@@ -63,7 +63,7 @@ def test_a_start_in_a_solid_cell_is_refused(office):
     assert "the world's file" in said
 
 
-def test_what_a_run_leaves_names_the_file_and_refuses_it_changed(office):
+def test_a_changed_world_file_is_refused_by_its_digest(office):
     made = load.scenario(written(office, THROUGH))
     (office / "again.yaml").write_text(load.dump(made))
     again = load.scenario(office / "again.yaml")
@@ -106,7 +106,7 @@ BOX = """<sdf version="1.6"><world name="w">
 </collision></link></model></world></sdf>"""
 
 
-def test_a_gazebo_world_is_driven_round(tmp_path):
+def test_obstacles_of_a_gazebo_world_are_avoided(tmp_path):
     (tmp_path / "crate.world").write_text(BOX)
     text = (
         "reference: {waypoints_m: [[0, 0], [3, 0], [7, 0]]}\n"
@@ -181,6 +181,6 @@ def test_scenarios_that_can_not_run_are_reported(tmp_path, text, said):
         assert said in refused(tmp_path, text)
 
 
-def test_a_file_name_gone_wrong_is_guessed(office):
+def test_the_nearest_file_name_is_suggested(office):
     said = refused(office, THROUGH.replace("office.yaml", "ofice.yaml"))
     assert "did you mean office.yaml?" in said

@@ -1,4 +1,4 @@
-"""Worlds by others: read as their makers mean them, or refused in a sentence that helps."""
+"""Readers of Gazebo, BARN, map_server and pedestrian files."""
 
 import gzip
 import io
@@ -71,7 +71,7 @@ def corners(walls):
     return sorted(tuple(np.round(corner, 9) + 0.0) for corner in walls[:, :2])
 
 
-def test_a_cylinder_is_a_disc_where_model_link_and_collision_together_put_it(gazebo):
+def test_poses_of_model_link_and_collision_are_combined(gazebo):
     seen = gazebo(sdf(model(
         cylinder(0.5), pose=f"1 2 0 0 0 {math.pi / 2}", link=f"1 0 0 0 0 {math.pi / 2}",
         collision="0.5 0 0.5 0 0 1",
@@ -82,7 +82,7 @@ def test_a_cylinder_is_a_disc_where_model_link_and_collision_together_put_it(gaz
     assert seen.left_out == ()
 
 
-def test_a_box_is_its_outline_turned_by_all_its_yaws(gazebo):
+def test_a_box_is_rotated_by_all_yaw_angles(gazebo):
     seen = gazebo(
         sdf(model(box(2, 4), pose="10 0 0 0 0 0.3", link=f"0 0 0 0 0 {math.pi / 2 - 0.3}"))
     )
@@ -96,7 +96,7 @@ def test_a_tilted_box_casts_its_shadow(gazebo):
     np.testing.assert_allclose(corners(seen.walls), expected, atol=1e-8)
 
 
-def test_a_lying_cylinder_is_not_smaller_than_it_is(gazebo):
+def test_a_lying_cylinder_is_covered(gazebo):
     seen = gazebo(sdf(model(cylinder(0.5, 4.0), collision=f"0 0 0.5 0 {math.pi / 2} 0")))
     assert corners(seen.walls) == [(-2.0, -0.5), (-2.0, 0.5), (2.0, -0.5), (2.0, 0.5)]
 
@@ -141,7 +141,7 @@ def test_nested_models_degrees_and_quaternions_are_understood(gazebo):
     assert seen.names == ("a/inner/l/c", "b/inner/l/c")
 
 
-def test_what_could_not_be_read_is_listed_and_the_ground_is_not(gazebo):
+def test_unreadable_parts_are_listed_except_the_ground(gazebo):
     plane = model("<plane><normal>0 0 1</normal><size>9 9</size></plane>")
     seen = gazebo(sdf(
         plane,
@@ -209,7 +209,7 @@ def test_a_compressed_world_is_the_same_world_and_a_cut_archive_is_refused(tmp_p
             read_gazebo(path, 0.3)
 
 
-def test_an_archive_that_unpacks_without_end_is_refused(tmp_path):
+def test_a_decompression_bomb_is_refused(tmp_path):
     path = tmp_path / "a.world.gz"
     path.write_bytes(gzip.compress(bytes(65 * 2**20)))
     with pytest.raises(CohelmError, match="larger than 64 MB"):
@@ -217,7 +217,7 @@ def test_an_archive_that_unpacks_without_end_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("read", [lambda p: read_gazebo(p, 0.3), read_path, read_map, read_tracks])
-def test_a_file_that_is_not_there_or_a_folder_is_named(tmp_path, read):
+def test_a_missing_file_or_a_folder_is_reported(tmp_path, read):
     with pytest.raises(CohelmError, match=r"nowhere\.x: there is no such file"):
         read(tmp_path / "nowhere.x")
     with pytest.raises(CohelmError, match="can not be read"):
@@ -227,7 +227,7 @@ def test_a_file_that_is_not_there_or_a_folder_is_named(tmp_path, read):
 # BARN
 
 
-def test_path_cells_are_metres_of_the_gazebo_world(tmp_path):
+def test_path_cells_are_converted_to_metres(tmp_path):
     np.save(tmp_path / "path_3.npy", np.array([[26, 0], [0, 1]]))
     points = read_path(tmp_path / "path_3.npy")
     np.testing.assert_allclose(points, [[-0.675, 5.075], [-4.575, 5.225]], atol=1e-12)
@@ -241,13 +241,13 @@ def test_path_cells_are_metres_of_the_gazebo_world(tmp_path):
         (np.array([["a", "b"]]), "not numbers"), (np.array([[None, 1]]), "whole NumPy"),
     ],
 )  # fmt: skip
-def test_a_path_of_another_kind_is_refused(tmp_path, array, words):
+def test_a_path_of_another_shape_or_type_is_refused(tmp_path, array, words):
     np.save(tmp_path / "p.npy", array, allow_pickle=True)
     with pytest.raises(CohelmError, match=words):
         read_path(tmp_path / "p.npy")
 
 
-def test_a_cut_path_or_one_that_claims_to_be_huge_is_refused(tmp_path):
+def test_a_truncated_or_oversized_path_is_refused(tmp_path):
     file = io.BytesIO()
     np.save(file, np.zeros((10, 2)))
     whole = file.getvalue()
@@ -363,7 +363,7 @@ def test_negate_turns_dark_and_bright_around(tmp_path):
     )
 
 
-def test_scale_and_raw_maps_keep_what_is_in_between(tmp_path):
+def test_scale_and_raw_maps_keep_intermediate_values(tmp_path):
     scaled = read_map(write_map(tmp_path, mode="scale")).cells
     assert scaled[1, 1] == round(100 * (155 / 255 - 0.196) / (0.65 - 0.196))
     assert scaled[1, 0] == OCCUPIED
@@ -378,7 +378,7 @@ def test_a_transparent_pixel_of_a_scale_map_is_unknown(tmp_path):
     np.testing.assert_array_equal(found.cells, [[UNKNOWN, OCCUPIED]])
 
 
-def test_a_palette_image_means_its_colours_not_its_indices(tmp_path):
+def test_the_colours_of_a_palette_image_are_used(tmp_path):
     path = write_map(tmp_path, name="m.png")
     Image.fromarray(SHADES).convert("P").save(tmp_path / "m.png")
     assert read_map(path).cells[1, 0] == OCCUPIED
@@ -390,7 +390,7 @@ def test_unknown_cells_are_solid_only_on_request(tmp_path):
     np.testing.assert_array_equal(found.grid(unknown_is_solid=True).free == 0, found.cells != FREE)
 
 
-def test_a_turned_map_is_seen_where_its_origin_puts_it(tmp_path):
+def test_the_origin_of_a_map_includes_its_yaw(tmp_path):
     pixels = np.full((4, 4), 255, dtype=np.uint8)
     pixels[:, 3] = 0  # the right column, x from 1.5 to 2 in the map
     path = write_map(tmp_path, pixels, origin=[10.0, 20.0, math.pi / 2])
@@ -525,12 +525,12 @@ def test_a_person_walks_straight_from_sample_to_sample(tracks, begin):
 
 
 @pytest.mark.parametrize("t", [0.0, 5.0, 9.5, 9.999, 11.201, 12.0, 12.3, 80.0])
-def test_before_and_after_a_person_is_nowhere_near(tracks, t):
+def test_outside_its_samples_a_person_is_far_away(tracks, t):
     found = where(tracks(WALK)[0], t)
     np.testing.assert_array_equal(found[:4], (ELSEWHERE, ELSEWHERE, 0.0, 0.0))
 
 
-def test_only_those_who_are_there_in_time_become_bodies(tracks):
+def test_only_persons_present_during_the_run_become_bodies(tracks):
     people = tracks(WALK + "50,carl,0,0\n51,carl,1,0\n")
     assert bodies(people, 0.25, 0.3, 0.0, 20.0)[0] == ("anna",)
     assert bodies(people, 0.25, 0.3, 11.0, 45.0)[0] == ("anna", "carl")
@@ -558,7 +558,7 @@ def test_bad_tracks_are_refused_with_the_line(tracks, text, words):
 
 
 @pytest.mark.parametrize(("name", "people", "at_once"), [("eth", 360, 27), ("hotel", 390, 18)])
-def test_real_crowds_are_where_their_samples_say(name, people, at_once):
+def test_recorded_crowds_pass_through_their_samples(name, people, at_once):
     crowd = read_tracks(shared(f"crowd/{name}.csv"))
     assert len(crowd) == people
     times, count = np.unique(np.concatenate([track.times for track in crowd]), return_counts=True)

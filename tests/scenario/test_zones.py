@@ -1,4 +1,4 @@
-"""Zones as keys of a scenario: obeyed by every kind of run, recorded, and refused in sentences."""
+"""Zones of a scenario in runs, drives and records."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def deepest(trace, scenario: Scenario) -> np.ndarray:
 
 
 @pytest.mark.parametrize("plant", ["kinematic", pytest.param("twin", marks=pytest.mark.slow)])
-def test_a_run_keeps_out_of_its_zones_and_goes_slowly_through_others(plant):
+def test_a_run_obeys_keep_out_and_speed_zones(plant):
     chosen = f"simulation.plant={plant}"
     made = zoned_scenario(f"{{keep_out_m: [{ACROSS}], speed: [{SLOW}]}}", chosen)
     trace = driven(made)
@@ -66,7 +66,7 @@ def test_a_run_keeps_out_of_its_zones_and_goes_slowly_through_others(plant):
     assert np.abs(trace.rows["nominal_v"]).max() > 0.3
 
 
-def test_put_down_in_a_zone_a_run_gets_out_no_deeper():
+def test_a_robot_that_starts_in_a_zone_leaves_it_without_going_deeper():
     made = zoned_scenario("{keep_out_m: [[[-1, -1.5], [1.2, -1.5], [1.2, 1.5], [-1, 1.5]]]}")
     trace = driven(made)
     depths = deepest(trace, made)
@@ -76,7 +76,7 @@ def test_put_down_in_a_zone_a_run_gets_out_no_deeper():
     assert trace.rows["arrived"][-1]
 
 
-def test_a_drive_takes_the_zones_of_its_scenario_and_a_mask_of_its_own_before_them():
+def test_masks_take_precedence_over_the_zones_of_the_scenario():
     made = zoned_scenario(f"{{keep_out_m: [{ACROSS}], speed: [{SLOW}]}}")
     robot = type(simulated("minimal"))(made)
     zones = SessionConfig(robot).zones
@@ -87,7 +87,7 @@ def test_a_drive_takes_the_zones_of_its_scenario_and_a_mask_of_its_own_before_th
     assert both.slow.limit(np.array([(4.0, 0.0)])) == pytest.approx(0.2)
 
 
-def test_no_cell_that_a_polygon_lies_on_is_left_out():
+def test_every_cell_that_a_polygon_touches_is_marked():
     corners = [(0.013, 0.007), (1.021, 0.488), (0.502, 1.013)]
     zones = ZonesModel.model_validate({"keep_out_m": [corners]}).read(START)
     share = np.random.default_rng(4).dirichlet((0.5, 0.5, 0.5), 2000)
@@ -96,7 +96,7 @@ def test_no_cell_that_a_polygon_lies_on_is_left_out():
     assert not zones.keep_out.depth.at(beside).any()
 
 
-def test_where_speed_zones_lie_over_each_other_the_lower_counts_in_either_order():
+def test_of_overlapping_speed_zones_the_lower_limit_counts():
     wide, narrow = ([(0, 0), (2, 0), (2, 1), (0, 1)], [(1, 0), (2, 0), (2, 1), (1, 1)])
     for first, second in ((0.4, 0.1), (0.1, 0.4)):
         both = [
@@ -145,7 +145,7 @@ def test_zones_are_in_the_record_of_a_run_and_are_read_back(tmp_path):
         ("{keep_out_m: [[[0, 0], [3300, 0], [3300, 1]]]}", (), "or than 65535 in a row: are all"),
     ],
 )  # fmt: skip
-def test_zones_that_make_no_sense_are_refused_in_a_sentence(zones, changes, why):
+def test_invalid_zones_are_refused_in_one_sentence(zones, changes, why):
     with pytest.raises(CohelmError) as error:
         build.setup(zoned_scenario(zones, *changes))
     assert why in str(error.value)

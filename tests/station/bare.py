@@ -1,4 +1,4 @@
-"""A robot that is nothing but its end of the link: for what needs no driving."""
+"""A robot that is only its end of the link, for tests without driving."""
 
 from __future__ import annotations
 

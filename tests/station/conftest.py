@@ -1,4 +1,4 @@
-"""One robot, one browser and a server for the tests; skipped where one of them is not there."""
+"""Shared robot, browser and server; tests are skipped where one of them is missing."""
 
 import os
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""A person at the screen: looks for things by their names, and presses again what came to nothing.
+"""Operates the page in a browser by accessible names, and retries what had no effect.
 
 A request that reached nobody within a second is not done later (docs/link.md), so on a machine that
 is busy with other tests one press may not be enough; a person presses again, and so do these.

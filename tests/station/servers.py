@@ -1,4 +1,4 @@
-"""A real station, and a real robot to drive, for as long as tests need them."""
+"""A real station and a real robot for tests."""
 
 import threading
 import time

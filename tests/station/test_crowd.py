@@ -1,4 +1,4 @@
-"""So many connections that the page can not be had: there is always room for the next one."""
+"""Connection limits of the web server: a page is served among hundreds of idle connections."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def crowd(port: int, count: int, says: bytes, lasts: float = 60.0) -> Iterator[l
 
 
 @pytest.mark.parametrize("how", first(HOW))
-def test_a_page_loads_and_speaks_among_two_hundred_that_sit_there(
+def test_a_page_loads_and_works_among_two_hundred_idle_connections(
     server: Server, browser: Browser, how: str
 ) -> None:
     with opened(server) as driver, crowd(server.port, 200, HOW[how]):
@@ -121,7 +121,7 @@ def test_a_page_loads_and_speaks_among_two_hundred_that_sit_there(
     assert asked(server, "GET", "/").status == 200
 
 
-def test_six_hundred_are_not_all_kept_and_the_page_is_served(server: Server) -> None:
+def test_of_six_hundred_connections_some_are_closed_and_the_page_is_served(server: Server) -> None:
     with crowd(server.port, 600, HOW["never ends its head"]):
         assert server._listener.count() <= listener.MOST_WAITING + listener.MOST_SERVED
         for _ in range(5):
@@ -129,7 +129,7 @@ def test_six_hundred_are_not_all_kept_and_the_page_is_served(server: Server) -> 
 
 
 @pytest.mark.parametrize("how", HOW)
-def test_idle_connections_are_closed_whatever_trickles_in(
+def test_incomplete_requests_are_closed_however_slowly_bytes_arrive(
     server: Server, monkeypatch: pytest.MonkeyPatch, how: str
 ) -> None:
     monkeypatch.setattr(serve, "HEAD_WITHIN", 0.5)
@@ -162,7 +162,7 @@ def test_tls_handshakes_that_never_end_block_no_other_client(tmp_path: Path, bar
                 assert safe.recv(100).startswith(b"HTTP/1.1 200")
 
 
-def test_one_address_of_the_network_takes_only_its_own_room(
+def test_connections_of_one_network_address_are_limited(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of an address that has too many, its own oldest goes; another's stays."""

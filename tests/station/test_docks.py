@@ -1,4 +1,4 @@
-"""Docks on the page: drawn, and docked at and left with one button each."""
+"""Docks on the page: drawn, docking and undocking."""
 
 from collections.abc import Iterator
 from pathlib import Path

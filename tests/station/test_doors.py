@@ -1,4 +1,4 @@
-"""Who is let in to the web server, and who is not."""
+"""Access control of the web server."""
 
 import asyncio
 import http.client
@@ -48,7 +48,7 @@ def any_server(bare: Bare, request: pytest.FixtureRequest) -> Iterator[Server]:
         yield server
 
 
-def test_our_own_page_is_let_in(open_server: Server) -> None:
+def test_our_own_page_is_accepted(open_server: Server) -> None:
     with opened(open_server) as page:
         assert json.loads(page.recv(10))["type"] == "welcome"
 
@@ -61,7 +61,7 @@ def test_a_page_of_another_origin_is_refused(open_server: Server, origin: str | 
         pass
 
 
-def test_a_foreign_name_that_points_here_is_refused(open_server: Server) -> None:
+def test_a_foreign_host_name_is_refused(open_server: Server) -> None:
     assert asked(open_server, "GET", "/", host="evil.example").status == 421
     assert (
         asked(open_server, "GET", "/", host=f"localhost:{open_server.port}", origin="-").status
@@ -75,11 +75,11 @@ def test_a_foreign_name_that_points_here_is_refused(open_server: Server) -> None
      (socket.gethostname(), True), ("evil.example", False), ("127.0.0.1.evil.example", False),
      ("", False), ("[::1", False), ("localhost.evil.example", False)],
 )  # fmt: skip
-def test_names_of_this_machine(host: str, ours: bool) -> None:
+def test_host_names_of_this_machine_are_accepted(host: str, ours: bool) -> None:
     assert own_name(host) is ours
 
 
-def test_what_only_this_machine_reaches() -> None:
+def test_loopback_addresses_are_recognized() -> None:
     assert all(is_loopback(h) for h in ("localhost", "127.0.0.1", "127.3.2.1", "::1", "[::1]"))
     assert not any(is_loopback(h) for h in ("0.0.0.0", "::", "10.0.0.1", "robot.local"))
 
@@ -95,7 +95,7 @@ def test_without_the_token_no_local_user_drives(any_server: Server) -> None:
     assert asked(any_server, "GET", "/").status == 200
 
 
-def test_the_token_opens_and_nothing_is_left_that_a_browser_sends_by_itself(
+def test_a_login_sets_nothing_that_a_browser_sends_by_itself(
     any_server: Server,
 ) -> None:
     answer = asked(any_server, "POST", "/session", any_server.token)
@@ -133,7 +133,7 @@ OTHER_PAGES = [
 """How a browser says that another page has caused a request."""
 
 
-def test_no_route_that_gives_or_does_something_heeds_another_page(open_server: Server) -> None:
+def test_every_route_refuses_requests_of_another_page(open_server: Server) -> None:
     """All routes there are: one that is added is tested too, or named here."""
     app = open_server.station.app()
     routes = {
@@ -219,7 +219,7 @@ def test_a_port_in_use_is_reported_with_the_cure(open_server: Server) -> None:
         Server(open_server.station.connect, "127.0.0.1", open_server.port)
 
 
-def test_tls_with_a_certificate_that_is_kept(tmp_path: Path, bare: Bare) -> None:
+def test_the_tls_certificate_is_kept(tmp_path: Path, bare: Bare) -> None:
     path, key, shown = certificate(tmp_path, "127.0.0.1")
     assert certificate(tmp_path, "localhost")[2] == shown
     assert key.stat().st_mode & 0o077 == 0
@@ -259,11 +259,11 @@ def test_tls_with_a_certificate_that_is_kept(tmp_path: Path, bare: Bare) -> None
     [("robot.local", ("robot.local", 7)), ("10.0.0.5:8", ("10.0.0.5", 8)), ("::1", ("::1", 7)),
      ("[fe80::1]:9", ("fe80::1", 9))],
 )  # fmt: skip
-def test_the_robots_address(text: str, where: tuple[str, int]) -> None:
+def test_the_address_of_the_robot_is_parsed(text: str, where: tuple[str, int]) -> None:
     assert address(text, 7) == where
 
 
 @pytest.mark.parametrize("text", ["", "a:b", "a/b", "a:99999", ":80", "me@robot"])
-def test_an_invalid_address_is_reported(text: str) -> None:
+def test_an_invalid_robot_address_is_reported(text: str) -> None:
     with pytest.raises(CohelmError, match="HOST"):
         address(text, 7)

@@ -1,4 +1,4 @@
-"""Downloads come whole or are seen to have failed; no memory fills up, nothing else waits."""
+"""Downloads of records: complete or failed, with bounded memory."""
 
 from __future__ import annotations
 
@@ -74,9 +74,7 @@ def memory() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
-def test_a_download_comes_whole_with_its_length_and_its_hash(
-    server: Server, tmp_path: Path
-) -> None:
+def test_a_download_is_complete_with_length_and_hash(server: Server, tmp_path: Path) -> None:
     content = written(tmp_path, 700_001)
     link, answer = begun(server, "/records/run.mcap")
     assert answer.status == 200
@@ -123,7 +121,7 @@ def test_nothing_but_plain_records_can_be_fetched(
     assert asked(server, "GET", f"/records/{name}", **shown(server)).status == 404
 
 
-def test_a_slow_reader_gets_all_of_it_and_fills_nobodys_memory(
+def test_a_slow_download_is_complete_and_uses_bounded_memory(
     server: Server, bare: Bare, tmp_path: Path
 ) -> None:
     content = written(tmp_path, 24_000_000)
@@ -141,7 +139,7 @@ def test_a_slow_reader_gets_all_of_it_and_fills_nobodys_memory(
 
 
 @pytest.mark.slow
-def test_three_hundred_megabytes_read_slowly_come_whole(
+def test_a_slow_download_of_three_hundred_megabytes_is_complete(
     server: Server, bare: Bare, tmp_path: Path
 ) -> None:
     with (tmp_path / "run.mcap").open("wb") as file:
@@ -238,7 +236,9 @@ def test_a_record_that_changes_or_ends_too_soon_fails_the_download(
 
 
 @pytest.mark.slow
-def test_a_record_that_grows_is_fetched_as_far_as_it_was(server: Server, tmp_path: Path) -> None:
+def test_a_growing_record_is_downloaded_up_to_its_size_at_the_start(
+    server: Server, tmp_path: Path
+) -> None:
     content = written(tmp_path, 10_000_000)
     link, answer = begun(server, "/records/run.mcap")
     with (tmp_path / "run.mcap").open("ab") as file:
@@ -261,7 +261,7 @@ def test_pieces_lost_with_a_connection_are_requested_again(
     link.close()
 
 
-def test_a_piece_that_never_left_the_robot_is_missed(
+def test_a_missing_piece_is_detected(
     server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Lost, twice, or in another order: what comes is whole all the same, or has failed."""
@@ -281,7 +281,7 @@ def test_a_piece_that_never_left_the_robot_is_missed(
     link.close()
 
 
-def test_a_robot_that_sends_other_bytes_than_it_has_fails_the_download(
+def test_a_wrong_hash_fails_the_download(
     server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     written(tmp_path, 1_000_000)
@@ -343,7 +343,7 @@ def test_a_hash_requested_on_a_lost_connection_is_requested_again(
     assert lost[0]
 
 
-def test_a_slow_download_holds_up_neither_pictures_nor_datagrams(
+def test_a_slow_download_delays_neither_pictures_nor_datagrams(
     server: Server, bare: Bare, tmp_path: Path
 ) -> None:
     written(tmp_path, 20_000_000)

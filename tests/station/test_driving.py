@@ -1,4 +1,4 @@
-"""A person drives in a browser: with keys, a gamepad, two thumbs."""
+"""Driving in a browser: keyboard, gamepad, touch."""
 
 import itertools
 from pathlib import Path
@@ -110,7 +110,7 @@ def test_a_gamepad_must_be_centred_before_it_steers(context: BrowserContext, pag
     release(page)
 
 
-def test_a_gamepad_that_is_unplugged_is_not_a_centred_one(page: Page) -> None:
+def test_an_unplugged_gamepad_is_a_lost_stick(page: Page) -> None:
     page.add_init_script(PAD)
     page.reload()
     page.evaluate("testPad.plug()")
@@ -138,7 +138,7 @@ def test_a_gamepad_that_is_unplugged_is_not_a_centred_one(page: Page) -> None:
     release(page)
 
 
-def test_after_a_stop_the_gamepad_alone_drives_on_and_by_no_less_than_a_long_press(
+def test_after_a_stop_only_a_long_press_on_the_gamepad_resumes(
     page: Page,
 ) -> None:
     page.add_init_script(PAD)
@@ -181,7 +181,7 @@ def test_after_a_stop_the_gamepad_alone_drives_on_and_by_no_less_than_a_long_pre
 
 
 @pytest.mark.slow
-def test_a_gamepad_that_stays_deflected_without_a_change_is_not_held(page: Page) -> None:
+def test_a_gamepad_without_any_change_counts_as_lost(page: Page) -> None:
     """Its battery is flat, or it is out of reach: the receiver shows the last it heard."""
     page.add_init_script(PAD)
     page.reload()
@@ -257,7 +257,7 @@ def test_a_page_that_hangs_for_a_moment_continues_in_its_mode(
 
 
 @pytest.mark.slow  # it is some way to the next wall
-def test_the_gamepad_shakes_where_something_is_near(page: Page) -> None:
+def test_the_gamepad_rumbles_near_an_obstacle(page: Page) -> None:
     page.add_init_script(PAD)
     page.reload()
     page.evaluate("testPad.plug()")
@@ -296,7 +296,7 @@ def test_the_stop_button_of_the_gamepad_stops(page: Page) -> None:
 
 
 @pytest.mark.slow  # nothing moves wrongly by it
-def test_the_sticks_settings_are_remembered(page: Page) -> None:
+def test_stick_settings_are_stored(page: Page) -> None:
     page.add_init_script(PAD)
     page.reload()
     page.evaluate("testPad.plug()")
@@ -316,7 +316,7 @@ def test_the_sticks_settings_are_remembered(page: Page) -> None:
 
 
 @pytest.mark.parametrize("how", first(["hidden", "blurred"]))
-def test_a_tab_that_is_not_looked_at_does_not_steer(page: Page, how: str) -> None:
+def test_a_hidden_tab_does_not_steer(page: Page, how: str) -> None:
     drive(page)
     page.keyboard.down("ArrowLeft")
     expect(given(page)).to_contain_text(LEFT)
@@ -333,7 +333,7 @@ def test_a_tab_that_is_not_looked_at_does_not_steer(page: Page, how: str) -> Non
 
 
 @pytest.mark.slow
-def test_two_thumbs_on_a_phone(browser_phone: BrowserContext, server: Server) -> None:
+def test_touch_pads_steer_on_a_phone(browser_phone: BrowserContext, server: Server) -> None:
     page = browser_phone.new_page()
     page.goto(server.address)
     take(page)
@@ -363,7 +363,7 @@ def test_two_thumbs_on_a_phone(browser_phone: BrowserContext, server: Server) ->
     release(page)
 
 
-def test_a_phone_held_sideways_has_room_for_the_map_and_for_two_thumbs(
+def test_a_phone_in_landscape_shows_the_map_and_both_touch_pads(
     browser_phone: BrowserContext, server: Server
 ) -> None:
     """Nothing that is pressed lies under anything else, and most of it is the map."""

@@ -1,4 +1,4 @@
-"""Who comes to the web port to do harm: nothing breaks, nothing moves, and who drives goes on."""
+"""Hostile clients of the web port: nothing crashes, nothing moves, the driver continues."""
 
 import asyncio
 import json
@@ -86,7 +86,7 @@ def nonsense(rng: random.Random) -> str | bytes:
 
 
 @pytest.mark.parametrize("seconds", [2.0, pytest.param(600.0, marks=pytest.mark.slow)])
-def test_whatever_comes_over_the_websocket_nothing_breaks_and_nothing_moves(
+def test_no_websocket_message_crashes_or_moves_anything(
     robot: Robot, server: Server, seconds: float
 ) -> None:
     seed = random.randrange(2**32)
@@ -206,7 +206,7 @@ def test_the_driver_continues_while_the_port_is_flooded(
     until(lambda: welcomed(server), WITHIN)
 
 
-def test_pages_that_disconnect_in_the_handshake_or_in_a_message_leave_nothing_behind(
+def test_pages_that_disconnect_early_leave_no_resources(
     server: Server, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(app, "GRACE", 0.1)
@@ -231,7 +231,7 @@ def test_pages_that_disconnect_in_the_handshake_or_in_a_message_leave_nothing_be
     assert welcomed(server)
 
 
-def test_messages_of_a_page_that_is_gone_break_nothing(robot: Robot) -> None:
+def test_messages_of_a_disconnected_page_are_ignored(robot: Robot) -> None:
     operator = PageOperator("key", "operator 1", robot.connect, 0.25)
     heard, sent, gone = [0], [0], asyncio.Event()
 

@@ -1,4 +1,4 @@
-"""Station, browser and WiFi die in every order while a person drives, and come back in every order.
+"""Station, browser and WiFi fail and return in every order during a drive.
 
 The robot is `cohelm robot` at the other end of a network of real packets, the station is the
 command, the browser is Chromium; each is killed as a power cut would. What the robot did meanwhile
@@ -157,7 +157,7 @@ def take(page: Page) -> None:
     until(lambda: expect(who(page)).to_contain_text("You drive", timeout=SOON), ask)
 
 
-def test_station_browser_and_wifi_die_in_every_order_and_the_robot_ends_safe(
+def test_the_robot_is_safe_when_station_browser_and_wifi_fail_in_any_order(
     browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     left: list[Case] = [*CASES]

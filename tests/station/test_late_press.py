@@ -1,4 +1,4 @@
-"""What a person pressed counts from when it was pressed, not from when it reached the station."""
+"""The age of a request counts from the press of the button."""
 
 import time
 from types import SimpleNamespace
@@ -11,7 +11,7 @@ from cohelm.station.operator import PageOperator
 
 
 @pytest.mark.parametrize("late", [0.0, 0.4, 5.0])
-def test_a_press_that_was_delayed_in_transit_is_not_executed(late):
+def test_a_request_delayed_in_transit_is_not_executed(late):
     asked = []
     link = SimpleNamespace(ask=lambda *request: asked.append(request) or 1)
     operator = PageOperator("key", "anna", lambda _: link, 0.25)

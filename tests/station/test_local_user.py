@@ -1,4 +1,4 @@
-"""Another user of the same machine: gets the empty page, and nothing else; tried as uid 65534."""
+"""Another user of the same machine gets only the empty page; tested as uid 65534."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One click lets a person in, and what he came in with is left nowhere."""
+"""Login with one click; the token is left nowhere."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_the_login_takes_the_token_or_the_whole_address(
     inside(page)
 
 
-def test_one_click_on_the_printed_address_and_one_operator_is_in(
+def test_one_click_on_the_printed_address_logs_in(
     context: BrowserContext, server: Server, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.DEBUG)

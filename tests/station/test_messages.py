@@ -28,7 +28,7 @@ def test_the_pages_types_are_those_of_the_server() -> None:
         '{"type":"got","stream":"map"}', '{"type":"play","playing":true,"speed":0}',
     ],
 )  # fmt: skip
-def test_bytes_that_are_no_message_are_refused(text: str) -> None:
+def test_malformed_messages_are_refused(text: str) -> None:
     with pytest.raises(ValidationError):
         from_page(text)
 
@@ -42,7 +42,7 @@ def test_a_deflection_beyond_the_stick_is_refused() -> None:
             from_page(good.model_dump_json().replace('"x":1.0', f'"x":{x}'))
 
 
-def test_of_a_place_that_nobody_estimates_no_error_is_shown() -> None:
+def test_without_localization_no_standard_deviation_is_shown() -> None:
     on_a_map = STATUS._replace(localised=Localised.GOOD, sigma=0.02)
     assert view.state(on_a_map, 1.0, 0.01).sigma_m == pytest.approx(0.02)
     for nobody in (Localised.UNKNOWN, Localised.LOST):

@@ -21,7 +21,7 @@ def test_a_stream_pauses_while_the_page_is_hidden_and_resumes_with_the_newest() 
     assert box.take() == ["9"]
 
 
-def test_credit_can_not_be_saved_up() -> None:
+def test_credit_does_not_accumulate() -> None:
     box = Outbox()
     for _ in range(100):
         box.credit("frame")

@@ -1,4 +1,4 @@
-"""The page's pure functions, run by Node as they are: it leaves out the types by itself."""
+"""Pure functions of the page, run by Node."""
 
 import json
 import shutil
@@ -141,7 +141,7 @@ def test_equal_alarms_are_merged_and_cleared_once_all_are(asked) -> None:
     ]  # fmt: skip
 
 
-def test_a_pad_is_silent_when_no_value_and_no_timestamp_changes_while_it_is_deflected(
+def test_a_gamepad_whose_values_and_timestamp_do_not_change_is_silent(
     asked,
 ) -> None:
     pad = "{index: 0, timestamp: %s, axes: [0, %s], buttons: [{value: 0}]}"
@@ -160,7 +160,7 @@ def test_a_pad_is_silent_when_no_value_and_no_timestamp_changes_while_it_is_defl
     ) == [0, 3, 0, 0, 0, 0, 10, 5]  # fmt: skip
 
 
-def test_dead_band_and_curve_are_odd_and_reach_the_ends(asked) -> None:
+def test_dead_band_and_curve_are_odd_and_reach_full_deflection(asked) -> None:
     shape = "{deadBand: 0.1, curve: 0.3}"
     values = asked(
         "input/shape.ts",
@@ -175,7 +175,7 @@ def test_dead_band_and_curve_are_odd_and_reach_the_ends(asked) -> None:
     assert values[10:] == [0.25, 1, -0.25]
 
 
-def test_the_ghost_goes_along_an_arc(asked) -> None:
+def test_the_predicted_outline_follows_an_arc(asked) -> None:
     quarter, straight, along, alone = asked(
         "map/ghost.ts",
         "m.arc([1, 2, 0], [1, Math.PI / 2], 1)", "m.arc([1, 2, Math.PI / 2], [2, 0], 1.5)",
@@ -190,7 +190,7 @@ def test_the_ghost_goes_along_an_arc(asked) -> None:
     assert alone == pytest.approx([0.5, 0, 0])
 
 
-def test_pixels_and_metres_go_there_and_back(asked) -> None:
+def test_pixels_and_metres_convert_both_ways(asked) -> None:
     there, back, fixed, seen = asked(
         "map/view.ts",
         "m.toPixel({x: 1, y: 2, scale: 50}, {width: 400, height: 300}, [2, 3])",
@@ -205,7 +205,7 @@ def test_pixels_and_metres_go_there_and_back(asked) -> None:
     assert seen == pytest.approx([0.5, 0.25])
 
 
-def test_of_several_lidars_all_are_seen_but_for_one_that_fell_silent(asked) -> None:
+def test_scans_of_all_lidars_are_shown_except_silent_ones(asked) -> None:
     scan = "{{lidar: {0}, sensor: [{0}, 0, 0], first: 0, step: 0.1, at: {1}, ranges: [2000]}}"
     one, two, later = scan.format(0, 5000), scan.format(1, 4000), scan.format(0, 6000)
     both, last, none = asked(
@@ -217,7 +217,7 @@ def test_of_several_lidars_all_are_seen_but_for_one_that_fell_silent(asked) -> N
     assert none == []
 
 
-def test_what_comes_as_bytes_is_read_as_it_was_written(asked) -> None:
+def test_binary_messages_are_read_as_written(asked) -> None:
     import numpy as np
 
     from cohelm.core.types import Pose
@@ -246,7 +246,7 @@ def test_what_comes_as_bytes_is_read_as_it_was_written(asked) -> None:
     assert nothing is None
 
 
-def test_zones_come_as_bytes_and_the_nearest_exit_is_the_shortest(asked) -> None:
+def test_zones_are_read_as_written_and_the_nearest_exit_is_the_shortest(asked) -> None:
     import math
     import zlib
 

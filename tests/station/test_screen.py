@@ -1,4 +1,4 @@
-"""What the screen says and does beside driving."""
+"""The page apart from driving: requests, dialogs, waypoints, replay."""
 
 import subprocess
 import sys
@@ -114,7 +114,7 @@ def test_two_tabs_are_two_operators_and_a_reload_is_the_same_one(
 
 
 @pytest.mark.slow
-def test_way_points_are_added_dragged_checked_and_sent(page: Page) -> None:
+def test_waypoints_are_added_dragged_checked_and_sent(page: Page) -> None:
     drive(page, "Hold")
     page.get_by_role("button", name="Show all").click()
     page.get_by_role("button", name="Edit route").click()
@@ -198,7 +198,7 @@ def _noted(route: Route, asked: list[str]) -> None:
 
 
 @pytest.mark.slow
-def test_all_can_be_done_with_the_keyboard_alone(page: Page) -> None:
+def test_everything_is_reachable_with_the_keyboard(page: Page) -> None:
     expect(who(page)).to_contain_text("No driver")
     for _ in range(60):
         page.keyboard.press("Tab")
@@ -255,7 +255,7 @@ def test_a_record_is_shown_with_a_timeline_at_any_speed(
     expect(bar.get_by_role("button", name="Play")).to_be_visible()  # at the end it stops
 
 
-def test_the_pages_are_small() -> None:
+def test_the_size_of_the_pages_is_bounded() -> None:
     import gzip
 
     from cohelm.station.app import pages

@@ -1,4 +1,4 @@
-"""The station never repeats a deflection that is older than it may be, counted from the page."""
+"""The station never repeats a deflection beyond its maximum age."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Link:
 
 
 @pytest.mark.parametrize("on_the_way", [0.0, 0.1, 0.2])
-def test_no_deflection_is_repeated_once_it_may_be_older_than_the_limit(on_the_way):
+def test_no_deflection_is_repeated_beyond_its_maximum_age(on_the_way):
     link = Link()
     operator = PageOperator("key", "anna", lambda _: link, STALE)
     now = time.monotonic()

@@ -1,4 +1,4 @@
-"""What goes through all of it: browser, station, link, loop, gate, recorder, and back."""
+"""A whole drive: browser, station, link, loop, gate, recorder, replay."""
 
 from pathlib import Path
 
@@ -56,7 +56,7 @@ def record_on(page: Page, on: bool) -> None:
     )
 
 
-def test_a_drive_is_recorded_from_the_screen_fetched_and_shown_again(
+def test_a_drive_is_recorded_downloaded_and_replayed(
     page: Page, context: BrowserContext, tmp_path: Path
 ) -> None:
     drive(page, "Hold")

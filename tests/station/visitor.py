@@ -1,4 +1,4 @@
-"""A program that speaks with a station as a page does, and as a page must not."""
+"""A client of the station that behaves as a page, or not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A CLS2Sim of our own, written from its documentation, with a simulated stick behind it.
+"""A simulated CLS2Sim server, written from its documentation, with a simulated stick.
 
 What the documentation leaves open (which way a positive force pushes, its unit) is a property of
 the simulated stick, so that tests can have it either way.

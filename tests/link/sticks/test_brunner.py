@@ -1,4 +1,4 @@
-"""A Brunner stick behind CLS2Sim: what is sent, what is believed, and what is felt."""
+"""Brunner stick over CLS2Sim: requests, answers, forces."""
 
 from __future__ import annotations
 
@@ -92,23 +92,23 @@ def test_invalid_answers_are_refused(data):
 @given(
     st.binary(max_size=24) | st.binary(min_size=16, max_size=16).map(lambda b: b"\xaf\0\0\0" + b)
 )
-def test_whatever_comes_is_a_position_or_nothing(data):
+def test_any_datagram_gives_a_position_or_is_ignored(data):
     found = positions(data)
     assert found is None or all(0.0 <= axis <= 1.0 for axis in found)
 
 
 @given(numbers, st.floats(-10000.0, 10000.0))
-def test_no_number_goes_out_that_is_beyond_the_whole_force(share, full):
+def test_no_force_beyond_the_maximum_is_sent(share, full):
     assert abs(unit(share, full)) <= round(abs(full))
 
 
 @given(sticks, sticks, st.builds(Feel, numbers, sticks), st.floats(0.0, 1.0))
-def test_the_wish_is_bounded_whatever_it_is_made_from(stick, rate, feel, damping):
+def test_the_requested_force_is_bounded_for_any_input(stick, rate, feel, damping):
     assert all(-1.0 <= axis <= 1.0 for axis in wanted(stick, rate, feel, damping))
 
 
 @given(st.lists(st.tuples(sticks, numbers, numbers), max_size=20))
-def test_the_force_never_jumps_whatever_comes(steps):
+def test_the_force_changes_at_a_bounded_rate_for_any_answers(steps):
     force = NO_FORCE
     for wish, age, dt in steps:
         after = changed(force, Stick(*(max(-1.0, min(1.0, w)) if w == w else 0.0 for w in wish)),
@@ -133,9 +133,7 @@ def test_the_spring_is_that_of_equation_35():
 
 @pytest.mark.parametrize(("forward", "left"), [(1, 1), (0, 1), (1, 0), (0, 0)])
 @pytest.mark.parametrize(("elevator", "aileron"), [(1, 1), (-1, 1), (1, -1), (-1, -1)])
-def test_a_released_stick_returns_to_the_centre_whatever_the_signs(
-    forward, left, elevator, aileron
-):
+def test_a_released_stick_returns_to_the_centre_with_any_signs(forward, left, elevator, aileron):
     stick = SimulatedStick(Axis(unit=0.001 * elevator), Axis(unit=0.001 * aileron), forward, left)
     bench = Bench(
         f"brunner://h?force={1000 * elevator},{1000 * aileron}&forward={forward}&left={left}", stick
@@ -169,7 +167,7 @@ def test_a_released_stick_returns_to_the_centre_against_any_cue(delay, push):
     assert bench.device.read().stick == pytest.approx((0.0, 0.0), abs=0.05)
 
 
-def test_the_force_rises_from_nothing_when_it_begins():
+def test_the_force_starts_at_zero():
     bench = Bench("brunner://h?force=1000&damping=0")
     bench.stick.hold(Stick(1.0, 1.0))
     bench.run(2.5, Feel(1.0, CENTRED))
@@ -179,7 +177,7 @@ def test_the_force_rises_from_nothing_when_it_begins():
     assert felt[-1] == 1000
 
 
-def test_a_hand_that_snatches_the_stick_is_not_struck():
+def test_a_suddenly_deflected_stick_gets_no_force_jump():
     bench = Bench("brunner://h?force=1000&damping=0")
     bench.run(3.0, Feel(1.0, CENTRED))
     bench.stick.hold(Stick(1.0, 0.0))
@@ -192,7 +190,7 @@ def test_a_hand_that_snatches_the_stick_is_not_struck():
 @pytest.mark.parametrize("delay", [0.001, 0.005, 0.01, 0.02])
 @pytest.mark.parametrize("loss", [0.0, 0.1])
 @pytest.mark.parametrize(("mass", "friction"), [(0.03, 0.15), (0.015, 0.05)])
-def test_a_network_that_is_slow_or_loses_does_not_make_it_swing(delay, loss, mass, friction):
+def test_delay_and_loss_cause_no_oscillation(delay, loss, mass, friction):
     axes = (Axis(mass=mass, friction=friction), Axis(mass=mass, friction=friction))
     bench = Bench(stick=SimulatedStick(*axes), delay=delay, loss=loss, seed=7)
     bench.stick.hold(Stick(1.0, -1.0))
@@ -214,7 +212,7 @@ def test_a_stick_that_oscillates_is_lost_with_the_reason():
     assert bench.force() == Forces(0, 0)
 
 
-def test_a_hand_that_weaves_does_not_swing():
+def test_a_hand_that_moves_to_and_fro_is_not_taken_for_an_oscillation():
     swings = Swings()
     for step in range(1000):
         now = step * 0.01
@@ -238,7 +236,7 @@ def test_a_silent_stick_is_lost_within_its_timeout_and_without_force():
     assert not bench.run(1.0).valid  # it does not come back by itself
 
 
-def test_the_force_fades_while_it_is_not_known_where_the_stick_is():
+def test_the_force_fades_while_the_position_is_unknown():
     bench = Bench("brunner://h?force=1000&silence_ms=500")
     bench.stick.hold(Stick(1.0, 0.0))
     bench.run(2.5)
@@ -251,7 +249,7 @@ def test_the_force_fades_while_it_is_not_known_where_the_stick_is():
     assert bench.force() == Forces(0, 0)
 
 
-def test_after_a_pause_of_this_process_it_asks_anew_and_begins_without_force():
+def test_after_a_pause_of_the_process_the_force_starts_at_zero():
     bench = Bench()
     bench.stick.hold(Stick(0.5, 0.5))
     bench.run(2.5)
@@ -290,7 +288,7 @@ def test_errors_in_the_address_are_reported(text, said):
     assert said in str(refused.value)
 
 
-def test_one_number_is_for_both_axes_and_nothing_but_the_force_is_needed():
+def test_one_force_applies_to_both_axes_and_is_the_only_required_parameter():
     params = parameters("brunner://10.0.0.5?force=300")
     assert params.force == (300.0, 300.0)
     assert (params.host, params.port, params.forward, params.left) == ("10.0.0.5", 15090, 1, 1)
@@ -298,7 +296,7 @@ def test_one_number_is_for_both_axes_and_nothing_but_the_force_is_needed():
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.004, 0.02])
-def test_a_deflection_arrives_with_the_first_answer_that_knows_it(delay):
+def test_a_deflection_arrives_with_the_first_answer_that_contains_it(delay):
     bench = Bench(delay=delay)
     bench.run(0.5)
     bench.stick.hold(Stick(0.6, -0.3))
@@ -360,7 +358,7 @@ def test_garbage_counts_as_silence(server, mangle):
     device.close()
 
 
-def test_unrequested_answers_are_ignored(server):
+def test_answers_without_a_request_are_ignored(server):
     line = Cls2SimLine("127.0.0.1", server.port, 10.0)
     line.ask(Forces(0, 0), time.monotonic())
     until(lambda: line.answers(time.monotonic()), 2.0)
@@ -434,7 +432,7 @@ def test_the_force_is_removed_when_the_process_dies_or_hangs(server, how):
         program.wait()
 
 
-def test_without_its_watchdog_it_does_not_push(server):
+def test_without_its_watchdog_no_force_is_applied(server):
     device = opened(server)
     turned(device)
     device._watchdog._program.kill()
@@ -503,7 +501,7 @@ def test_the_trial_reports_an_axis_that_does_not_move():
         Helped(stick).run()
 
 
-def test_the_trial_is_not_fooled_by_a_stick_that_falls_over():
+def test_the_trial_recognizes_a_stick_that_falls_over():
     stick = SimulatedStick(Axis(unit=1e-6, friction=40.0))
     helped = Helped(stick)
     say = helped.say

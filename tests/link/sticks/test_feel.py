@@ -1,4 +1,4 @@
-"""What the hand feels is bounded, damped and fades."""
+"""Force feedback is bounded, damped and fades with age."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ shares = st.floats(-0.4, 0.4)
 pushes = st.builds(Stick, shares, shares)
 
 
-def test_the_spring_is_that_of_the_paper_as_far_as_the_device_can():
+def test_the_spring_follows_the_paper_up_to_the_force_of_the_device():
     assert spring(5.0) == 0.5
     assert spring(20.0) == 1.0
     assert spring(0.0) == 0.0
@@ -46,7 +46,7 @@ def test_the_cue_points_to_the_applied_command_and_is_zero_where_that_is_request
 
 
 @given(pushes, st.lists(st.floats(0.0, 1.0), min_size=2, max_size=9))
-def test_the_older_the_weaker_and_then_nothing(push, ages):
+def test_the_cue_fades_with_the_age_of_the_status(push, ages):
     felt = [abs(faded(push, age, RULES).x) for age in sorted(ages)]
     assert felt == sorted(felt, reverse=True)
     assert faded(push, RULES.fresh, RULES) == pytest.approx(push)
@@ -55,7 +55,7 @@ def test_the_older_the_weaker_and_then_nothing(push, ages):
 
 
 @given(pushes, pushes, st.floats(0.0, 0.1))
-def test_it_changes_no_faster_than_the_steepest_and_never_overshoots(before, push, dt):
+def test_the_cue_changes_at_a_bounded_rate_without_overshoot(before, push, dt):
     after = damped(before, push, dt, RULES)
     assert abs(after.x - before.x) <= RULES.steepest * dt + 1e-12
     assert min(before.x, push.x) - 1e-12 <= after.x <= max(before.x, push.x) + 1e-12
@@ -71,12 +71,12 @@ def test_no_cue_holds_a_released_stick_deflected(push, stick, stiffness):
     assert math.hypot(*cue) <= 2.1 * stiffness * out + 1e-9  # none at the centre, and no jump there
 
 
-def test_the_cue_against_a_hand_is_felt_whole():
+def test_the_full_cue_acts_against_a_hand():
     assert returning(Stick(-0.4, 0.0), Stick(0.5, 0.0), 0.5) == pytest.approx((-0.4, 0.0))
 
 
 @pytest.mark.parametrize("delay", [0, 5, 10, 20, 30])
-def test_a_released_stick_near_a_wall_is_not_swung_by_the_cue(delay):
+def test_near_a_wall_the_cue_does_not_make_a_released_stick_oscillate(delay):
     """Stick, spring and cue with the delay of a round trip (in steps of 10 ms): it comes to rest.
 
     The stick is a mass on the device's spring; the guard takes away all speed above a half.
@@ -98,6 +98,6 @@ def test_a_released_stick_near_a_wall_is_not_swung_by_the_cue(delay):
     assert max(end) - min(end) < 0.01
 
 
-def test_without_force_the_device_shakes_as_strongly_as_it_would_push():
+def test_without_force_feedback_the_rumble_is_as_strong_as_the_cue():
     assert shake(Feel(1.0, STILL)) == 0.0
     assert shake(Feel(0.0, Stick(-0.3, 0.4))) == pytest.approx(0.5)

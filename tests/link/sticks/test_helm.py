@@ -1,4 +1,4 @@
-"""A stick of this machine at the helm, over the real link."""
+"""`cohelm stick`: a local stick drives over the real link."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Held:
         self.there = False
 
 
-def test_a_stick_takes_the_lease_steers_is_felt_and_its_loss_stops_the_robot(robot):
+def test_a_stick_takes_the_lease_steers_gets_force_feedback_and_its_loss_stops_the_robot(robot):
     robot, keys = robot
     held, said = Held(), []
     thread = threading.Thread(
@@ -127,7 +127,7 @@ def test_a_stick_takes_the_lease_steers_is_felt_and_its_loss_stops_the_robot(rob
     assert "held: unplugged" in said
 
 
-def test_a_recorded_hand_drives_and_its_end_is_no_centred_stick(robot):
+def test_a_stick_file_drives_and_its_end_is_a_lost_stick(robot):
     robot, keys = robot
     record = StickRecording(
         np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.75, 0.75]), np.array([0.0, -0.5, -0.5])
@@ -140,7 +140,7 @@ def test_a_recorded_hand_drives_and_its_end_is_no_centred_stick(robot):
     assert robot.side.stopped in ("no valid stick input", "there is no driver any more")
 
 
-def test_the_command_names_what_is_missing_and_lists_what_there_is(tmp_path, monkeypatch):
+def test_the_stick_command_reports_missing_options_and_lists_devices(tmp_path, monkeypatch):
     monkeypatch.setenv("COHELM_KEYS", str(tmp_path))
     run = CliRunner().invoke
     assert "--robot" in str(run(app, ["stick"]).exception)

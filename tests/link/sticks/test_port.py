@@ -1,4 +1,4 @@
-"""The suite that every stick passes; and what only some have."""
+"""The conformance suite of stick devices, and tests of single devices."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_a_lost_stick_is_not_centred_but_invalid_with_the_reason(plug):
     device.close()
 
 
-def test_it_can_be_felt_at_any_time_and_closed_twice(plug):
+def test_force_feedback_is_accepted_at_any_time_and_closing_twice_is_allowed(plug):
     device = plug.open()
     for push in (0.0, 0.4, -0.4, 1.0):
         device.feel(Feel(0.5, Stick(push, -push)))
@@ -166,7 +166,7 @@ def test_the_kernel_plays_the_spring_and_the_cue_and_ends_them_with_the_program(
     plug.unplug()
 
 
-def test_the_first_one_is_chosen_and_what_is_none_is_said(tmp_path, monkeypatch):
+def test_the_first_device_is_chosen_and_an_unusable_one_is_reported(tmp_path, monkeypatch):
     pytest.importorskip("pygame")
     monkeypatch.setattr(choose, "_evdev_paths", list)
     names = choose._sdl_names

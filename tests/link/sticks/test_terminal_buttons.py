@@ -1,4 +1,4 @@
-"""Keys of the terminal are a stick's buttons."""
+"""Keys of the terminal act as a stick's buttons."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def terminal(monkeypatch):
     os.close(here)
 
 
-def test_each_key_is_its_button_once_and_the_terminal_is_as_it_was(terminal):
+def test_each_key_presses_its_button_once_and_the_terminal_is_restored(terminal):
     person, here = terminal
     before = termios.tcgetattr(here)
     stick = TerminalButtons(Held(), here)
@@ -39,7 +39,7 @@ def test_each_key_is_its_button_once_and_the_terminal_is_as_it_was(terminal):
     assert not stick.read().pressed
 
 
-def test_the_stick_beneath_is_what_it_was(terminal):
+def test_the_wrapped_stick_is_unchanged(terminal):
     held = Held()
     stick = TerminalButtons(held, terminal[1])
     held.stick, held.buttons = Stick(0.5, 0.25), [Button.LEASE]
@@ -49,7 +49,7 @@ def test_the_stick_beneath_is_what_it_was(terminal):
     assert (stick.name, stick.kind, stick.force) == (held.name, held.kind, True)
 
 
-def test_without_a_terminal_there_is_only_the_stick(tmp_path):
+def test_without_a_terminal_only_the_stick_is_read(tmp_path):
     with (tmp_path / "no-terminal").open("w") as file:
         stick = TerminalButtons(Held(), file.fileno())
         assert not stick.listens
@@ -57,7 +57,7 @@ def test_without_a_terminal_there_is_only_the_stick(tmp_path):
         stick.close()
 
 
-def test_in_the_background_the_terminal_is_left_to_others():
+def test_in_the_background_the_terminal_is_not_read():
     person, here = pty.openpty()  # not the one this runs in
     stick = TerminalButtons(Held(), here)
     assert not stick.listens

@@ -1,4 +1,4 @@
-"""Devices that a test can move: SDL's own virtual joystick, and the kernel's (uinput)."""
+"""Virtual devices for tests: SDL's virtual joystick, and the kernel's (uinput)."""
 
 from __future__ import annotations
 
