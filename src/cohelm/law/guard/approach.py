@@ -56,10 +56,10 @@ def approach_rows(
         if not is_finite(x + y + vx + vy + radius + obstacles.max_acceleration[i] + velocity_error):
             return -1, math.inf
         dx, dy = x - pose.x, y - pose.y
-        speed = math.sqrt(vx * vx + vy * vy) + velocity_error
-        reached = (
-            reach + radius + (far if speed == 0.0 else _far(outline_speed + speed, a, dt, margin))
-        )
+        reached = reach + radius + far
+        if not (vx == vy == velocity_error == 0.0):
+            speed = math.sqrt(vx * vx + vy * vy) + velocity_error
+            reached = reach + radius + _far(outline_speed + speed, a, dt, margin)
         if dx * dx + dy * dy < reached * reached:
             p = contact(outline, c * dx + s * dy, -s * dx + c * dy)
             clearance = p.clearance - radius

@@ -155,7 +155,12 @@ def _clears_mover(
     closing = (
         m.max_speed + math.sqrt(vx * vx + vy * vy) + velocity_error + max_acceleration * m.stop
     )
-    g = _clearance_at(m.pose, outline, x0, y0, x0, y0) - radius
+    dx, dy = x0 - m.pose.x, y0 - m.pose.y
+    g = math.sqrt(dx * dx + dy * dy) - reach - radius
+    if closing * m.stop <= g - hard_margin:
+        return True
+    if g < hard_margin:  # the circle around the outline is too coarse
+        g = _clearance_at(m.pose, outline, x0, y0, x0, y0) - radius
     if g < hard_margin:
         if g < 0.5625 * hard_margin:  # the floor of `_clears_static`
             return False
@@ -170,7 +175,7 @@ def _clears_mover(
         pose = arc(m.pose, m.twist, _travelled(m, t))
         dx, dy = x - pose.x, y - pose.y
         g = math.sqrt(dx * dx + dy * dy) - reach - grown
-        if g < hard_margin:  # the circle around the outline is too coarse
+        if g < hard_margin:
             g = _clearance_at(pose, outline, x, y, x, y) - grown
         if g < hard_margin:
             return False
