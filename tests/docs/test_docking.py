@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from cohelm.link import messages
 from cohelm.loop import docking
 from cohelm.plan import docks
 from cohelm.scenario.docks import DockModel
@@ -34,5 +35,5 @@ def test_the_numbers_are_those_of_the_code(said):
     assert said in TEXT
 
 
-def test_a_hand_on_the_stick_is_a_tenth():
-    assert docking.DEFLECTED == 0.1
+def test_a_deflection_beyond_a_tenth_ends_docking():
+    assert messages.CENTRE == 0.1

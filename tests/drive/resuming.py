@@ -127,7 +127,7 @@ class SessionJobs:
     def __init__(self, judge, real_time: bool) -> None:
         self.judge, self.fails = judge, ""
         self.checking = Slow(self._judged)
-        self.ways, self.records, self.make = Later(), Later(), FakeRecording
+        self.paths, self.records, self.make = Later(), Later(), FakeRecording
 
     def _judged(self, points, pose) -> CheckedPath:
         if self.fails == "check":
@@ -137,7 +137,7 @@ class SessionJobs:
         return self.judge(points, pose)
 
     def turn(self) -> None:
-        self.ways.turn()
+        self.paths.turn()
         self.records.turn()
 
 

@@ -74,7 +74,7 @@ def test_a_new_path_is_adopted_in_the_present_mode_and_no_mode_is_stored(drive):
 @pytest.mark.parametrize("ends", ["hold", "stop", "stop and reset", "release", "fault", "gone"])
 @pytest.mark.parametrize("after", first([3, 0, 15]))
 def test_a_mode_that_ends_while_a_path_is_planned_stays_ended(drive, ends, after):
-    drive.beside.ways.takes = 20
+    drive.beside.paths.takes = 20
 
     def script():
         anna = yield from driving(drive)
@@ -113,7 +113,7 @@ def test_a_mode_that_ends_while_a_path_is_planned_stays_ended(drive, ends, after
 def test_a_path_that_can_not_be_planned_ends_in_hold_with_an_alarm(drive, fails):
     def script():
         anna = yield from driving(drive)
-        drive.beside.ways.takes = 10**9 if fails == "takes for ever" else 5
+        drive.beside.paths.takes = 10**9 if fails == "takes for ever" else 5
         anna.propose(BACK)
         yield from waits(6)
         assert drive.loop.supervisor.paused
@@ -122,9 +122,9 @@ def test_a_path_that_can_not_be_planned_ends_in_hold_with_an_alarm(drive, fails)
         assert drive.loop.supervisor.mode == Mode.HOLD
         assert not drive.loop.supervisor.paused
         assert any("no new path, the robot holds" in a.text for a in drive.loop.alarms.worst())
-        drive.beside.fails, drive.beside.ways.takes = "", 0  # and the next one is made
+        drive.beside.fails, drive.beside.paths.takes = "", 0  # and the next one is made
         if fails == "takes for ever":
-            drive.beside.ways._due[0][0] = 0
+            drive.beside.paths._due[0][0] = 0
         anna.ask(RequestKind.MODE, Mode.AUTOMATIC)
         yield from waits(40)
         assert speed(drive) > 0.1
@@ -140,7 +140,7 @@ def test_a_path_that_can_not_be_planned_ends_in_hold_with_an_alarm(drive, fails)
 
 
 def test_no_path_is_planned_for_a_former_driver(drive):
-    drive.beside.ways.takes = 20
+    drive.beside.paths.takes = 20
 
     def script():
         anna = yield from driving(drive)
@@ -432,7 +432,7 @@ def anything(drive: Drive, rng: random.Random, steps: int, history: list[str]):
                 return beside.fails
             case "takes":
                 beside.checking.takes = rng.choice([0, 1, 10])
-                beside.ways.takes = rng.choice([0, 1, 10, 60])
+                beside.paths.takes = rng.choice([0, 1, 10, 60])
                 beside.records.takes = rng.choice([0, 5, 50])
             case "bump":
                 wheels.bumped = not wheels.bumped

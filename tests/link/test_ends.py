@@ -84,7 +84,7 @@ def test_only_the_driver_steers_and_the_lease_is_handed_over_on_request(both):
     answer = both.ask(two, RequestKind.TAKE)
     assert not answer.granted
     assert "requested" in answer.reason
-    until(lambda: one.status().status.lease.asking, turn=both.turn)
+    until(lambda: one.status().status.lease.requester, turn=both.turn)
     assert both.robot.driver == one.status().status.lease.you
     assert both.ask(one, RequestKind.REFUSE).granted
     assert both.robot.driver == one.status().status.lease.you

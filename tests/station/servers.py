@@ -62,7 +62,7 @@ class Robot:
                 for what in (RequestKind.RESET, RequestKind.ACKNOWLEDGE, RequestKind.RECORD):
                     self.watcher.ask(what, 0)
                 self.watcher.ask(RequestKind.MODE, Mode.HOLD)
-                if _neat(status._replace(lease=status.lease._replace(driver=0, asking=0))):
+                if _neat(status._replace(lease=status.lease._replace(driver=0, requester=0))):
                     self.watcher.ask(RequestKind.GIVE, 0)
             # as soon as it shows; but a client may ask for 20 things a second, and no more
             before, late = _untidy(status), time.monotonic() + 0.4
@@ -79,7 +79,7 @@ def _untidy(s: Status | None) -> tuple[object, ...] | None:
     """What there is to tidy up."""
     if s is None:
         return None
-    return s.stopped, s.alarms, s.recording, s.mode != Mode.HOLD, s.lease.driver, s.lease.asking
+    return s.stopped, s.alarms, s.recording, s.mode != Mode.HOLD, s.lease.driver, s.lease.requester
 
 
 def _neat(s: Status | None) -> bool:

@@ -30,7 +30,7 @@ from tests.station.servers import Robot, served
 pytestmark = pytest.mark.xdist_group("realtime")
 WITHIN = 60.0
 STICK = {
-    "type": "stick", "n": 1, "heard_ms": 0.0, "x": 0.5, "psi": 0.5, "valid": True, "armed": True,
+    "type": "stick", "n": 1, "echo_ms": 0.0, "x": 0.5, "psi": 0.5, "valid": True, "armed": True,
     "device": "gamepad", "speed_scale": 1.0,
 }  # fmt: skip
 SAID = [
@@ -146,7 +146,7 @@ def driven(server: Server, robot: Robot) -> Iterator[None]:
                     n += 1
                     status = robot.status()
                     turns = status is not None and status.mode == Mode.MANUAL and armed.is_set()
-                    tell(**STICK | {"n": n, "heard_ms": beat[0], "x": 0.0, "psi": 1.0 * turns})
+                    tell(**STICK | {"n": n, "echo_ms": beat[0], "x": 0.0, "psi": 1.0 * turns})
 
         armed = threading.Event()
         threads = [threading.Thread(target=hear), threading.Thread(target=steer)]

@@ -16,7 +16,7 @@ def test_a_request_delayed_in_transit_is_not_executed(late):
     link = SimpleNamespace(ask=lambda *request: asked.append(request) or 1)
     operator = PageOperator("key", "anna", lambda _: link, 0.25)
     pressed = time.monotonic() - late
-    operator._on_message(from_page(Do(what="automatic", heard_ms=pressed * 1e3).model_dump_json()))
+    operator._on_message(from_page(Do(what="automatic", echo_ms=pressed * 1e3).model_dump_json()))
     (what, _, made), *more = asked
     assert (what, more) == (RequestKind.MODE, [])
     assert made == pytest.approx(pressed, abs=1e-6)

@@ -34,7 +34,7 @@ def test_malformed_messages_are_refused(text: str) -> None:
 
 
 def test_a_deflection_beyond_the_stick_is_refused() -> None:
-    good = Stick(n=1, heard_ms=0.0, x=1.0, psi=-1.0, valid=True, armed=True, device="touch",
+    good = Stick(n=1, echo_ms=0.0, x=1.0, psi=-1.0, valid=True, armed=True, device="touch",
                  speed_scale=1.0)  # fmt: skip
     assert from_page(good.model_dump_json()) == good
     for x in ("1.001", "-2", "NaN", "Infinity", "1e400", '"1"', "null"):

@@ -28,7 +28,7 @@ def test_no_deflection_is_repeated_beyond_its_maximum_age(on_the_way):
     now = time.monotonic()
     heard = 1e3 * (now - on_the_way)  # the beat that the page had heard when it sent this
     operator._on_message(
-        page.Stick(n=1, heard_ms=heard, x=0.5, psi=0.0, valid=True, armed=True,
+        page.Stick(n=1, echo_ms=heard, x=0.5, psi=0.0, valid=True, armed=True,
                    device="gamepad", speed_scale=1.0)
     )  # fmt: skip
     assert link.steered[-1].valid

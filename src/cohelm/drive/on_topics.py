@@ -94,7 +94,7 @@ class OnTopics:
         plan, supervisor = session.plan, session.loop.supervisor
         self._jobs = jobs(checker_of(plan, session.known), plan.robot.real_time)
         self._rerouting = Rerouting(
-            session, (self,), self._jobs.checking, self._jobs.ways,
+            session, (self,), self._jobs.checking, self._jobs.paths,
             lambda _: supervisor.resume(_FIRST),
         )  # fmt: skip
         supervisor.pause(_FIRST, f"waiting for a goal or path on {' or '.join(self._goals.ways)}")
@@ -149,7 +149,7 @@ class OnTopics:
     def close(self) -> None:
         """Plan no more paths."""
         if self._jobs is not None and self._rerouting is not None:
-            self._jobs.ways.close(1.0)
+            self._jobs.paths.close(1.0)
             self._jobs.records.close(1.0)
             self._rerouting.close()
         if self._goals is not None:

@@ -31,8 +31,8 @@ class SessionJobs:
 
     def __init__(self, judge: PathChecker, real_time: bool) -> None:
         self.checking: Checking = RemoteChecking(judge) if real_time else InlineChecking(judge)
-        self.ways: Jobs = ThreadJobs("desk ways") if real_time else InlineJobs()
-        self.records: Jobs = ThreadJobs("desk records") if real_time else InlineJobs()
+        self.paths: Jobs = ThreadJobs("paths") if real_time else InlineJobs()
+        self.records: Jobs = ThreadJobs("records") if real_time else InlineJobs()
         self.make: Make = Recording
 
 
@@ -50,7 +50,7 @@ class OperatorRequests:
         self._jobs = beside(checker_of(session.plan, session.known), robot.real_time)
         sources = (operator, *path_requests)
         self._rerouting = Rerouting(
-            session, sources, self._jobs.checking, self._jobs.ways, self._on_adopted
+            session, sources, self._jobs.checking, self._jobs.paths, self._on_adopted
         )
         self._records = RecordSwitch(
             session, operator, records, self._jobs.records, lambda: self._drawn, self._jobs.make
@@ -83,7 +83,7 @@ class OperatorRequests:
 
     def close(self) -> None:
         """Finish the record; what is being made besides is not waited for."""
-        self._jobs.ways.close(_LEAVE)
+        self._jobs.paths.close(_LEAVE)
         self._rerouting.close()
         self._records.close()
 

@@ -13,8 +13,6 @@ from cohelm.core.types import Floats
 from cohelm.drive.pictures import Packed
 from cohelm.drive.rerouting import PathRequest
 from cohelm.link.bulk_messages import Hello, Picture, Records
-from cohelm.link.messages import RequestKind
-from cohelm.link.operator_input import ClientRequest, OperatorInput
 from cohelm.link.robot_bulk import RobotBulk
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.robot_records import listed
@@ -33,7 +31,8 @@ class OverLink:
         """
         self._end, self._bulk = end, bulk
         self.address = end.address
-        self.answer, self.send_status, self.show = end.answer, end.send_status, end.show
+        self.receive, self.answer = end.receive, end.answer
+        self.send_status, self.show = end.send_status, end.show
         self.publish, self.reply = bulk.publish, bulk.reply
         self._records = records
         self.record: Callable[[bool], str] = lambda on: "this robot does not record"
@@ -42,26 +41,6 @@ class OverLink:
         self._hello = hello(shown, on_loss, watchdog)
         self.publish(self._hello)
         self.list_records()
-
-    # ---- what the loop asks of an operator ----------------------------------------------
-
-    def receive(self) -> OperatorInput:
-        """The driver's input; RECORD requests are handled here, not by the loop."""
-        received = self._end.receive()
-        if not any(requested.request.what == RequestKind.RECORD for requested in received.requests):
-            return received
-        rest: list[ClientRequest] = []
-        for requested in received.requests:
-            number, what, value, _ = requested.request
-            if what != RequestKind.RECORD:
-                rest.append(requested)
-                continue
-            own = requested.client == received.driver
-            refusal = self.record(value != 0) if own else "you are not the driver"
-            self.answer(requested.client, number, not refusal, refusal)
-        return received._replace(requests=tuple(rest))
-
-    # ---- besides ------------------------------------------------------------------------
 
     def reshape(self, outline: Floats) -> None:
         """The robot has another outline, (k, 2) [m]: stations draw that from now on."""

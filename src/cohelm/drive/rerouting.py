@@ -71,7 +71,7 @@ class _Waiting(NamedTuple):
     since: float
 
 
-class _ProposedPath:
+class _AcceptedPath:
     """An accepted path that is not driven yet."""
 
     def __init__(self, request: _Waiting, now: float) -> None:
@@ -98,10 +98,10 @@ class Rerouting:
         """What paths are checked against."""
         self._requests: dict[tuple[int, bool], _Waiting] = {}
         """The newest of each client, by (client, only_check); longest waiting first."""
-        self._checked: _Waiting | _ProposedPath | None = None
+        self._checked: _Waiting | _AcceptedPath | None = None
         """What is being checked."""
-        self._way: _ProposedPath | None = None
-        self._building: _ProposedPath | None = None
+        self._accepted: _AcceptedPath | None = None
+        self._building: _AcceptedPath | None = None
 
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
@@ -117,17 +117,17 @@ class Rerouting:
         if checked_path is not None:
             self._conclude(loop, checked_path, now)
         self._collect()
-        if self._way is not None:
-            self._continue(loop, self._way, now)
+        if self._accepted is not None:
+            self._continue(loop, self._accepted, now)
         if self._checked is None:
             self._check_next(loop, now)
 
     def close(self) -> None:
         """End checks, and a driver that was not used. After the jobs are done."""
         self._checking.close()
-        for way in {self._way, self._building}:
-            if way is not None and isinstance(way.made, Driver):
-                way.made.close()
+        for accepted in {self._accepted, self._building}:
+            if accepted is not None and isinstance(accepted.made, Driver):
+                accepted.made.close()
 
     # ---- proposals ----------------------------------------------------------------------
 
@@ -144,9 +144,9 @@ class Rerouting:
         """The accepted path first, then the driver's requests, then the others in turn."""
         if loop.seen is None or not self._checking.ready:
             return
-        way = self._way
-        if way is not None and way.checking:
-            self._checked, where = way, way.request.path.where
+        accepted = self._accepted
+        if accepted is not None and accepted.checking:
+            self._checked, where = accepted, accepted.request.path.where
         elif self._requests:
             own = sorted(
                 key for key in self._requests if key[0] == loop.supervisor.lease[0]
@@ -159,8 +159,8 @@ class Rerouting:
 
     def _conclude(self, loop: Loop, checked_path: CheckedPath, now: float) -> None:
         what, self._checked = self._checked, None
-        if isinstance(what, _ProposedPath):
-            if what is self._way:
+        if isinstance(what, _AcceptedPath):
+            if what is self._accepted:
                 what.checking = False
                 what.reference, what.made = checked_path.reference, checked_path.why or None
         elif what is not None:
@@ -180,37 +180,37 @@ class Rerouting:
             answer = Answer(request.path.number, ok, why)
             source.reply(request.path.client, Checked(answer, worst))
 
-    # ---- the way that was accepted ------------------------------------------------------
+    # ---- the accepted path --------------------------------------------------------------
 
     def _accept(self, loop: Loop, request: _Waiting, now: float) -> None:
         """Pause for this path; one accepted before is dropped."""
-        self._way = _ProposedPath(request, now)
+        self._accepted = _AcceptedPath(request, now)
         loop.supervisor.pause(_PAUSE, "a new path is being planned")
 
-    def _continue(self, loop: Loop, way: _ProposedPath, now: float) -> None:
+    def _continue(self, loop: Loop, accepted: _AcceptedPath, now: float) -> None:
         """Once the robot stands: check again from there, build a driver, and use it."""
-        if loop.supervisor.lease != way.request.lease:
+        if loop.supervisor.lease != accepted.request.lease:
             self._give_up(loop, "the driver who requested it has changed")
-        elif isinstance(way.made, str):
-            self._give_up(loop, way.made)
-        elif now - way.since > WITHIN:
+        elif isinstance(accepted.made, str):
+            self._give_up(loop, accepted.made)
+        elif now - accepted.since > WITHIN:
             self._give_up(loop, f"it was not made within {WITHIN:.0f} s")
-        elif way.made is not None and way.reference is not None:
-            self._adopt(loop, way.made, way.reference)
-        elif way.reference is not None and self._building is None:
-            self._building = way
-            self._jobs.do(lambda: self._make(way))
-        elif way.reference is None and not way.checking and stands(loop):
-            way.checking = True
+        elif accepted.made is not None and accepted.reference is not None:
+            self._adopt(loop, accepted.made, accepted.reference)
+        elif accepted.reference is not None and self._building is None:
+            self._building = accepted
+            self._jobs.do(lambda: self._make(accepted))
+        elif accepted.reference is None and not accepted.checking and stands(loop):
+            accepted.checking = True
 
-    def _make(self, way: _ProposedPath) -> None:
+    def _make(self, accepted: _AcceptedPath) -> None:
         """Build the driver, beside the loop."""
         try:
-            if way.reference is not None:
-                way.made = self._build(way.reference)
+            if accepted.reference is not None:
+                accepted.made = self._build(accepted.reference)
         except Exception as error:
             _log.exception("no driver for the new path")
-            way.made = f"it could not be made: {error}"
+            accepted.made = f"it could not be made: {error}"
 
     def _build(self, reference: Reference) -> Driver:
         plan = self._session.plan
@@ -222,13 +222,13 @@ class Rerouting:
         if built is None or built.made is None:
             return
         self._building = None
-        if built is not self._way and isinstance(built.made, Driver):
+        if built is not self._accepted and isinstance(built.made, Driver):
             self._jobs.do(built.made.close)
 
     def _adopt(self, loop: Loop, driver: Driver, reference: Reference) -> None:
         old = loop.driver
         loop.set_driver(driver)
-        self._way, self._session.driver = None, driver
+        self._accepted, self._session.driver = None, driver
         self._jobs.do(old.close)
         lines = reference_lines(reference)
         self._adopted(lines)
@@ -237,7 +237,7 @@ class Rerouting:
         loop.supervisor.resume(_PAUSE)
 
     def _give_up(self, loop: Loop, why: str) -> None:
-        self._way = None
+        self._accepted = None
         if loop.supervisor.mode != Mode.HOLD:
             loop.supervisor.choose(Mode.HOLD)
         loop.supervisor.resume(_PAUSE)

@@ -209,9 +209,9 @@ class Lease(NamedTuple):
     driver: Short
     """The driver's number; 0: nobody."""
     driver_name: Name
-    asking: Short
+    requester: Short
     """Client that requests the lease; 0: none."""
-    asking_name: Name
+    requester_name: Name
     left: float
     """Time until it is handed over without an answer [s]; NaN where it is not requested."""
 

@@ -17,7 +17,7 @@ from cohelm.core.types import Floats, Stick, Twist
 from cohelm.law.govern import CourseClock
 from cohelm.law.reference import through
 from cohelm.link.latency_speed_limit import Cap
-from cohelm.link.messages import DockPhase as Phase
+from cohelm.link.messages import DockPhase as Phase, is_centred
 from cohelm.loop.latency_limit import NO_CAP
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.pilot import Pilot
@@ -36,8 +36,6 @@ BLOCKED_FOR = 0.15
 """A mover in the corridor for this long ends docking [s]: more than one scan."""
 BEHIND = 0.3
 """This far behind the robot must be in view, or it backs out at a crawl [m]."""
-DEFLECTED = 0.1
-"""A larger deflection counts as a person's intervention."""
 _GUIDE = 0.25
 """The look-ahead point is no farther than this share of the approach."""
 
@@ -133,7 +131,7 @@ class Docking:
             return f"there is no dock {number}, only {len(docks)}"
         if seen.lost:
             return "the robot is not localized on the map"
-        if _deflected(stick):
+        if not is_centred(stick):
             return "release the stick first"
         if number == 0:
             number = nearest(docks, pose)
@@ -178,7 +176,7 @@ class Docking:
         dock = self.docks[self.number - 1]
         if seen.lost:
             return Ended("lost on the map")
-        if _deflected(stick):
+        if not is_centred(stick):
             return Ended("the stick was deflected")
         if not self.backwards and (why := self.unfit.get(self.number, "")):
             return Ended(why)
@@ -220,10 +218,6 @@ class Docking:
         if stands:
             return Ended(f"{held}, at {100.0 * x:+.0f}, {100.0 * y:+.0f} cm from it")
         return None
-
-
-def _deflected(stick: Stick) -> bool:
-    return not max(abs(stick.x), abs(stick.psi)) <= DEFLECTED  # nor for NaN
 
 
 def looks_behind(lidars: Sequence[Lidar], outline: Floats) -> bool:

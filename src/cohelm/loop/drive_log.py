@@ -79,16 +79,16 @@ class DriveLog:
 
     def failed(self) -> bool:
         """Whether the recorder has failed just now; `fault` has the reason."""
-        said = str(self._line.received() or self._line.broken)
-        new = bool(said) and said != self.fault
-        self.fault = said or self.fault
+        reported = str(self._line.received() or self._line.broken)
+        new = bool(reported) and reported != self.fault
+        self.fault = reported or self.fault
         return new
 
     def view_trouble(self) -> str:
         """What is wrong with the live view; empty: nothing, or there is no live view."""
-        said = self._live.received()
-        if isinstance(said, bool):
-            self._viewer_wants_pictures = said
+        reported = self._live.received()
+        if isinstance(reported, bool):
+            self._viewer_wants_pictures = reported
         if self._live.broken:
             self._viewer_wants_pictures = False
             return _NO_VIEW

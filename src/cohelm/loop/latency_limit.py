@@ -23,8 +23,8 @@ def driver_lost(received: OperatorInput, patience: float) -> str:
     if received.driver == 0:
         return "there is no driver any more"
     if received.command is None and not received.age <= patience:
-        told = f"for {1000.0 * received.age:.0f} ms" if math.isfinite(received.age) else "yet"
-        return f"no command {told}"
+        since = f"for {1000.0 * received.age:.0f} ms" if math.isfinite(received.age) else "yet"
+        return f"no command {since}"
     return ""
 
 

@@ -26,6 +26,10 @@ class Operator(Protocol):
     def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
         """Send the result of a request."""
 
+    def record(self, on: bool, /) -> str:
+        """Start or end a record, as the driver requests; returns why not, or ""."""
+        return "this robot does not record"
+
     def send_status(self, status: Status) -> None:
         """Send the robot's status."""
 

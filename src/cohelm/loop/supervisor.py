@@ -255,6 +255,9 @@ class Supervisor:
             refusal = "" if self.alarms.acknowledge(value) else "there is no such alarm"
         elif what == RequestKind.MODE:
             refusal = self._mode(requested, driver) if value in _MODES else "there is no such mode"
+        elif what == RequestKind.RECORD:
+            own = requested.client == driver
+            refusal = self.operator.record(value != 0) if own else "you are not the driver"
         elif what in (RequestKind.DOCK, RequestKind.UNDOCK):
             refusal = self._dock(requested, driver)
         text = f"{requested.name} requests {what.name} {value}: {refusal or 'done'}"

@@ -178,7 +178,7 @@ def periods(path: Path, topics: Sequence[str] = (), handle: Handle = _ignore) ->
                 found.scenario = record.data.decode(errors="replace")
             case Schema():
                 schemas[record.id] = record
-            case Channel() if found.about and _asked(record.topic, topics):
+            case Channel() if found.about and _wanted(record.topic, topics):
                 names[record.id] = record.topic
                 decoders[record.id] = decoder(schemas[record.schema_id], path)
             case Message() if record.channel_id in names:
@@ -211,7 +211,7 @@ def periods(path: Path, topics: Sequence[str] = (), handle: Handle = _ignore) ->
     return found
 
 
-def _asked(topic: str, topics: Sequence[str]) -> bool:
+def _wanted(topic: str, topics: Sequence[str]) -> bool:
     return topic == period.TOPIC or any(fnmatchcase(topic, one) for one in topics)
 
 

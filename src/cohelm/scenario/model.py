@@ -217,29 +217,29 @@ class Scenario(Schema):
             for i, one in enumerate(named):
                 first = seen.setdefault(one.name, i)
                 if first != i:
-                    said = f"{what} {first + 1} is called {one.name!r} too; names must differ"
-                    problems.append((f"{what}s.{i}.name", said))
+                    problem = f"{what} {first + 1} is called {one.name!r} too; names must differ"
+                    problems.append((f"{what}s.{i}.name", problem))
         if isinstance(self.stick, StickOperator):
             there = [obstacle.name for obstacle in self.obstacles]
             for i, name in enumerate(self.stick.minds or []):
                 if name not in there:
                     known = ", ".join(dict.fromkeys(there)) or "none"
-                    said = f"no obstacle is called {name!r}; there are: {known}"
-                    problems.append((f"stick.minds.{i}", said))
+                    problem = f"no obstacle is called {name!r}; there are: {known}"
+                    problems.append((f"stick.minds.{i}", problem))
         for i, (x1, y1, x2, y2) in enumerate(self.walls_m):
             if x1 == x2 and y1 == y2:
                 problems.append((f"walls_m.{i}", "both ends are the same point; remove the wall"))
         if not self.reference.waypoints_m and not has_route(self.world):
-            said = "is missing: waypoints [x, y], at least two"
-            problems.append(("reference.waypoints_m", said))
+            problem = "is missing: waypoints [x, y], at least two"
+            problems.append(("reference.waypoints_m", problem))
         for key, given, knows, instead in (
             ("senses", self.senses == "lidar", "LiDAR", "senses to truth"),
             ("docks", bool(self.docks), "docks", "remove them"),
             ("zones", self.zones is not None, "zones", "remove them"),
         ):
             if given and self.law.filter != "guard":
-                said = f"the paper's law knows no {knows}; set law.filter to guard, or {instead}"
-                problems.append((key, said))
+                problem = f"the paper's law knows no {knows}; set law.filter to guard, or {instead}"
+                problems.append((key, problem))
         if problems:
             refuse(*problems)
         return self

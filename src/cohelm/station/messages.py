@@ -37,7 +37,7 @@ class Stick(Schema):
     type: Literal["stick"] = "stick"
     n: Count
     """Sequence number; one that is not newer than the last is dropped."""
-    heard_ms: Annotated[float, Field(ge=0.0, le=1e15)]
+    echo_ms: Annotated[float, Field(ge=0.0, le=1e15)]
     """`at_ms` of the newest beat received: bounds the age of this message."""
     x: Deflection
     """Fore-aft, forward positive."""
@@ -60,7 +60,7 @@ class Do(Schema):
     value: Annotated[int, Field(ge=0, le=65535)] = 0
     """Number of the alarm to acknowledge (0: all), of the client to give the lease to (0: none), or
     of the dock, from 1 (0: where the robot is)."""
-    heard_ms: Annotated[float, Field(ge=0.0, le=1e15)] | None = None
+    echo_ms: Annotated[float, Field(ge=0.0, le=1e15)] | None = None
     """`at_ms` of the newest beat received when the operator pressed: a request from before a stop
     is not done after it, however long it was in transit. Null: just now."""
 
@@ -210,10 +210,10 @@ class Who(Schema):
     type: Literal["who"] = "who"
     you_drive: bool
     driver: str | None
-    asking: str | None
+    requester: str | None
     """The operator that requests the lease from the driver."""
-    asking_client: int
-    you_ask: bool
+    requester_client: int
+    you_request: bool
     left_s: float | None
     """Time until the request is granted, if the driver does not answer."""
     operators: list[str]

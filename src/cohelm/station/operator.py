@@ -180,7 +180,7 @@ class PageOperator:
                 self._stick(message)
             case page.Do():
                 what, value = view.request_of(message)
-                made = None if message.heard_ms is None else message.heard_ms / 1e3
+                made = None if message.echo_ms is None else message.echo_ms / 1e3
                 self._requested[self.link.ask(what, value, made)] = message.what
                 while len(self._requested) > 32:
                     self._requested.pop(next(iter(self._requested)))
@@ -198,7 +198,7 @@ class PageOperator:
 
     def _stick(self, stick: page.Stick) -> None:
         now = time.monotonic()
-        age = now - stick.heard_ms / 1e3
+        age = now - stick.echo_ms / 1e3
         if stick.n <= self._stick_n or not -BEAT <= age <= self.stale:
             return  # `watch` declares it lost, if nothing newer comes
         self._stick_n, self._stick_at = stick.n, now - max(age, 0.0)

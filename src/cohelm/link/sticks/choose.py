@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
@@ -45,33 +48,26 @@ def opened(device: str | None) -> StickDevice:
 
 def _evdev_paths() -> list[str]:
     try:
-        from cohelm.link.sticks.evdev_stick import found
+        return import_module("cohelm.link.sticks.evdev_stick").found()
     except ImportError:  # not Linux, or not installed; SDL may still know one
         return []
-    return found()
 
 
 def _evdev(path: str) -> StickDevice:
-    try:
-        from cohelm.link.sticks.evdev_stick import EvdevStick
-    except ImportError:
-        raise missing("a stick of this machine", "stick") from None
-    return EvdevStick(path)
+    return _of_extra("evdev_stick", lambda module: module.EvdevStick(path))
 
 
 def _sdl_names() -> list[str]:
-    try:
-        from cohelm.link.sticks.sdl_stick import found
-
-        return found()
-    except ImportError:
-        raise missing("a stick of this machine", "stick") from None
+    return _of_extra("sdl_stick", lambda module: module.found())
 
 
 def _sdl(number: int) -> StickDevice:
-    try:
-        from cohelm.link.sticks.sdl_stick import SdlStick
+    return _of_extra("sdl_stick", lambda module: module.SdlStick(number))
 
-        return SdlStick(number)
+
+def _of_extra(name: str, made: Callable[[Any], Any]) -> Any:
+    """What is made of a module that needs the extra `stick`."""
+    try:
+        return made(import_module(f"cohelm.link.sticks.{name}"))
     except ImportError:
         raise missing("a stick of this machine", "stick") from None

@@ -35,7 +35,7 @@ class Drive(NamedTuple):
     lidar: LidarModel
 
 
-class _Said(NamedTuple):
+class _Line(NamedTuple):
     """What one line holds; NaN or None for what it does not."""
 
     logged: float
@@ -58,7 +58,7 @@ def read_log(path: Path | str) -> Drive:
     order. Raises CohelmError where there is no such file, no scan with a pose in it, or no time.
     """
     text = contents(path, "a CARMEN log").decode("utf-8", errors="replace")
-    said: list[_Said] = []
+    lines: list[_Line] = []
     for line in text.splitlines():
         words = line.split()
         try:
@@ -66,37 +66,37 @@ def read_log(path: Path | str) -> Drive:
         except (ValueError, IndexError, OverflowError):
             continue  # a line that is damaged or cut short; the others count
         if found is not None:
-            said.append(found)
-    scans = [one for one in said if one.scan is not None]
-    if not scans or all(one.pose is None for one in said):
+            lines.append(found)
+    scans = [one for one in lines if one.scan is not None]
+    if not scans or all(one.pose is None for one in lines):
         raise CohelmError(
             f"{path}: holds no scan of a CARMEN log with its odometry (FLASER, or ROBOTLASER1, or "
             "RAWLASER1 beside ODOM): give such a log"
         )
-    stamps = _stamps(said)
+    stamps = _stamps(lines)
     if stamps is None:
         raise CohelmError(
             f"{path}: the times of its {len(scans)} scans do not go on from one to the next, and "
             "not every scan has its pose beside it: give a log with whole times"
         )
-    said_alone: dict[float, Odometry] = {}
+    odometry: dict[float, Odometry] = {}
     with_scans: dict[float, Odometry] = {}  # these are where their scans were taken
     found_scans: list[tuple[float, Floats, float, float]] = []  # stamp, ranges, first, step
     mount = Pose(0.0, 0.0, 0.0)
-    for one, stamp in zip(said, stamps, strict=True):
+    for one, stamp in zip(lines, stamps, strict=True):
         if one.pose is not None and math.isfinite(stamp):
             # its speeds are not reliable: some drivers write 0, others deg/s
             x, y, psi = one.pose[:3].tolist()
-            among = said_alone if one.scan is None else with_scans
+            among = odometry if one.scan is None else with_scans
             among.setdefault(stamp, Odometry(stamp, Pose(x, y, psi), Twist(0.0, 0.0)))
         if one.scan is not None and math.isfinite(stamp):
             if not found_scans and one.pose is not None and one.laser is not None:
                 mount = _mount(one.laser, one.pose)
             found_scans.append((stamp, *one.scan))
-    return _drive({**said_alone, **with_scans}, found_scans, mount)
+    return _drive({**odometry, **with_scans}, found_scans, mount)
 
 
-def _read(words: list[str]) -> _Said | None:
+def _read(words: list[str]) -> _Line | None:
     """What a line holds; None: nothing of concern. ValueError, IndexError: it is damaged."""
     kind = words[0]
     if kind not in ("ODOM", "FLASER", "ROBOTLASER1", "RAWLASER1"):
@@ -107,35 +107,35 @@ def _read(words: list[str]) -> _Said | None:
     except ValueError:
         sent = math.nan
     if kind == "ODOM":
-        return _Said(logged, sent, _pose(_numbers(words[1:6])))
+        return _Line(logged, sent, _pose(_numbers(words[1:6])))
     if kind == "FLASER":
         n = int(words[1])
         after = _numbers(words[2 + n : 8 + n])
         scan = (_numbers(words[2 : 2 + n]), *_convention(n))
-        return _Said(logged, sent, _pose(after[3:6]), scan, _pose(after[:3]))
+        return _Line(logged, sent, _pose(after[3:6]), scan, _pose(after[:3]))
     first, step, n = float(words[2]), float(words[4]), int(words[8])
     scan = (_numbers(words[9 : 9 + n]), first, step)
     if kind == "RAWLASER1":
-        return _Said(logged, sent, None, scan)
+        return _Line(logged, sent, None, scan)
     rest = words[9 + n :]
     poses = _numbers(rest[1 + int(rest[0]) :][:6])
-    return _Said(logged, sent, _pose(poses[3:6]), scan, _pose(poses[:3]))
+    return _Line(logged, sent, _pose(poses[3:6]), scan, _pose(poses[:3]))
 
 
-def _stamps(said: list[_Said]) -> list[float] | None:
+def _stamps(lines: list[_Line]) -> list[float] | None:
     """The time of each line [s], by the clock that goes on from scan to scan; None: there is none.
 
     Few may be wrong: some loggers write a scan down twice.
     """
-    scans = [one for one in said if one.scan is not None]
-    for clock in ([one.logged for one in said], [one.sent for one in said]):
-        if _goes_on([t for t, one in zip(clock, said, strict=True) if one.scan is not None]):
+    scans = [one for one in lines if one.scan is not None]
+    for clock in ([one.logged for one in lines], [one.sent for one in lines]):
+        if _goes_on([t for t, one in zip(clock, lines, strict=True) if one.scan is not None]):
             return clock
     if any(one.pose is None for one in scans):
         return None
     count = 0
     stamps: list[float] = []
-    for one in said:
+    for one in lines:
         stamps.append(math.nan if one.scan is None else 0.1 * count)
         count += one.scan is not None
     return stamps

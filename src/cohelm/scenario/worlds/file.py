@@ -28,15 +28,15 @@ def contents(path: Path | str, what: str) -> bytes:
 
 def faults(path: Path | str, error: ValidationError) -> CohelmError:
     """What pydantic found wrong in a file, as one sentence."""
-    return CohelmError(f"{path}: {'; '.join(_said(fault) for fault in error.errors()[:3])}")
+    return CohelmError(f"{path}: {'; '.join(_fault(fault) for fault in error.errors()[:3])}")
 
 
-def _said(fault: ErrorDetails) -> str:
+def _fault(fault: ErrorDetails) -> str:
     where = ".".join(str(key) for key in fault["loc"])
     wanted = fault["msg"].partition("Input should be ")[2]
     if wanted:
         return f"{where or 'the file'} must be {wanted}, not {fault['input']!r}"
     if fault["type"] == "missing":
         return f"{where} is missing"
-    said = fault["msg"].removeprefix("Value error, ")
-    return f"{where}: {said}" if where else said
+    text = fault["msg"].removeprefix("Value error, ")
+    return f"{where}: {text}" if where else text

@@ -40,7 +40,7 @@ export interface Stick {
   /** Sequence number; one that is not newer than the last is dropped. */
   n: number
   /** `at_ms` of the newest beat received: bounds the age of this message. */
-  heard_ms: number
+  echo_ms: number
   /** Fore-aft, forward positive. */
   x: number
   /** Left-right, left positive. */
@@ -61,7 +61,7 @@ export interface Do {
   /** Number of the alarm to acknowledge (0: all), of the client to give the lease to (0: none), or of the dock, from 1 (0: where the robot is). */
   value: number
   /** `at_ms` of the newest beat received when the operator pressed: a request from before a stop is not done after it, however long it was in transit. Null: just now. */
-  heard_ms: number | null
+  echo_ms: number | null
 }
 
 /** A path for the robot to check and, unless `only_check`, to follow. */
@@ -178,9 +178,9 @@ export interface Who {
   you_drive: boolean
   driver: string | null
   /** The operator that requests the lease from the driver. */
-  asking: string | null
-  asking_client: number
-  you_ask: boolean
+  requester: string | null
+  requester_client: number
+  you_request: boolean
   /** Time until the request is granted, if the driver does not answer. */
   left_s: number | null
   /** All connected operators. */

@@ -22,12 +22,12 @@ let parts: Promise<unknown> = Promise.resolve()
 export let newestBeatMs = 0
 
 /** A message from a panel; requests are stamped here. */
-type Outgoing = Exclude<FromPage, Do> | Omit<Do, 'heard_ms'>
+type Outgoing = Exclude<FromPage, Do> | Omit<Do, 'echo_ms'>
 
 export function send(message: Outgoing): boolean {
   if (socket?.readyState !== WebSocket.OPEN || socket.bufferedAmount > FULL) return false
   // a request carries the time it was made, by the station's clock
-  socket.send(JSON.stringify(message.type === 'do' ? { ...message, heard_ms: newestBeatMs } : message))
+  socket.send(JSON.stringify(message.type === 'do' ? { ...message, echo_ms: newestBeatMs } : message))
   return true
 }
 

@@ -117,7 +117,7 @@ function poll(now: number): void {
   const why = device === 'none' ? 'no stick in use' : inactive || reason(reading)
   stick.value = { ...reading, present, device, arming, why }
   send({
-    type: 'stick', n: ++n, heard_ms: newestBeatMs, x: present ? reading.x : 0,
+    type: 'stick', n: ++n, echo_ms: newestBeatMs, x: present ? reading.x : 0,
     psi: present ? reading.psi : 0, valid: present, armed: arming === 'armed',
     device, speed_scale: speedScale.value,
   })

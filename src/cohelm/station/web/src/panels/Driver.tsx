@@ -37,19 +37,19 @@ export function Driver() {
         {who.you_drive ? <strong>You drive</strong> : who.driver === null ? 'No driver' : `${who.driver} drives`}
         {who.operators.length > 1 && <small> · {who.operators.length} connected</small>}
       </span>
-      {who.you_drive && who.asking === null && <button type="button" onClick={() => release()}>Release</button>}
-      {who.you_drive && who.asking !== null && (
-        <span class="asking" role="alert">
-          {who.asking} requests control{left}
-          <button type="button" onClick={() => request('give', who.asking_client)}>Hand over</button>
+      {who.you_drive && who.requester === null && <button type="button" onClick={() => release()}>Release</button>}
+      {who.you_drive && who.requester !== null && (
+        <span class="requester" role="alert">
+          {who.requester} requests control{left}
+          <button type="button" onClick={() => request('give', who.requester_client)}>Hand over</button>
           <button type="button" onClick={() => request('refuse')}>Keep</button>
         </span>
       )}
       {!who.you_drive && who.driver === null && <button type="button" onClick={() => request('take')}>Take over</button>}
-      {!who.you_drive && who.driver !== null && !who.you_ask && (
+      {!who.you_drive && who.driver !== null && !who.you_request && (
         <button type="button" onClick={() => request('take')}>Request control</button>
       )}
-      {who.you_ask && <span role="status">requested{left}</span>}
+      {who.you_request && <span role="status">requested{left}</span>}
     </div>
   )
 }
