@@ -82,3 +82,19 @@ def test_moving_contacts_with_what_was_out_of_view_are_counted_apart():
     told = summary("guard", [row(contacts_moving=1)], goals=True)  # knows all, sees nothing
     assert told.unseen is None
     assert told.as_dict()["contacts_moving_unseen"] is None
+
+
+def test_the_json_has_the_keys_that_are_promised():
+    rows = [
+        row(
+            min_clearance_m=-0.01, contacts_standing=1, contacts_departing=1,
+            untouched_share=0.8, duration_s=10.0,
+        ),
+        row(min_clearance_m=0.3, untouched_share=1.0, duration_s=30.0, unrecovered=2),
+    ]  # fmt: skip
+    got = summary("guard", rows, goals=True).as_dict()
+    assert (got["episodes"], got["contacts_moving"], got["contacts_standing"]) == (2, 0, 1)
+    assert (got["contacts_departing"], got["closest_m"], got["touched"]) == (1, -0.01, 1)
+    assert got["unrecovered"] == 2
+    assert got["untouched_share"] == pytest.approx(0.95)
+    assert got["arrived"] == 0
