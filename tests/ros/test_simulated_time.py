@@ -39,6 +39,30 @@ def test_ages_and_the_robots_own_clock_go_with_the_simulators(rate, monkeypatch)
     assert made.age(50.0 + 10.0 * rate) == pytest.approx(0.05 * rate, abs=1e-3)
 
 
+@pytest.mark.parametrize("rate", [0.5, 1.0])
+@pytest.mark.parametrize("late", [(0.004, 0.016), (0.0, 0.0, 0.009, 0.021), (0.2, *(0.19, 0.18))])
+def test_messages_that_a_busy_machine_delivers_unevenly_go_no_faster(rate, late, monkeypatch):
+    """The mean of their rates would: 4 and 16 ms apart instead of 10 are 1.56 in the mean."""
+    due = [0.01 * k for k in range(1, 1001)]
+    walls, before = [], 0.0
+    for k, at in enumerate(due):
+        before = max(at + late[k % len(late)], before + 1e-5)
+        walls.append(before)
+    made = told(
+        [(wall, 50.0 + at * rate) for wall, at in zip(walls, due, strict=True)], monkeypatch
+    )
+    assert made.rate == pytest.approx(rate, abs=0.03)
+
+
+def test_messages_that_were_held_up_and_come_at_once_go_no_faster(monkeypatch):
+    walls = [
+        0.01 * (k if k % 50 >= 25 else 25 + 50 * (k // 50)) + 1e-5 * (k % 50) for k in range(500)
+    ]
+    for n in range(300, 500):
+        made = told([(wall, 0.01 * k) for k, wall in enumerate(walls[:n])], monkeypatch)
+        assert made.rate < FASTEST
+
+
 def test_where_it_is_silent_readings_get_old_by_the_walls(monkeypatch):
     made = told([(0.1 * k, 0.1 * k) for k in range(1, 11)], monkeypatch)
     monkeypatch.setattr("time.monotonic", lambda: 1.0)

@@ -32,8 +32,9 @@ STEP = 0.05
 slew by a thousandth."""
 TRANSIT = 2.0
 """What comes longer after a step was not stamped before it [s]."""
-_LEARNS = 0.1
-"""Weight of the newest rate among those before."""
+_LEARNS = 1.0
+"""The rate is that of about so much of the wall's time [s]: in less, messages that a busy machine
+delivers late, and then at once, make it a faster one."""
 
 
 class Clock(NamedTuple):
@@ -115,7 +116,8 @@ class SimulatedClock:
         self._received_at = time.monotonic()
         self._own, self._time = 0.0, math.nan
         self._newest = 0.0
-        self._rate = 1.0
+        self._recent = self._recent_wall = 0.1 * _LEARNS
+        """Of late, so much of its seconds came in so many of the wall's."""
 
     @classmethod
     def on(cls, transport: Transport) -> SimulatedClock:
@@ -132,7 +134,7 @@ class SimulatedClock:
     @property
     def rate(self) -> float:
         """Its seconds in one of the wall's, of late."""
-        return self._rate
+        return self._recent / self._recent_wall
 
     def on_message(self, received: Received) -> None:
         """A message."""
@@ -148,8 +150,10 @@ class SimulatedClock:
             own = self._own + self._passed(wall)
             if way >= 0.0:
                 own = max(own, self._own + min(way, FASTEST * passed + SILENT))
-                if passed < SILENT:
-                    self._rate += _LEARNS * (min(way / passed, 2.0) - self._rate)
+                if passed < SILENT:  # not the mean of rates, which uneven arrivals make larger
+                    kept = math.exp(-passed / _LEARNS)
+                    self._recent = kept * self._recent + min(way, 2.0 * passed + SILENT)
+                    self._recent_wall = kept * self._recent_wall + passed
             self._own, self._time, self._received_at = own, time_s, wall
 
     def now(self) -> float:
@@ -161,7 +165,7 @@ class SimulatedClock:
     def time(self) -> float:
         """The simulator's [s]; NaN: none was received yet."""
         with self._lock:
-            return self._time + self._rate * min(self._since(time.monotonic()), SILENT)
+            return self._time + self.rate * min(self._since(time.monotonic()), SILENT)
 
     def age(self, stamp: float) -> float:
         """How long ago a stamp of the simulator's was [s]."""
@@ -173,7 +177,7 @@ class SimulatedClock:
     def _passed(self, wall: float) -> float:
         """Of the robot's own since the last message."""
         since = self._since(wall)
-        return min(self._rate, 1.0) * min(since, SILENT) + max(since - SILENT, 0.0)
+        return min(self.rate, 1.0) * min(since, SILENT) + max(since - SILENT, 0.0)
 
 
 Ticks = Clock | SimulatedClock
