@@ -11,9 +11,11 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.frames import between
 from cohelm.core.types import Floats, Pose
+from cohelm.perceive.map.pose_graph import Link, solved
 from cohelm.perceive.match.scan_matching import MatchParams, align
 from cohelm.perceive.match.surfaces import Surfaces, moved, normals, surfaces, thinned
 from tests.perceive.killian import Log
@@ -42,10 +44,7 @@ def fits(log: Log, poses: list[Pose]) -> tuple[Floats, Floats]:
     """For each loop edge, rms distance of its second scan's points from those seen around the
     first, as placed by the edge and by `poses`: (n, 2). And distance of these two placements from
     the best match, where that is unique and constrained in every direction: (m, 2) [m]."""
-    seen: list[tuple[Floats, Floats]] = []
-    for glimpse in log.seen:
-        near = np.hypot(*glimpse.points.T) < _FAR
-        seen.append(normals(glimpse.points[near], glimpse.beams[near], log.lidar.step))
+    seen = _seen(log)
     care = MatchParams(rounds=30)
     rms: list[tuple[float, float]] = []
     off: list[tuple[float, float]] = []
@@ -61,6 +60,53 @@ def fits(log: Log, poses: list[Pose]) -> tuple[Floats, Floats]:
             ways = [between(fit.pose, guess) for fit, guess in zip(best, guesses, strict=True)]
             off.append((float(np.hypot(*ways[0][:2])), float(np.hypot(*ways[1][:2]))))
     return np.array(rms), np.array(off)
+
+
+def unseen(log: Log, poses: list[Pose]) -> tuple[Floats, NDArray[np.bool_]]:
+    """(n, 2): by how much each loop edge and `poses` differ in the direction in which its second
+    scan sees least, as along a corridor, and in the other one [m]. And whether it is constrained in
+    every direction."""
+    seen = _seen(log)
+    apart: list[Floats] = []
+    firm: list[bool] = []
+    for a, b, edge in log.loops:
+        here = between(poses[a], poses[b])
+        fit = align(_around(log, seen, a), *seen[b], here, _HELD, MatchParams(rounds=30))
+        information, axes = np.linalg.eigh(fit.information[:2, :2])
+        apart.append(np.abs(np.array([here.x - edge.x, here.y - edge.y]) @ axes))
+        firm.append(bool(information[0] > _FIRM))
+    return np.array(apart), np.array(firm)
+
+
+def among_themselves(log: Log, folds: int = 5) -> tuple[Floats, Floats]:
+    """(n,): how far each loop edge is off the poses that satisfy all published edges best, and off
+    those that satisfy all but one fold of the loop edges, to which it belongs [m]."""
+    every = np.diag([500.0, 500.0, 5000.0])  # as published, for nearly all
+    chain = zip(log.odometry, log.odometry[1:], strict=False)
+    steps = [Link(k, k + 1, between(a, b), every, False) for k, (a, b) in enumerate(chain)]
+    loops = [Link(a, b, edge, every, False) for a, b, edge in log.loops]
+
+    def off(poses: list[Pose], some: list[Link]) -> list[float]:
+        ways = [between(link.pose, between(poses[link.a], poses[link.b])) for link in some]
+        return [float(np.hypot(way.x, way.y)) for way in ways]
+
+    whole = off(solved(log.poses, [*steps, *loops]), loops)
+    fold = np.random.default_rng(0).permutation(len(loops)) % folds
+    held_out = np.empty(len(loops))
+    for one in range(folds):
+        kept = [link for link, f in zip(loops, fold, strict=True) if f != one]
+        left = [link for link, f in zip(loops, fold, strict=True) if f == one]
+        held_out[fold == one] = off(solved(log.poses, [*steps, *kept]), left)
+    return np.array(whole), held_out
+
+
+def _seen(log: Log) -> list[tuple[Floats, Floats]]:
+    """Points of each scan with their normals."""
+    seen: list[tuple[Floats, Floats]] = []
+    for glimpse in log.seen:
+        near = np.hypot(*glimpse.points.T) < _FAR
+        seen.append(normals(glimpse.points[near], glimpse.beams[near], log.lidar.step))
+    return seen
 
 
 def _around(log: Log, seen: list[tuple[Floats, Floats]], a: int) -> Surfaces:

@@ -400,7 +400,16 @@ def court_edges() -> Iterator[Row]:
         "one edge, by others and the sequential edges", f"{len(off)}",
         cm(np.hypot(*off.T).mean()), cm(rms(off[:, 0])), cm(rms(off[:, 1])),
     )  # fmt: skip
-    lies, firm = killian_edges.fits(log, court_mapped(True)[0].poses)
+    for what, one in zip(("kept", "left out"), killian_edges.among_themselves(log), strict=True):
+        name = f"off the poses by the edges alone, it being {what}"
+        yield name, f"{len(one)}", cm(one.mean()), "", ""
+    ours = court_mapped(True)[0].poses
+    apart, seen = killian_edges.unseen(log, ours)
+    for what, some in (("all", seen | True), ("seen in every direction", seen)):
+        along, across = apart[some].T
+        mean = np.hypot(along, across).mean()
+        yield f"off our map, {what}", f"{some.sum()}", cm(mean), cm(along.mean()), cm(across.mean())
+    lies, firm = killian_edges.fits(log, ours)
     for what, one in (("points of a scan off what was seen", lies), ("off the best match", firm)):
         for k, name in enumerate(("at the edges", "on our map")):
             yield f"{what}, {name}", f"{len(one)}", cm(one[:, k].mean()), "", ""

@@ -358,6 +358,21 @@ def test_laps_that_lie_beside_each_other_are_put_together_at_the_end():
     assert apart(graph) < 0.02
 
 
+def test_a_lap_that_drifts_away_is_pulled_in_from_where_it_lies_beside_the_other():
+    """Its end is farther off than a match reaches, until the part before has been pulled in."""
+    graph = two_laps(torn=0.0)
+    loose = np.diag([2500.0, 2500.0, 2500.0])  # 2 cm a step
+    for k in range(45):
+        pose = graph.poses[45 + k]
+        graph.poses[45 + k] = pose._replace(y=pose.y + 0.05 * k)
+    graph.links = [
+        Link(link.a, link.b, between(graph.poses[link.a], graph.poses[link.b]), loose, False)
+        for link in graph.links
+    ]
+    graph.link_all(lambda share: None, move=True)
+    assert apart(graph) < 0.25  # as far as the last matches reach
+
+
 def test_where_the_path_revisits_a_place_that_is_not_linked_a_loop_is_searched_once_more():
     graph = two_laps(torn=1.0)
     LoopClosure(graph).look_again()

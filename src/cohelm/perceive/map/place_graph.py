@@ -35,6 +35,7 @@ from cohelm.perceive.match.surfaces import Surfaces, behind, moved, one_each, su
 
 _SAME = 0.5  # typical correction of a place by the graph [m]
 _CLOSED = 0.25  # the same after all places were linked [m]
+_TURNS = 4  # of linking places that were too far off before
 
 
 class Place(NamedTuple):
@@ -150,21 +151,44 @@ class PlaceGraph:
 
     def link_all(self, progress: Callable[[float], None], move: bool) -> None:
         """Link all places that see the same walls. move: two laps may lie beside each other, and
-        earlier loops still count."""
-        links = self.links if move else [link for link in self.links if not link.loop]
-        others, reach = np.array(self.poses)[:, :2], _SAME if move else _CLOSED
-        found: list[Link] = []
-        for i in range(len(self.places)):
-            found += self._neighbours(i, others, reach)
-            progress(i / len(self.places))
-        self.links = links + found
-        if move:  # first with a wide kernel, so that distant places are pulled too
+        earlier loops still count; places that are too far from what they see are tried again once
+        their neighbours have been pulled there."""
+        if not move:
+            links = [link for link in self.links if not link.loop]
+            self.links = links + self._found({}, _CLOSED, progress)
+            self.solve()
+            return
+        linked: dict[int, list[int]] = {}
+        for turn in range(_TURNS):
+            found = self._found(linked, _SAME, lambda share, n=turn: progress((n + share) / _TURNS))
+            self.links += found
+            before = [between(self.poses[link.a], self.poses[link.b]) for link in found]
+            # first with a wide kernel, so that distant places are pulled too
             self.poses = solved(self.poses, self.links, _SAME / float(ROUGH[0]))
-        self.solve()
+            self.solve()
+            if not any(
+                _apart(was, between(self.poses[link.a], self.poses[link.b])) > _CLOSED
+                for was, link in zip(before, found, strict=True)
+            ):
+                break
+            for link in found:
+                linked.setdefault(link.b, []).append(link.a)
 
-    def _neighbours(self, k: int, others: Floats, reach: float) -> list[Link]:
-        """Links of a place with up to three groups of others near by, but not in time; `reach`:
-        association distance of the first iteration [m]."""
+    def _found(
+        self, linked: Mapping[int, list[int]], reach: float, progress: Callable[[float], None]
+    ) -> list[Link]:
+        """Links of all places with others near by (`_neighbours`). linked: those that each is
+        linked with already."""
+        others = np.array(self.poses)[:, :2]
+        found: list[Link] = []
+        for k in range(len(self.places)):
+            found += self._neighbours(k, others, reach, linked.get(k, []))
+            progress(k / len(self.places))
+        return found
+
+    def _neighbours(self, k: int, others: Floats, reach: float, linked: list[int]) -> list[Link]:
+        """Links of a place with up to three groups of others near by, but not in time, nor where it
+        is linked already; `reach`: association distance of the first iteration [m]."""
         here = self.poses[k]
         gaps = np.hypot(others[:, 0] - here.x, others[:, 1] - here.y)
         gaps[max(0, k - self.params.submap) : k + self.params.submap] = math.inf
@@ -175,6 +199,8 @@ class PlaceGraph:
                 break
             numbers = range(max(0, i - 5), min(len(self.poses), i + 6))
             gaps[max(0, i - 20) : i + 20] = math.inf
+            if any(abs(i - a) < 20 for a in linked):
+                continue
             surfaces_around = self.surfaces_around(numbers, self.poses[i])
             link = self._linked(i, k, surfaces_around, between(self.poses[i], here), reach)
             if link is not None:
@@ -265,6 +291,10 @@ class PlaceGraph:
         self.links, self._rejected = from_rows(state["links"]), from_rows(state["outvoted"])
         held = iter(from_rows(state["maybe"]))
         self._candidates = [[next(held) for _ in range(n)] for n in state["held"].tolist()]
+
+
+def _apart(a: Pose, b: Pose) -> float:
+    return math.hypot(a.x - b.x, a.y - b.y)
 
 
 def agree(a: Pose, b: Pose) -> bool:
