@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cohelm.core.types import Twist
-from cohelm.drive.checking import InlineChecking
 from cohelm.drive.on_topics import OnTopics
 from cohelm.drive.operator_requests import OperatorRequests
-from cohelm.drive.proposed import NONE, CheckedPath
+from cohelm.drive.path_check import NONE, CheckedPath
+from cohelm.drive.path_check_process import InlineChecking
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode, RequestKind

@@ -16,7 +16,7 @@ from cohelm.core.types import Stick, Twist
 from cohelm.drive.foxglove_teleop import FoxgloveTeleop, Joined, stick_of
 from cohelm.drive.live import LiveConfig
 from cohelm.drive.operate import DriveOptions
-from cohelm.drive.published import twist_of
+from cohelm.drive.published_twists import twist_of
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.law.gains import Gains

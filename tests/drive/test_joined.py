@@ -17,8 +17,8 @@ from cohelm.core.types import CENTRED, Stick
 from cohelm.link.local_credentials import credentials_of_drive
 from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.link.station_end import StationEnd
-from cohelm.link.sticks.at_helm import drive as at_helm
 from cohelm.link.sticks.port import Feel, Reading
+from cohelm.link.sticks.stick_client import drive as at_helm
 from cohelm.record.messages import messages
 from cohelm.station.app import pages
 from tests.drive.faults import CORRIDOR

@@ -13,7 +13,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.frames import placed
 from cohelm.core.types import Pose, Stick
 from cohelm.drive.operate import DriveOptions, map_and_zones
-from cohelm.drive.proposed import PathChecker
+from cohelm.drive.path_check import PathChecker
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.simulated import simulated
 from cohelm.link.bulk_messages import Zone, ZoneMap

@@ -21,7 +21,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
     tf2_msgs__msg__TFMessage as TFMessage,
 )
 
-from cohelm.cli.found import print_found
+from cohelm.cli.print_config import print_found
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.record.ros2 import header

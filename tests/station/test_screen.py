@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
-from cohelm.drive.awaited import PendingLink
+from cohelm.drive.pending_link import PendingLink
 from cohelm.drive.playback import Playback
 from cohelm.drive.replayed import Replaying
 from cohelm.scenario import build, load

@@ -13,7 +13,7 @@ import typer
 
 from cohelm import __version__
 from cohelm.cli.interrupt import patient, settled
-from cohelm.cli.tell import plain, say
+from cohelm.cli.output import plain, say
 from cohelm.core.errors import CohelmError
 
 app = typer.Typer(

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from cohelm.cli.app import app, examples
-from cohelm.cli.driven import Twin
+from cohelm.cli.drive_options import Twin
+from cohelm.cli.output import Json, named, plain, print_json, print_table, progress, say, starting
 from cohelm.cli.ros import Bridge, LockTimeout, TopicNames, Transports, on_ros
-from cohelm.cli.tell import Json, named, plain, print_json, print_table, progress, say, starting
 
 
 @app.command(

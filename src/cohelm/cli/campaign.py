@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cohelm.cli.app import app, examples
-from cohelm.cli.tell import Json, Out, named, plain, print_json, print_table, progress, say
+from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, progress, say
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
 

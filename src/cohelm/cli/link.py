@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cohelm.cli.app import app, examples
-from cohelm.cli.tell import Json, plain, print_json, print_table, say
+from cohelm.cli.output import Json, plain, print_json, print_table, say
 
 pair = typer.Typer(
     help="Pair stations with robots: keys that allow to drive.",
@@ -183,7 +183,7 @@ def stick(
         return
     from cohelm.link import keys
     from cohelm.link.local_credentials import credentials_of_drive
-    from cohelm.link.sticks import at_helm
+    from cohelm.link.sticks import stick_client
     from cohelm.link.sticks.terminal_buttons import TerminalButtons
     from cohelm.link.udp import PORT, address
 
@@ -199,4 +199,4 @@ def stick(
     held = TerminalButtons(choose.opened(device))
     if held.listens:
         say("space: stop, r: reset, m: shared or automatic, l: take the lease or give it back")
-    at_helm.drive(held, own, to, k_s, lambda text: say(plain(text)))
+    stick_client.drive(held, own, to, k_s, lambda text: say(plain(text)))

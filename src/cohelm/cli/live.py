@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cohelm.cli.tell import plain, say
+from cohelm.cli.output import plain, say
 
 if TYPE_CHECKING:
     from cohelm.drive.live import LiveConfig
@@ -40,7 +40,7 @@ def live(where: str | None, teleop: bool = False) -> LiveConfig | None:
         return None
     from cohelm.drive.live import PORT, LiveConfig
     from cohelm.link.udp import address
-    from cohelm.station.doors import is_loopback
+    from cohelm.station.access_control import is_loopback
 
     host, port = address(where, PORT)
     if teleop and not is_loopback(host):

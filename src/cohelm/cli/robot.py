@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cohelm.cli.app import app, examples
-from cohelm.cli.driven import (
+from cohelm.cli.drive_options import (
     CarryOn,
     Changes,
     Chart,
@@ -22,10 +22,8 @@ from cohelm.cli.driven import (
     SpeedZones,
     Twin,
 )
-from cohelm.cli.found import PrintConfig, print_found
 from cohelm.cli.live import Foxglove, FoxgloveTeleop, live, shown_at
-from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transports, on_ros
-from cohelm.cli.tell import (
+from cohelm.cli.output import (
     Json,
     Pictures,
     named,
@@ -35,6 +33,8 @@ from cohelm.cli.tell import (
     say,
     starting,
 )
+from cohelm.cli.print_config import PrintConfig, print_found
+from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transports, on_ros
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cohelm.cli.app import app, examples
-from cohelm.cli.driven import Seconds, Seed, Twin
-from cohelm.cli.found import PrintConfig, print_found
+from cohelm.cli.drive_options import Seconds, Seed, Twin
+from cohelm.cli.output import Json, plain, print_json, say, starting
 from cohelm.cli.parameters import from_file
-from cohelm.cli.tell import Json, plain, print_json, say, starting
+from cohelm.cli.print_config import PrintConfig, print_found
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,7 +9,17 @@ from typing import Annotated, Any
 import typer
 
 from cohelm.cli.app import app, examples
-from cohelm.cli.tell import Json, Out, console, named, plain, print_json, print_table, progress, say
+from cohelm.cli.output import (
+    Json,
+    Out,
+    console,
+    named,
+    plain,
+    print_json,
+    print_table,
+    progress,
+    say,
+)
 
 
 @app.command(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cohelm.cli.app import app, examples
-from cohelm.cli.driven import (
+from cohelm.cli.drive_options import (
     CarryOn,
     Changes,
     Chart,
@@ -22,8 +22,8 @@ from cohelm.cli.driven import (
     SpeedZones,
 )
 from cohelm.cli.live import Foxglove, FoxgloveTeleop, live, shown_at
+from cohelm.cli.output import Pictures, named, plain, say, starting
 from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transports, on_ros
-from cohelm.cli.tell import Pictures, named, plain, say, starting
 
 if TYPE_CHECKING:
     from cohelm.station.robot_link import Connect
@@ -155,8 +155,8 @@ def drive(
     so, and the command ends.
     """
     from cohelm.core.errors import CohelmError
-    from cohelm.drive.awaited import PendingLink
     from cohelm.drive.operate import DriveOptions, map_and_zones, robot_factory
+    from cohelm.drive.pending_link import PendingLink
     from cohelm.drive.robot_process import RobotProcess
     from cohelm.drive.teleop_server import TeleopConfig
     from cohelm.link import keys
@@ -236,7 +236,7 @@ def _encryption(
     from cohelm.core.errors import CohelmError
     from cohelm.link import keys
     from cohelm.station import tls
-    from cohelm.station.doors import is_loopback
+    from cohelm.station.access_control import is_loopback
 
     if key is not None and certificate is None:
         raise CohelmError("a key without its certificate: name that too, with --tls-cert FILE")

@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager, nullcontext, suppress
 from typing import TYPE_CHECKING
 
-from cohelm.cli.tell import console, plain, say
+from cohelm.cli.output import console, plain, say
 from cohelm.link.messages import Severity
 from cohelm.link.sticks.terminal_buttons import foreground
 

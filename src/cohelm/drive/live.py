@@ -31,7 +31,7 @@ from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
 from cohelm.drive.foxglove_teleop import FoxgloveTeleop, Joined
-from cohelm.drive.published import ENCODINGS, PublishedTwists
+from cohelm.drive.published_twists import ENCODINGS, PublishedTwists
 from cohelm.drive.recorder import EventSink, receive
 from cohelm.link.udp import listening, resolved
 from cohelm.record.topics import IMAGE, LASTING, RecordTopics, definitions

@@ -19,7 +19,7 @@ from cohelm.loop.operator import NullOperator, Scripted
 from cohelm.plan.zones import Zones
 from cohelm.robot.model import SHIPPED
 from cohelm.scenario import build, load
-from cohelm.scenario.hand import StickNone, StickOperator
+from cohelm.scenario.stick import StickNone, StickOperator
 from cohelm.scenario.zones import masked, read_zones
 from cohelm.sim.operator_model import replayed
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from cohelm.drive.checking import Checking, InlineChecking, RemoteChecking
 from cohelm.drive.jobs import InlineJobs, Jobs, ThreadJobs
 from cohelm.drive.over_link import OverLink
-from cohelm.drive.proposed import PathChecker
+from cohelm.drive.path_check import PathChecker
+from cohelm.drive.path_check_process import Checking, InlineChecking, RemoteChecking
 from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
 from cohelm.drive.rerouting import PathRequests, Rerouting, checker_of

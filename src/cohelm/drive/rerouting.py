@@ -13,9 +13,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from cohelm.core.types import Floats
-from cohelm.drive.checking import Checking
 from cohelm.drive.jobs import Jobs
-from cohelm.drive.proposed import NONE, CheckedPath, PathChecker
+from cohelm.drive.path_check import NONE, CheckedPath, PathChecker
+from cohelm.drive.path_check_process import Checking
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.shown import reference_lines
 from cohelm.law.reference import Reference

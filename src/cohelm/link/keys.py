@@ -10,7 +10,7 @@ could be stolen, and to revoke a station, its file is deleted.
     KEYS/station/ROBOT/station.key, station.pem, robot.pem
 
 KEYS is $COHELM_KEYS, or cohelm/keys in $XDG_CONFIG_HOME (~/.config). Only this user may have access
-to it (`owned`). Certificates do not expire: robots without a battery clock start in 1970.
+to it (`key_permissions`). Certificates do not expire: robots without a battery clock start in 1970.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from cryptography.x509.oid import NameOID
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import read_bytes
-from cohelm.link.owned import guarded, make_folder
+from cohelm.link.key_permissions import guarded, make_folder
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,31}")
 _PEM = re.compile(rb"-----BEGIN ([A-Z ]+)-----.+?-----END \1-----\n", re.DOTALL)

@@ -18,8 +18,8 @@ from pathlib import Path
 
 from cohelm.core.errors import CohelmError
 from cohelm.link import keys
+from cohelm.link.key_permissions import guarded, make_folder
 from cohelm.link.keys import Keys, home
-from cohelm.link.owned import guarded, make_folder
 
 _ADDRESS = "address"
 

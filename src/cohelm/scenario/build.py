@@ -18,9 +18,9 @@ from cohelm.pilot.step import Settings
 from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
-from cohelm.scenario.hand import StickFile, StickOperator, StickScript
 from cohelm.scenario.load import digest, dump, standing_alone
 from cohelm.scenario.model import Scenario
+from cohelm.scenario.stick import StickFile, StickOperator, StickScript
 from cohelm.scenario.world import Read
 from cohelm.sim.closed_loop import Piloted
 from cohelm.sim.grid import NO_GRID, solid_at

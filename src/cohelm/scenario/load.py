@@ -19,8 +19,8 @@ from cohelm.core.files import check_regular, read_bytes
 from cohelm.core.schema import Schema
 from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
 from cohelm.scenario.explain import sentences
-from cohelm.scenario.hand import StickFile
 from cohelm.scenario.model import Scenario, Start
+from cohelm.scenario.stick import StickFile
 from cohelm.scenario.text import graft, plain, tree
 from cohelm.scenario.world import AnyWorld, GazeboWorld, route_of
 

@@ -21,8 +21,8 @@ from cohelm.law.reference import Reference, desired, through
 from cohelm.link.bulk_messages import MOST_DOCKS
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.docks import DockModel
-from cohelm.scenario.hand import Stick, StickNone, StickOperator
 from cohelm.scenario.law import Law
+from cohelm.scenario.stick import Stick, StickNone, StickOperator
 from cohelm.scenario.world import Read, WorldFile, has_route, read
 from cohelm.scenario.zones import ZonesModel
 from cohelm.sim.twin.settings import TwinModel

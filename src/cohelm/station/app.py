@@ -27,7 +27,7 @@ from starlette.websockets import WebSocket
 
 from cohelm.core.errors import CohelmError
 from cohelm.link.operator_input import STALE
-from cohelm.station.doors import Doorkeeper, from_elsewhere, own_name, same_origin
+from cohelm.station.access_control import AccessControl, is_cross_site, is_own_host, same_origin
 from cohelm.station.operator import PageOperator
 from cohelm.station.records import Downloads
 from cohelm.station.robot_link import Connect
@@ -73,7 +73,7 @@ class Station:
     ) -> None:  # fmt: skip
         """names: further host names of this machine. admitted: called with authorised clients."""
         self.connect, self.stale = connect, stale
-        self.doors = Doorkeeper(token)
+        self._access = AccessControl(token)
         self._names, self._admitted = names, admitted
         self._downloads = Downloads(connect)
         self.operators: dict[str, PageOperator] = {}
@@ -138,7 +138,7 @@ class Station:
 
     def _authorised(self, connection: HTTPConnection, session: str | None) -> bool:
         """Whether this session is valid; its connection is then kept, however many others come."""
-        if not self.doors.knows(session):
+        if not self._access.has_session(session):
             return False
         self._admit(connection)
         return True
@@ -154,10 +154,10 @@ class Station:
             return Response(status_code=204 if inside else 401)
         address = request.client.host if request.client else ""
         token = await _body(request)
-        session = None if token is None else self.doors.shown(token, address)
+        session = None if token is None else self._access.login(token, address)
         if session is not None:
             return PlainTextResponse(session, headers={"cache-control": "no-store"})
-        if self.doors.tires(address):
+        if self._access.too_many_attempts(address):
             return PlainTextResponse("too many attempts", 429)
         _log.warning("a wrong token from %s", address)
         return PlainTextResponse("wrong token", 403)
@@ -172,10 +172,10 @@ class Station:
             about = await self._downloads.about(name)
             if isinstance(about, Response):
                 return about
-            ticket = self.doors.ticket(name)
+            ticket = self._access.ticket(name)
             described = {"ticket": ticket, "bytes": about.size, "sha256": about.sha256.hex()}
             return JSONResponse(described, headers={"cache-control": "no-store"})
-        if not admitted and not self.doors.admits(request.query_params.get("ticket"), name):
+        if not admitted and not self._access.ticket_valid(request.query_params.get("ticket"), name):
             return PlainTextResponse("log in first", 401)
         self._admit(request)
         return await self._downloads.response(request, name)
@@ -267,11 +267,11 @@ class _Guarded:
     def _refusal(self, scope: Scope) -> tuple[int, str]:
         headers = HTTPConnection(scope).headers
         host = headers.get("host", "")
-        if not own_name(host, self.names):
+        if not is_own_host(host, self.names):
             return 421, f"unknown host name {host[:64]!r}"
         origin, site = headers.get("origin"), headers.get("sec-fetch-site")
         secure = scope["scheme"] in ("https", "wss")
         followed_link = scope["path"] == "/" and scope.get("method") == "GET" and origin is None
-        if not followed_link and from_elsewhere(origin, site, host, secure):
+        if not followed_link and is_cross_site(origin, site, host, secure):
             return 403, f"from another page, {(origin or site or '')[:64]!r}"
         return 200, ""

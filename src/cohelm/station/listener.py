@@ -17,7 +17,7 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
-from cohelm.station.doors import is_loopback
+from cohelm.station.access_control import is_loopback
 
 MOST_WAITING = 256
 """Room for a page that sends its request within 0.1 s, among 2000 new connections a second; well

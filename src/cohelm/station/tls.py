@@ -18,8 +18,8 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
+from cohelm.link.key_permissions import guarded, make_folder
 from cohelm.link.keys import fingerprint, read, self_signed
-from cohelm.link.owned import guarded, make_folder
 
 DAYS = 397
 """Validity; browsers refuse certificates that are valid for longer."""

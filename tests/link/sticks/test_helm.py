@@ -18,9 +18,9 @@ from cohelm.link.messages import Device, Mode
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.stick import StickRecording
 from cohelm.link.sticks import choose
-from cohelm.link.sticks.at_helm import drive
-from cohelm.link.sticks.played import PlayedStick
+from cohelm.link.sticks.file_stick import FileStick
 from cohelm.link.sticks.port import Button, Feel, Reading
+from cohelm.link.sticks.stick_client import drive
 from tests.link.ends import NAN, STATUS, until
 from tests.link.side import Side, Used
 
@@ -132,7 +132,7 @@ def test_a_stick_file_drives_and_its_end_is_a_lost_stick(robot):
     record = StickRecording(
         np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.75, 0.75]), np.array([0.0, -0.5, -0.5])
     )
-    played = PlayedStick(record, "record", time.monotonic)
+    played = FileStick(record, "record", time.monotonic)
     drive(played, keys, (HERE, robot.end.address[1]), 5.0, lambda _: None)
     until(lambda: robot.side.stopped)
     used = {result.stick for result in robot.hands if result.stick != CENTRED}

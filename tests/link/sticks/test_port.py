@@ -12,7 +12,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.stick import StickRecording
 from cohelm.link.sticks import choose
-from cohelm.link.sticks.played import PlayedStick
+from cohelm.link.sticks.file_stick import FileStick
 from cohelm.link.sticks.port import Button, Feel, StickDevice
 from tests.link.ends import until
 from tests.link.sticks.cls2sim import CLS2SimServer
@@ -36,7 +36,7 @@ class Played:
         record = StickRecording(
             np.arange(100.0), np.linspace(0.0, 0.99, 100), np.linspace(0.0, -0.99, 100)
         )
-        return PlayedStick(record, "played", lambda: self.now)
+        return FileStick(record, "played", lambda: self.now)
 
     def move(self, stick: Stick) -> None:
         self.now = round(stick.x * 100.0)

@@ -12,7 +12,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
 from cohelm.link import stick as recordings
 from cohelm.link.sticks.brunner_stick import SCHEME, BrunnerStick, parameters
-from cohelm.link.sticks.played import PlayedStick
+from cohelm.link.sticks.file_stick import FileStick
 from cohelm.link.sticks.port import StickDevice
 
 
@@ -43,7 +43,7 @@ def opened(device: str | None) -> StickDevice:
         return _evdev(device)
     if device.startswith(SCHEME):
         return BrunnerStick(parameters(device))
-    return PlayedStick(recordings.read(device), Path(device).name, time.monotonic)
+    return FileStick(recordings.read(device), Path(device).name, time.monotonic)
 
 
 def _evdev_paths() -> list[str]:

@@ -10,7 +10,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.link import keys
-from cohelm.link.owned import guarded, make_folder
+from cohelm.link.key_permissions import guarded, make_folder
 
 OTHERS = 65534
 as_root = pytest.mark.skipif(os.geteuid() != 0, reason="gives files away, which root alone may")

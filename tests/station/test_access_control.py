@@ -20,7 +20,7 @@ from websockets.typing import Origin, Subprotocol
 from cohelm.core.errors import CohelmError
 from cohelm.link.udp import address
 from cohelm.station import serve
-from cohelm.station.doors import is_loopback, own_name
+from cohelm.station.access_control import is_loopback, is_own_host
 from cohelm.station.serve import Server
 from cohelm.station.tls import certificate
 from tests.station.bare import Bare
@@ -76,7 +76,7 @@ def test_a_foreign_host_name_is_refused(open_server: Server) -> None:
      ("", False), ("[::1", False), ("localhost.evil.example", False)],
 )  # fmt: skip
 def test_host_names_of_this_machine_are_accepted(host: str, ours: bool) -> None:
-    assert own_name(host) is ours
+    assert is_own_host(host) is ours
 
 
 def test_loopback_addresses_are_recognized() -> None:

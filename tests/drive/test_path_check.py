@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.drive.proposed import ROOM, checked_path, planned_path
+from cohelm.drive.path_check import ROOM, checked_path, planned_path
 from cohelm.plan.course import poses_along
 from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.elastic_band import distances

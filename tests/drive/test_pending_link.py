@@ -6,8 +6,8 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.drive.awaited import PendingLink
 from cohelm.drive.operate import DriveOptions
+from cohelm.drive.pending_link import PendingLink
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys

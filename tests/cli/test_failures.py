@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from cohelm.cli import tell
+from cohelm.cli import output
 from cohelm.cli.robot import failures, rows
 from cohelm.core.types import Pose, Twist
 from cohelm.record.file import About, RecordWriter
@@ -123,8 +123,8 @@ def test_a_map_of_a_record_that_was_cut_short_is_made_and_the_status_is_1(cohelm
 
 
 def test_the_starting_time_is_not_negative_after_a_clock_change(monkeypatch):
-    starting = tell.Starting("the robot")
-    monkeypatch.setattr(tell.time, "time", lambda: 0.0)
+    starting = output.Starting("the robot")
+    monkeypatch.setattr(output.time, "time", lambda: 0.0)
     try:
         assert starting.text().endswith("(0 s)")
     finally:

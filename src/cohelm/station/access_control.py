@@ -36,7 +36,7 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def own_name(host: str, certified: Collection[str] = ()) -> bool:
+def is_own_host(host: str, certified: Collection[str] = ()) -> bool:
     """Whether a Host header names this machine, and not a name that was made to point here.
 
     An address can not be made to point elsewhere; a name can (DNS rebinding). So the only names
@@ -62,7 +62,7 @@ def same_origin(origin: str | None, host: str, secure: bool) -> bool:
     return origin == f"{'https' if secure else 'http'}://{host}"
 
 
-def from_elsewhere(origin: str | None, site: str | None, host: str, secure: bool) -> bool:
+def is_cross_site(origin: str | None, site: str | None, host: str, secure: bool) -> bool:
     """Whether another page has caused a request; origin, site: Origin and Sec-Fetch-Site.
 
     Another port of this host is `same-site`, and another page. Programs say neither.
@@ -72,7 +72,7 @@ def from_elsewhere(origin: str | None, site: str | None, host: str, secure: bool
     return site is not None and site not in ("same-origin", "none")
 
 
-class Doorkeeper:
+class AccessControl:
     """Checks the token, sessions, and download tickets."""
 
     def __init__(self, token: str) -> None:
@@ -81,13 +81,13 @@ class Doorkeeper:
         self._failures: dict[str, deque[float]] = {}
         self._tickets: deque[tuple[str, str, float]] = deque(maxlen=_MOST_TICKETS)
 
-    def knows(self, session: str | None) -> bool:
+    def has_session(self, session: str | None) -> bool:
         """Whether this session is valid."""
         if session is None or not session.isascii():
             return False
         return any(hmac.compare_digest(session, known) for known in self._sessions)
 
-    def shown(self, token: str, address: str) -> str | None:
+    def login(self, token: str, address: str) -> str | None:
         """A session for the right token, None for a wrong one.
 
         The right one is always accepted: guessing locks no person out, and 128 bits can not be
@@ -100,7 +100,7 @@ class Doorkeeper:
         self._sessions.append(session)
         return session
 
-    def tires(self, address: str) -> bool:
+    def too_many_attempts(self, address: str) -> bool:
         """Whether an address sent so many wrong tokens that more are only counted."""
         return len(self._recent(address)) >= TRIES
 
@@ -110,7 +110,7 @@ class Doorkeeper:
         self._tickets.append((made, record, time.monotonic() + TICKET_FOR))
         return made
 
-    def admits(self, ticket: str | None, record: str) -> bool:
+    def ticket_valid(self, ticket: str | None, record: str) -> bool:
         """Whether this ticket is for this record, and still valid."""
         if ticket is None or not ticket.isascii():
             return False

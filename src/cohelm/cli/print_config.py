@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from cohelm.cli.tell import print_json
+from cohelm.cli.output import print_json
 
 if TYPE_CHECKING:
     from cohelm.robot.model import RobotModel

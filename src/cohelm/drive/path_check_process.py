@@ -13,7 +13,7 @@ import numpy as np
 
 from cohelm.core.types import Floats, Pose
 from cohelm.drive.jobs import ThreadJobs
-from cohelm.drive.proposed import NONE, CheckedPath, PathChecker
+from cohelm.drive.path_check import NONE, CheckedPath, PathChecker
 from cohelm.plan.path_planner import Goal
 from cohelm.robot.keep.child import Child
 

@@ -8,9 +8,9 @@ import time
 import numpy as np
 
 from cohelm.core.types import Pose
-from cohelm.drive import checking
-from cohelm.drive.checking import RemoteChecking
-from cohelm.drive.proposed import CheckedPath, PathChecker
+from cohelm.drive import path_check_process
+from cohelm.drive.path_check import CheckedPath, PathChecker
+from cohelm.drive.path_check_process import RemoteChecking
 from tests.link.ends import until
 
 STARTED = 240.0  # with nothing compiled, on a busy machine [s]
@@ -55,7 +55,7 @@ def test_a_dead_worker_is_replaced_and_its_job_is_answered():
 
 
 def test_a_check_that_hangs_is_given_up_and_no_call_blocks(monkeypatch):
-    monkeypatch.setattr(checking, "WITHIN", 0.5)
+    monkeypatch.setattr(path_check_process, "WITHIN", 0.5)
     process = RemoteChecking(Sleepy())
     try:
         began = time.monotonic()
@@ -90,7 +90,7 @@ def test_a_process_that_was_given_up_is_ended_on_close():
 def test_a_process_that_starts_after_close_is_ended(monkeypatch):
     """On a busy machine `close` does not wait for it."""
     process = RemoteChecking(Sleepy())
-    monkeypatch.setattr(checking, "_AGAIN", 0.0)
+    monkeypatch.setattr(path_check_process, "_AGAIN", 0.0)
     began, goes_on, ended = threading.Event(), threading.Event(), threading.Event()
 
     class Late:
@@ -102,7 +102,7 @@ def test_a_process_that_starts_after_close_is_ended(monkeypatch):
         goes_on.wait(STARTED)
         return Late()
 
-    monkeypatch.setattr(checking, "_started", slowly)
+    monkeypatch.setattr(path_check_process, "_started", slowly)
     process._replace(process._child)
     assert began.wait(STARTED)
     process._jobs.close = lambda within: False  # as where a second is not enough

@@ -12,7 +12,7 @@ from cohelm.link.stick import StickRecording
 from cohelm.link.sticks.port import Feel, Reading
 
 
-class PlayedStick:
+class FileStick:
     """Starts at its first reading, and becomes invalid when the record is over."""
 
     kind = Device.SCRIPT
