@@ -61,7 +61,6 @@ def test_the_numbers_are_those_of_the_code():
         "without asking | 2 s": robot_end.TAKEOVER_AFTER,
         "is forgotten | 30 s": robot_end.CLIENT_TIMEOUT,
         "for the lease | 10 s": lease.ANSWER_WITHIN,
-        "constant of 80 ms": CueRules().slowness,
     }.items():
         assert said in TEXT
         number, unit = re.findall(r"([\d.]+) (ms|s)\b", said)[-1]
@@ -73,6 +72,8 @@ def test_the_numbers_are_those_of_the_code():
     assert f"of {client.DECRYPTED:.0f} a second a stop is" in TEXT
     assert f"{client.REQUESTS:.0f} a second and {client.REQUEST_BURST:.0f} at once" in TEXT
     assert f"{pending.MOST_WAITING} wait for the loop" in TEXT
+    sticks = (PAGE.parent / "sticks.md").read_text(encoding="utf-8")
+    assert f"constant of {1000.0 * CueRules().slowness:.0f} ms" in sticks
     loop = (PAGE.parent / "loop.md").read_text(encoding="utf-8")
     assert f"again within {BACK_WITHIN:.0f} s of the last before" in loop
     assert f"seen centred within {CENTRED_WITHIN:.0f} s from there" in loop
