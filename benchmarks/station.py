@@ -65,7 +65,7 @@ class Pattern:
             step = math.radians(270.0) / (BEAMS - 1)
             wave = 4000.0 + 500.0 * np.sin(0.05 * np.arange(BEAMS) + 3.0 * t)
             scan = WholeScan(
-                self._counts["scan"], t, pose, -0.75 * math.pi, step, wave.astype(np.uint16)
+                self._counts["scan"], 0, t, pose, -0.75 * math.pi, step, wave.astype(np.uint16)
             )
             out.append(News(scan, t, 0.0))
         if self._due("picture", t * CAMERA_HZ):
@@ -121,7 +121,7 @@ def _still() -> list[b.FromRobot]:
     angle = np.linspace(0.0, 2.0 * math.pi, 400)
     circle = 3.0 * np.column_stack((np.cos(angle), np.sin(angle)))
     return [
-        b.Hello("pattern", "", outline, 0.8, 1.5, 0.3, "stop", (1.05, 0.3, 0.5, 0.1)),
+        b.Hello("pattern", outline, 0.8, 1.5, (1.05, 0.3, 0.5, 0.1)),
         b.Map(1, Pose(-25.0, -25.0, 0.0), 0.05, CELLS, CELLS, 0, 0, CELLS, CELLS,
               zlib.compress(cells.tobytes())),
         b.Polyline(b.LineKind.REFERENCE, circle.astype(np.float32)),
@@ -134,11 +134,11 @@ def _status(pose: Pose) -> m.Status:
     ahead = tuple((pose.x + 0.1 * k * c, pose.y + 0.1 * k * s) for k in range(12))
     return m.Status(
         m.Lease(1, 1, "bench", 0, "", NAN), m.Mode.SHARED, "", m.Arming.ARMED, Stick(0.0, 0.0),
-        1.0, pose, pose, twist, twist, twist, "",
-        m.Guarding(m.ReportedVerdict.UNTOUCHED, 1.0, (NAN, NAN), 1.0), 0.1, pose, 0.5,
+        1.0, pose, twist, twist, twist, "",
+        m.Guarding(m.ReportedVerdict.UNTOUCHED, 1.0, (NAN, NAN), 1.0), 0.1, pose,
         math.inf, "",
-        m.Localised.GOOD, 0.01, False, m.TimingReport(0.0, 0, 0.0, 0.0, 0.0, 0), (), (), ahead,
-        0.15,
+        m.Localised.GOOD, 0.01, False, m.DockPhase.AWAY, 0,
+        m.TimingReport(0.0, 0, 0.0, 0.0, 0.0, 0), (), (), ahead, 0.15,
     )  # fmt: skip
 
 

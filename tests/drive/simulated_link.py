@@ -148,7 +148,7 @@ class SimulatedLink(OverLink):
         self._count = itertools.count()
         self.end = End(self, self.now)
         self.bulk = Bulk(self.end, records)
-        super().__init__(self.end, self.bulk, model, records, "stops", 0.3, False)
+        super().__init__(self.end, self.bulk, model, records, False)
 
     def now(self) -> float:
         return self.clock()

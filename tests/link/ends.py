@@ -13,10 +13,10 @@ from tests.patience import looks
 NAN = math.nan
 STATUS = m.Status(
     lease=m.Lease(0, 0, "", 0, "", NAN), mode=m.Mode.SHARED, stopped="", arming=m.Arming.ABSENT,
-    stick=Stick(0.0, 0.0), authority=1.0, pose=Pose(1.0, 2.0, 0.5), odometry=Pose(0.0, 0.0, 0.0),
+    stick=Stick(0.0, 0.0), authority=1.0, pose=Pose(1.0, 2.0, 0.5),
     twist=Twist(0.1, 0.0), nominal=Twist(0.5, 0.1), applied=Twist(0.3, 0.1), why="too near",
     guarding=m.Guarding(m.ReportedVerdict.SHAPED, 0.2, (1.5, 2.0), 0.1), e_p=0.01,
-    reference=Pose(1.1, 2.0, 0.5), progress=0.25, speed_cap=math.inf, cap_reason="",
+    reference=Pose(1.1, 2.0, 0.5), speed_cap=math.inf, cap_reason="",
     localised=m.Localised.GOOD, sigma=0.01, recording=False,
     docking=m.DockPhase.AWAY, dock=0,
     timing=m.TimingReport(0.001, 0, NAN, NAN, NAN, 0), alarms=(), answers=(), ahead=(),

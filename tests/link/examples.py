@@ -58,9 +58,9 @@ statuses = st.builds(
     m.Status,
     st.builds(m.Lease, short, short, texts(24), short, texts(24), single),
     st.sampled_from(m.Mode), texts(128), st.sampled_from(m.Arming),
-    st.builds(Stick, single, single), single, poses, poses, twists, twists, twists, texts(128),
+    st.builds(Stick, single, single), single, poses, twists, twists, twists, texts(128),
     st.builds(m.Guarding, st.sampled_from(m.ReportedVerdict), single, points, single),
-    single, poses, single, single, texts(64), st.sampled_from(m.Localised), single, st.booleans(),
+    single, poses, single, texts(64), st.sampled_from(m.Localised), single, st.booleans(),
     st.sampled_from(m.DockPhase), byte,
     st.builds(m.TimingReport, single, long, single, single, single, long),
     listed(
@@ -85,7 +85,7 @@ bulk_up = st.one_of(
 )
 bulk_down = st.one_of(
     st.builds(
-        b.Hello, texts(64), texts(32), rows("f4", 2, 64), single, single, single, texts(32),
+        b.Hello, texts(64), rows("f4", 2, 64), single, single,
         st.tuples(single, single, single, single),
     ),
     st.builds(b.Polyline, st.sampled_from(b.LineKind), rows("f4", 2, 50)),

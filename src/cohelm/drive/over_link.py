@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cohelm import __version__
 from cohelm.core.types import Floats
 from cohelm.drive.pictures import Packed
 from cohelm.drive.rerouting import PathRequest
@@ -23,9 +22,8 @@ class OverLink:
     """A `loop.operator.Operator`. Its calls return at once."""
 
     def __init__(
-        self, end: RobotEnd, bulk: RobotBulk, model: RobotModel, records: Path, on_loss: str,
-        watchdog: float, camera: bool,
-    ) -> None:  # fmt: skip
+        self, end: RobotEnd, bulk: RobotBulk, model: RobotModel, records: Path, camera: bool
+    ) -> None:
         """end, bulk: of the link; this object closes them. records: folder whose
         files can be fetched. camera: whether there will be pictures.
         """
@@ -38,7 +36,7 @@ class OverLink:
         self.record: Callable[[bool], str] = lambda on: "this robot does not record"
         """Starts or ends a record; returns why not, or ""."""
         shown = model if camera else model.model_copy(update={"camera": None})
-        self._hello = hello(shown, on_loss, watchdog)
+        self._hello = hello(shown)
         self.publish(self._hello)
         self.list_records()
 
@@ -73,8 +71,8 @@ class OverLink:
         self._end.close()
 
 
-def hello(model: RobotModel, on_loss: str, watchdog: float) -> Hello:
-    """The robot's description. watchdog: [s]."""
+def hello(model: RobotModel) -> Hello:
+    """The robot's description."""
     nan, camera = math.nan, model.camera
     lens = (nan, nan, nan, nan)
     if camera is not None:
@@ -82,7 +80,6 @@ def hello(model: RobotModel, on_loss: str, watchdog: float) -> Hello:
         lens = (angle, camera.mount_x_m, camera.mount_z_m, tilt)
     limits = model.limits
     return Hello(
-        model.name, __version__, model.outline.astype(np.float32),
-        limits.speed_mps or limits.wheel_speed_mps or nan, limits.yaw_rate_radps or nan,
-        watchdog, on_loss, lens,
+        model.name, model.outline.astype(np.float32),
+        limits.speed_mps or limits.wheel_speed_mps or nan, limits.yaw_rate_radps or nan, lens,
     )  # fmt: skip

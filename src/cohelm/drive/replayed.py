@@ -31,11 +31,6 @@ class Replaying(RefusingLink):
         return self._played.duration
 
     @property
-    def start(self) -> float:
-        """The robot's clock at its start [s]."""
-        return self._played.start
-
-    @property
     def place(self) -> PlaybackPosition:
         """The present playback position."""
         at, playing, speed = self._place
@@ -62,7 +57,7 @@ class Replaying(RefusingLink):
         out = super().news()
         if self._first:
             self._first = False
-            out += [News(message, self.start, 0.0) for message in self._played.first()]
+            out += [News(message, self._played.start, 0.0) for message in self._played.first()]
         now = self._clock()
         if self._new or now - self._sent_at >= _PERIOD:
             self._new = False

@@ -48,13 +48,12 @@ def serve(
     ready: called with the address when the robot can be driven. topics: those of a ROS 2 robot.
     Raises CohelmError if something can not be started.
     """
-    on_loss = "continues alone" if plan.loop.carry_on else "stops"
     admitted, live, own = config.keys, plan.live, None
     if live is not None and live.teleop:
         admitted, own = with_local_station(config.keys, "foxglove")
     end, bulk = both_ends(admitted, config.host, config.port, config.records, STALE + plan.patience)
     operator = OverLink(
-        end, bulk, plan.robot.model, config.records, on_loss, plan.loop.arming.silence,
+        end, bulk, plan.robot.model, config.records,
         plan.robot.kind != "kinematic" and not (topics is not None and topics.blind),
     )  # fmt: skip
     if live is not None and own is not None:

@@ -40,17 +40,12 @@ class Hello(NamedTuple):
     """Bulk, first: the robot's description."""
 
     name: Words
-    version: Annotated[str, text(32)]
-    """Of cohelm on the robot."""
     outline: Annotated[NDArray[np.float32], array("f4", 2, 64)]
     """(k, 2), convex, counter-clockwise, in the body frame [m]."""
     v_max: float
     """[m/s]"""
     omega_max: float
     """[rad/s]"""
-    watchdog: float
-    """Without commands for this long, the robot does what `on_loss` says [s]."""
-    on_loss: Annotated[str, text(32)]
     camera: tuple[float, float, float, float]
     """Vertical angle of view [rad], x and z of its mount [m], tilt down [rad]; NaN: no camera."""
 

@@ -259,8 +259,6 @@ class Status(NamedTuple):
     """The automatic part's share of the command, exp(-V_h) (34), in [0, 1]."""
     pose: Pose
     """In the map."""
-    odometry: Pose
-    """In the odometry frame, which is smooth."""
     twist: Twist
     """Measured."""
     nominal: Twist
@@ -274,8 +272,6 @@ class Status(NamedTuple):
     """Tracking error E_P of the paper."""
     reference: Pose
     """The desired pose on the path."""
-    progress: float
-    """Share of the path done, in [0, 1]."""
     speed_cap: float
     """[m/s]; infinite where there is none."""
     cap_reason: Words

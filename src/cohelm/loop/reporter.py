@@ -90,9 +90,7 @@ class Reporter:
         self._log.words(words)
         made = status(row, words, self._has_map, predicted(report.seen.pose, report.applied))
         timing = made.timing._replace(late=late)
-        self._operator.send_status(
-            made._replace(odometry=report.seen.odometry, recording=self._log.open, timing=timing)
-        )
+        self._operator.send_status(made._replace(recording=self._log.open, timing=timing))
 
     def _discs(self, seen: Seen) -> NDArray[np.float32]:
         """The nearest round obstacles in the map, (n, 6) as in `core.types`."""

@@ -94,7 +94,6 @@ def status(
     def f(name: str) -> float:
         return float(row[name])
 
-    pose = Pose(f("x"), f("y"), f("psi"))
     return Status(
         lease=Lease(0, words.driver, words.name, 0, "", math.nan),
         mode=words.mode,
@@ -102,8 +101,7 @@ def status(
         arming=Arming(int(row["arming"])),
         stick=Stick(f("stick_x"), f("stick_psi")),
         authority=min(f("authority_x"), f("authority_psi")),
-        pose=pose,
-        odometry=pose,
+        pose=Pose(f("x"), f("y"), f("psi")),
         twist=Twist(f("measured_v"), f("measured_omega")),
         nominal=Twist(f("nominal_v"), f("nominal_omega")),
         applied=Twist(f("applied_v"), f("applied_omega")),
@@ -116,7 +114,6 @@ def status(
         ),
         e_p=f("e_p"),
         reference=Pose(f("x_d"), f("y_d"), f("psi_d")),
-        progress=f("progress"),
         speed_cap=words.cap,
         cap_reason=words.cap_reason,
         localised=_localised(bool(row["lost"]), f("sigma"), has_map),

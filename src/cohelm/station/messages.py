@@ -134,8 +134,6 @@ class Welcome(Schema):
     version: str
     replay_s: float | None
     """Length of the record that is shown; None for a robot."""
-    replay_from_s: float
-    """The robot's clock at the start of the record."""
     stale_s: float
     """A page that receives nothing for so long shows it, and its stick counts as lost."""
     centre: float
@@ -143,16 +141,12 @@ class Welcome(Schema):
 
 
 class Robot(Schema):
-    """The robot's name, outline and limits."""
+    """The robot's name, outline and camera."""
 
     type: Literal["robot"] = "robot"
     name: str
     outline: list[Point]
     """Corners, body frame [m]."""
-    v_max: float
-    omega_max: float
-    watchdog_s: float
-    on_loss: str
     camera: Camera | None
 
 
@@ -165,7 +159,6 @@ class State(Schema):
     age_ms: float
     """Age when it was sent to the page."""
     pose: Where
-    odometry: Where
     localised: Literal["unknown", "exact", "good", "poor", "lost"]
     sigma_m: float | None
     reference: Where | None
@@ -189,7 +182,6 @@ class State(Schema):
     """From the outline to the nearest obstacle."""
     limiting: Point | None
     """Position of the limiting obstacle."""
-    progress: float | None
     ahead: list[Point]
     """Predicted path, in steps of `ahead_step_s`."""
     ahead_step_s: float
@@ -283,7 +275,6 @@ class Link(Schema):
     """Share of our datagrams that were lost."""
     command_age_ms: float | None
     """Age of commands when the robot used them."""
-    state_age_ms: float | None
     offset_ms: float | None
     """Offset of the robot's clock from the station's."""
     late_ms: float | None

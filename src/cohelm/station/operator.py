@@ -244,8 +244,7 @@ class PageOperator:
         if now - self._link_at >= LINK_EVERY:
             self._link_at = now
             timing = self._now.timing if self._now is not None else None
-            age = now - self._status_at if self._status is not None else math.nan
-            quality = view.link(self.link.quality(), timing, age, self._health)
+            quality = view.link(self.link.quality(), timing, self._health)
             self._outbox.put("link", quality.model_dump_json())
             if isinstance(self.link, ReplayLink):
                 at, playing, speed = self.link.place

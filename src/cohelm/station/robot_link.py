@@ -126,11 +126,6 @@ class ReplayLink(Protocol):
         ...
 
     @property
-    def start(self) -> float:
-        """The robot's clock at the start [s]."""
-        ...
-
-    @property
     def place(self) -> PlaybackPosition:
         """The present playback position."""
         ...

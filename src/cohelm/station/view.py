@@ -41,21 +41,16 @@ def welcome(name: str, key: str, stale: float, link: object) -> page.Welcome:
     return page.Welcome(
         you=name, key=key, version=__version__, stale_s=stale, centre=CENTRE,
         replay_s=recorded.duration if recorded else None,
-        replay_from_s=recorded.start if recorded else 0.0,
     )  # fmt: skip
 
 
 def hello(message: bulk.Hello) -> page.Robot:
-    """The robot's name, outline and limits."""
+    """The robot's name, outline and camera."""
     angle, x, z, tilt = message.camera
     camera = None
     if all(math.isfinite(v) for v in message.camera):
         camera = page.Camera(field_of_view_rad=angle, mount_x_m=x, mount_z_m=z, tilt_rad=tilt)
-    return page.Robot(
-        name=message.name, outline=_points(message.outline), v_max=_or_0(message.v_max),
-        omega_max=_or_0(message.omega_max), watchdog_s=_or_0(message.watchdog),
-        on_loss=message.on_loss, camera=camera,
-    )  # fmt: skip
+    return page.Robot(name=message.name, outline=_points(message.outline), camera=camera)
 
 
 def _points(points: np.ndarray) -> list[page.Point]:
@@ -82,7 +77,7 @@ def state(s: robot.Status, stamp: float, age: float) -> page.State:
     estimated = s.localised not in (robot.Localised.UNKNOWN, robot.Localised.LOST)
     sigma = known(s.sigma) if estimated else None
     return page.State(
-        t_s=stamp, age_ms=_ms(age) or 0.0, pose=_where(s.pose), odometry=_where(s.odometry),
+        t_s=stamp, age_ms=_ms(age) or 0.0, pose=_where(s.pose),
         localised=_LOCALISED[s.localised], sigma_m=sigma, reference=reference,
         twist=(_or_0(s.twist.v), _or_0(s.twist.omega)),
         nominal=(_or_0(s.nominal.v), _or_0(s.nominal.omega)),
@@ -92,7 +87,7 @@ def state(s: robot.Status, stamp: float, age: float) -> page.State:
         authority=known(s.authority), e_p=known(s.e_p), h_m2=known(s.guarding.h),
         clearance_m=known(s.guarding.clearance),
         limiting=limiting if all(map(math.isfinite, limiting)) else None,
-        progress=known(s.progress), ahead=_points(np.array(s.ahead, dtype=float).reshape(-1, 2)),
+        ahead=_points(np.array(s.ahead, dtype=float).reshape(-1, 2)),
         ahead_step_s=_or_0(s.ahead_step), mode=_MODES[s.mode], stopped=s.stopped,
         speed_cap_mps=known(s.speed_cap), cap_reason=s.cap_reason, recording=s.recording,
         docking=_DOCKING[s.docking], dock=s.dock,
@@ -155,15 +150,14 @@ def docks(message: bulk.Docks) -> page.Docks:
 def link(
     quality: Quality,
     timing: robot.TimingReport | None,
-    age: float,
     health: bulk.HealthReport | None,
 ) -> page.Link:
-    """Quality of the link. age: of the newest status [s]."""
+    """Quality of the link."""
     return page.Link(
         connected=quality.connected, name=quality.name, why=quality.why,
         round_trip_ms=_ms(quality.round_trip), loss=known(quality.loss),
         command_age_ms=_ms(timing.command_age) if timing else None,
-        state_age_ms=_ms(age), offset_ms=_ms(quality.offset),
+        offset_ms=_ms(quality.offset),
         late_ms=_ms(timing.late) if timing else None,
         battery=known(health.battery) if health else None,
         faults=list(health.faults) if health else [],

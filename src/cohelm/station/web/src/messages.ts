@@ -104,24 +104,18 @@ export interface Welcome {
   version: string
   /** Length of the record that is shown; None for a robot. */
   replay_s: number | null
-  /** The robot's clock at the start of the record. */
-  replay_from_s: number
   /** A page that receives nothing for so long shows it, and its stick counts as lost. */
   stale_s: number
   /** Deflections up to this are centred, and arm a waiting gamepad. */
   centre: number
 }
 
-/** The robot's name, outline and limits. */
+/** The robot's name, outline and camera. */
 export interface Robot {
   type: 'robot'
   name: string
   /** Corners, body frame [m]. */
   outline: Array<[number, number]>
-  v_max: number
-  omega_max: number
-  watchdog_s: number
-  on_loss: string
   camera: Camera | null
 }
 
@@ -133,7 +127,6 @@ export interface State {
   /** Age when it was sent to the page. */
   age_ms: number
   pose: [number, number, number]
-  odometry: [number, number, number]
   localised: 'unknown' | 'exact' | 'good' | 'poor' | 'lost'
   sigma_m: number | null
   reference: [number, number, number] | null
@@ -157,7 +150,6 @@ export interface State {
   clearance_m: number | null
   /** Position of the limiting obstacle. */
   limiting: [number, number] | null
-  progress: number | null
   /** Predicted path, in steps of `ahead_step_s`. */
   ahead: Array<[number, number]>
   ahead_step_s: number
@@ -225,7 +217,6 @@ export interface Link {
   loss: number | null
   /** Age of commands when the robot used them. */
   command_age_ms: number | null
-  state_age_ms: number | null
   /** Offset of the robot's clock from the station's. */
   offset_ms: number | null
   /** Worst lateness of a step on the robot in the last second. */
