@@ -26,7 +26,8 @@ from playwright.sync_api import Page, sync_playwright
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.scans import WholeScan
-from cohelm.station.robot_link import News, Quality
+from cohelm.link.station_end import LinkState
+from cohelm.station.robot_link import News
 from cohelm.station.serve import Server
 
 CHROMIUM = "/usr/bin/chromium"
@@ -99,9 +100,9 @@ class Pattern:
     def fetch(self, name: str, offset: int = 0, size: int = 0) -> None:
         """Not here."""
 
-    def quality(self) -> Quality:
+    def state(self) -> LinkState:
         """Perfect."""
-        return Quality(True, "a test pattern", "", 0.0, 0.0, 0.0)
+        return LinkState(True, "a test pattern", "", 0.0, 0.0, 0.0)
 
     def close(self) -> None:
         """Nothing to do."""

@@ -13,7 +13,7 @@ from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys
 from cohelm.link.bulk_messages import Checked
 from cohelm.link.messages import Command, Device, RequestKind
-from cohelm.station.robot_link import Quality
+from cohelm.link.station_end import LinkState
 
 LAB = DriveOptions("lab-guard", "lab-guard", "twin", True, None, [])
 NOWHERE = LAB._replace(name="no-such-place", kind="kinematic")
@@ -45,8 +45,8 @@ class Robot:
     def fetch(self, name):
         self.reached.append(("fetch", name))
 
-    def quality(self):
-        return Quality(True, "robot", "", 0.0, 0.0, 0.0)
+    def state(self):
+        return LinkState(True, "robot", "", 0.0, 0.0, 0.0)
 
     def close(self):
         self.reached.append(("close", ()))
@@ -59,7 +59,7 @@ def awaited():
 
 def test_before_the_robot_is_ready_all_requests_are_refused_with_the_reason():
     link, _ = awaited()
-    assert link.quality()[:3] == (False, "the robot beside it", "starting (3 s)")
+    assert link.state()[:3] == (False, "the robot beside it", "starting (3 s)")
     link.steer(Command(Stick(1.0, 0.0), True, True, Device.KEYBOARD, 1.0))
     answer = link.answer(link.ask(RequestKind.TAKE))
     assert not answer.granted
@@ -78,7 +78,7 @@ def test_no_request_from_before_the_robot_was_ready_reaches_it():
     link.propose([(1.0, 2.0)], False)
     there.append(Robot())
     link.news()
-    assert link.quality().connected
+    assert link.state().connected
     assert there[0].reached == []
     assert not link.answer(before).granted
     assert link.answer(link.ask(RequestKind.RESET)) == ("answer", 7)
@@ -90,7 +90,7 @@ def test_a_closed_page_opens_no_link_when_the_robot_is_ready():
     link.close()
     there.append(Robot())
     assert link.news() == []
-    assert not link.quality().connected
+    assert not link.state().connected
 
 
 def test_a_robot_that_still_starts_is_ended_at_once(tmp_path):

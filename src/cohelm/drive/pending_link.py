@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 from cohelm.link.messages import Answer, Command, RequestKind
-from cohelm.station.robot_link import News, Quality, RefusingLink, RobotLink
+from cohelm.link.station_end import LinkState
+from cohelm.station.robot_link import News, RefusingLink, RobotLink
 
 
 class PendingLink(RefusingLink):
@@ -58,12 +58,12 @@ class PendingLink(RefusingLink):
         if link is not None:
             link.fetch(name, offset, size)
 
-    def quality(self) -> Quality:
-        """How good the link is; not connected, and why, until there is a robot."""
+    def state(self) -> LinkState:
+        """State of the link; not connected, and why, until there is a robot."""
         link = self._robot()
         if link is not None:
-            return link.quality()
-        return Quality(False, "the robot beside it", self._starting(), math.nan, math.nan, math.nan)
+            return link.state()
+        return LinkState(False, "the robot beside it", self._starting())
 
     def close(self) -> None:
         """Leave."""

@@ -6,7 +6,8 @@ import time
 from collections.abc import Callable
 
 from cohelm.drive.playback import Playback
-from cohelm.station.robot_link import News, PlaybackPosition, Quality, RefusingLink
+from cohelm.link.station_end import LinkState
+from cohelm.station.robot_link import News, PlaybackPosition, RefusingLink
 
 _PERIOD = 0.03
 _REFUSAL = "this is a record; nothing can be done to it any more"
@@ -71,7 +72,6 @@ class Replaying(RefusingLink):
         before, self._shown[slot] = self._shown.get(slot), message
         return before is not message
 
-    def quality(self) -> Quality:
+    def state(self) -> LinkState:
         """There is no link."""
-        nan = float("nan")
-        return Quality(True, "a record", "", nan, nan, nan)
+        return LinkState(True, "a record", "")

@@ -61,8 +61,6 @@ class Path:
         self._newest_at = math.nan
         self.round_trip = math.nan
         """Of the newest message that had an echo [s]."""
-        self.jitter = math.nan
-        """Mean change of the round trip from one message to the next [s] (RFC 3550 6.4.1)."""
 
     def update(self, header: Header, now: float) -> bool:
         """Process a message's header. False: it is out of order or a duplicate."""
@@ -129,13 +127,7 @@ class Path:
         # An echo is from the past; what says otherwise measures nothing (and NaN is no echo).
         if not (-_EPS <= round_trip <= now and header.hold >= 0.0):
             return
-        round_trip = max(round_trip, 0.0)
-        if not math.isnan(self.round_trip):
-            change = abs(round_trip - self.round_trip)
-            self.jitter = (
-                change if math.isnan(self.jitter) else self.jitter + (change - self.jitter) / 16.0
-            )
-        self.round_trip = round_trip
+        self.round_trip = round_trip = max(round_trip, 0.0)
         sample = _Sample(now, round_trip, header.stamp - now + 0.5 * round_trip)
         best = self._best
         if best is None:

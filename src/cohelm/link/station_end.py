@@ -63,19 +63,18 @@ class ReceivedStatus(NamedTuple):
 
 
 class LinkState(NamedTuple):
-    """State of the link."""
+    """State of the link; NaN for what is not known."""
 
     connected: bool
+    name: str
+    """The robot's address."""
     why: str
-    """Why not; empty while connected."""
-    round_trip: float
-    jitter: float
-    """Of the round trip [s]."""
-    lost: float
+    """Why it is not connected; empty while it is."""
+    round_trip: float = math.nan
+    """[s]"""
+    lost: float = math.nan
     """Share of the robot's datagrams lost in the last seconds."""
-    silence: float
-    """Since the robot's newest message [s]."""
-    offset: float
+    offset: float = math.nan
     """The robot's clock less this one [s]."""
 
 
@@ -107,7 +106,7 @@ class StationEnd(IoThread):
 
         Raises CohelmError where there is no such host; else it tries for ever.
         """
-        self.clock, self._fresh = clock, fresh
+        self.clock, self._fresh, self._name = clock, fresh, f"{host}:{port}"
         self._context = context(keys, server=False)
         self._family, self._to = udp.resolved(host, port, socket.SOCK_DGRAM)
         self.session = secrets.randbits(64)
@@ -194,8 +193,8 @@ class StationEnd(IoThread):
             path, now = self._path, self.clock()
             connected = self._connection is not None and path.silence(now) < _LOST
             return LinkState(
-                connected, "" if connected else self._why, path.round_trip, path.jitter,
-                path.lost, path.silence(now), path.offset,
+                connected, self._name, "" if connected else self._why, path.round_trip, path.lost,
+                path.offset,
             )  # fmt: skip
 
     # ---- the thread --------------------------------------------------------------------

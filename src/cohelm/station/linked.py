@@ -10,8 +10,8 @@ import numpy as np
 from cohelm.link.bulk_messages import Fetch, Waypoints
 from cohelm.link.keys import Keys
 from cohelm.link.station_bulk import StationBulk
-from cohelm.link.station_end import FRESH, StationEnd
-from cohelm.station.robot_link import News, Quality
+from cohelm.link.station_end import FRESH, LinkState, StationEnd
+from cohelm.station.robot_link import News
 
 
 class Linked:
@@ -27,7 +27,6 @@ class Linked:
         self._end = StationEnd(keys, host, port, fresh=fresh)
         self.steer, self.ask, self.answer = self._end.steer, self._end.ask, self._end.answer
         self._bulk = StationBulk(keys, host, port, self._end.session)
-        self._name = f"{host}:{port}"
         self._proposals = 0
         self._status: object = None
         self._scans: dict[int, object] = {}
@@ -64,11 +63,10 @@ class Linked:
         """Part of a record, its hash, or the list of them."""
         self._bulk.send(Fetch(name, offset, size))
 
-    def quality(self) -> Quality:
-        """How good the link is."""
-        s, over = self._end.state(), self._over()
-        connected = s.connected and not over
-        return Quality(connected, self._name, over or s.why, s.round_trip, s.lost, s.offset)
+    def state(self) -> LinkState:
+        """State of the link."""
+        state, over = self._end.state(), self._over()
+        return state._replace(connected=False, why=over) if over else state
 
     def close(self) -> None:
         """Close the link."""

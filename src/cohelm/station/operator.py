@@ -244,8 +244,7 @@ class PageOperator:
         if now - self._link_at >= LINK_EVERY:
             self._link_at = now
             timing = self._now.timing if self._now is not None else None
-            quality = view.link(self.link.quality(), timing, self._health)
-            self._outbox.put("link", quality.model_dump_json())
+            self._send(view.link(self.link.state(), timing, self._health))
             if isinstance(self.link, ReplayLink):
                 at, playing, speed = self.link.place
                 self._send(page.Playing(at_s=at, playing=playing, speed=speed))

@@ -140,7 +140,7 @@ async def _about(link: RobotLink, name: str) -> Digest | Response:
             if isinstance(news.message, Digest) and news.message.name == name:
                 why = news.message.why
                 return PlainTextResponse(why, 404) if why else news.message
-        if not link.quality().connected and now - began > PIECE_WITHIN:
+        if not link.state().connected and now - began > PIECE_WITHIN:
             break
         await asyncio.sleep(_POLL)
     return PlainTextResponse("the robot does not send it; try again", 504)

@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from cohelm.link.bulk_messages import Checked, FromRobot
 from cohelm.link.messages import Answer, Command, RequestKind
 from cohelm.link.scans import WholeScan
+from cohelm.link.station_end import LinkState
 
 
 class News(NamedTuple):
@@ -19,22 +20,6 @@ class News(NamedTuple):
     """The robot's clock then [s]."""
     age: float
     """How long ago that was [s]; NaN: not known."""
-
-
-class Quality(NamedTuple):
-    """Quality of the link; NaN for what is not known."""
-
-    connected: bool
-    name: str
-    """The robot's address."""
-    why: str
-    """Why it is not connected; empty while it is."""
-    round_trip: float
-    """[s]"""
-    loss: float
-    """Share of the robot's datagrams lost."""
-    offset: float
-    """The robot's clock less ours [s]."""
 
 
 class RobotLink(Protocol):
@@ -69,8 +54,8 @@ class RobotLink(Protocol):
         """Have `size` bytes of a record sent in pieces; 0: its size and hash. An empty name asks
         for the list."""
 
-    def quality(self) -> Quality:
-        """The link's quality."""
+    def state(self) -> LinkState:
+        """State of the link."""
         ...
 
     def close(self) -> None:

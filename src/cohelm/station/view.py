@@ -11,8 +11,9 @@ from cohelm import __version__
 from cohelm.core.types import Pose, Stick
 from cohelm.link import bulk_messages as bulk, messages as robot
 from cohelm.link.messages import CENTRE
+from cohelm.link.station_end import LinkState
 from cohelm.station import messages as page
-from cohelm.station.robot_link import Quality, ReplayLink
+from cohelm.station.robot_link import ReplayLink
 
 MOST_POINTS = 2000
 """Most points of one line sent to a page; a longer line is thinned out."""
@@ -148,16 +149,16 @@ def docks(message: bulk.Docks) -> page.Docks:
 
 
 def link(
-    quality: Quality,
+    state: LinkState,
     timing: robot.TimingReport | None,
     health: bulk.HealthReport | None,
 ) -> page.Link:
-    """Quality of the link."""
+    """State of the link."""
     return page.Link(
-        connected=quality.connected, name=quality.name, why=quality.why,
-        round_trip_ms=_ms(quality.round_trip), loss=known(quality.loss),
+        connected=state.connected, name=state.name, why=state.why,
+        round_trip_ms=_ms(state.round_trip), loss=known(state.lost),
         command_age_ms=_ms(timing.command_age) if timing else None,
-        offset_ms=_ms(quality.offset),
+        offset_ms=_ms(state.offset),
         late_ms=_ms(timing.late) if timing else None,
         battery=known(health.battery) if health else None,
         faults=list(health.faults) if health else [],
