@@ -29,9 +29,10 @@ from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.drive_log import DriveLog
 from cohelm.record.messages import records
-from cohelm.record.topics import IMAGE, LASTING, Photo, definitions
+from cohelm.record.topics import IMAGE, LASTING, definitions
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.keep.record_pipe import RecordLine, line
+from cohelm.robot.port import Encoded
 from cohelm.sim.kinematic import Kinematic
 from tests import own_loop
 from tests.drive.onlooker import HEAD, Onlooker
@@ -230,7 +231,7 @@ def test_a_viewer_that_never_reads_uses_no_memory_and_blocks_no_other(live):
     ]  # as far as the sockets hold
     before = of_memory(live.pid)
     for k in range(250):  # 25 MB for each
-        camera(Photo(0.1 * k, k, photo))
+        camera(Encoded(0.1 * k, k, photo))
         if k % 5 == 4:
             reads.listen(lambda k=k: len(reads.heard[IMAGE]) > k)
         if k == 50:

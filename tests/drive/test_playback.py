@@ -19,7 +19,7 @@ from cohelm.link.scans import WholeScan
 from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.record.file import About, RecordWriter
-from cohelm.record.topics import Photo
+from cohelm.robot.port import Encoded
 from tests.drive.faults import CORRIDOR
 from tests.ports.adapters import sally
 
@@ -132,7 +132,7 @@ def test_the_cameras_pictures_are_shown_from_where_they_were_taken(driven, tmp_p
             row["t"], row["x"] = 5.0 + 0.1 * k, 0.05 * k
             made.period(row)
             if k % 5 == 0:
-                made.write(Photo(5.0 + 0.1 * k, k, b"picture %d" % k))
+                made.write(Encoded(5.0 + 0.1 * k, k, b"picture %d" % k))
         made.finish()
     seen = Playback(path)
     (hello,) = seen.first()

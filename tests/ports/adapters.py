@@ -24,13 +24,12 @@ from cohelm.link.messages import Alarm, Discs, Mode, Severity
 from cohelm.link.recorded_status import Displayed, StatusWords
 from cohelm.record.file import About, RecordWriter
 from cohelm.record.replay import Replayed
-from cohelm.record.topics import Photo
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot as BaseRobot
 from cohelm.robot.clock import WallClock
 from cohelm.robot.keep.record_pipe import Event
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Readings, RobotPort
+from cohelm.robot.port import Encoded, Readings, RobotPort
 from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.twin.robot import Twin
@@ -96,7 +95,7 @@ def recorded(path: Path, seconds: float) -> Path:
             drive.write(Displayed(robot.now(), what))
         grey = io.BytesIO()
         Image.new("RGB", (8, 6), (99, 99, 99)).save(grey, "JPEG")
-        drive.write(Photo(robot.now(), 0, grey.getvalue()))
+        drive.write(Encoded(robot.now(), 0, grey.getvalue()))
         drive.write(Event(robot.now(), "loop", "the end"))
         drive.finish()
     return path

@@ -68,14 +68,6 @@ class _Series:
         return self.all[at(self.times, since) : at(self.times, t)]
 
 
-class _Scan(NamedTuple):
-    number: int
-    taken: float
-    first: float
-    step: float
-    ranges: NDArray[np.uint16]
-
-
 class _Jpeg(NamedTuple):
     number: int
     taken: float
@@ -137,7 +129,8 @@ class Playback:
             scan = self._newest(topic, now)
             if scan is not None:
                 if k not in self._scans or self._scans[k].number != scan.number:
-                    self._scans[k] = self._placed(scan, k, mount)
+                    sensor = compose(self._pose(scan.taken), mount)
+                    self._scans[k] = scan._replace(lidar=k, sensor=sensor)
                 out.append(News(self._scans[k], scan.taken, now - scan.taken))
         jpeg = self._newest(IMAGE, now)
         if jpeg is not None:
@@ -156,9 +149,8 @@ class Playback:
             known = np.where(far, 0.0, message.ranges)
             ranges = np.minimum(np.round(1000.0 * known), 65534).astype(np.uint16)
             ranges[far & (message.ranges > 0.0)] = 65535
-            series.add(
-                t, _Scan(count, t, float(message.angle_min), float(message.angle_increment), ranges)
-            )
+            first, step = float(message.angle_min), float(message.angle_increment)
+            series.add(t, WholeScan(count, 0, t, Pose(0.0, 0.0, 0.0), first, step, ranges))
         elif topic == "/rosout":
             level = m.Severity.WARNING if message.level >= 40 else m.Severity.NOTICE
             text = f"{message.name}: {message.msg}"
@@ -183,10 +175,6 @@ class Playback:
     def _pose(self, t: float) -> Pose:
         row = self._rows[max(bisect.bisect_right(self._times, t) - 1, 0)]
         return Pose(float(row["x"]), float(row["y"]), float(row["psi"]))
-
-    def _placed(self, scan: _Scan, which: int, mount: Pose) -> WholeScan:
-        sensor = compose(self._pose(scan.taken), mount)
-        return WholeScan(scan.number, which, scan.taken, sensor, scan.first, scan.step, scan.ranges)
 
     def _seen(self, jpeg: _Jpeg) -> b.Picture:
         self._pictures.seek(jpeg.at)

@@ -33,7 +33,6 @@ from cohelm.pilot.margin_inflation import SLOP, inflated, inflated_rules, noise
 from cohelm.pilot.pilot import Pilot
 from cohelm.plan.docks import Dock
 from cohelm.plan.zones import Zones
-from cohelm.record.topics import Photo
 from cohelm.robot.gate.modes import GateMode, driving, latched
 from cohelm.robot.keep.gated_robot import GatedRobot, LocalGatedRobot, rules, standing
 from cohelm.robot.keep.priority import raise_priority, raise_thread_priorities, restore_priority
@@ -237,7 +236,7 @@ class Session:
             return
         if due:
             self._recorded = packed.stamp
-            loop.log(Photo(packed.stamp, packed.number, packed.data))
+            loop.log(Encoded(packed.stamp, packed.number, packed.data))
         if self.shown is not None:
             self.shown(packed, loop.gated.now() - packed.stamp)
 

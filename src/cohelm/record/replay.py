@@ -19,10 +19,10 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose, Twist
 from cohelm.record.file import ROBOT
 from cohelm.record.messages import attachment, messages
-from cohelm.record.topics import IMAGE, Photo, scan_topic
+from cohelm.record.topics import IMAGE, scan_topic
 from cohelm.robot.clock import ClockedRobot, RobotClock
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Frame, Health, Odometry, Readings, Scan, untouched
+from cohelm.robot.port import Encoded, Frame, Health, Odometry, Readings, Scan, untouched
 
 
 class Replayed(ClockedRobot):
@@ -126,14 +126,14 @@ def _ends(scans: list[Scan]) -> list[float]:
 def _read(
     path: Path, model: RobotModel, damaged: Callable[[str], None]
 ) -> tuple[
-    list[Odometry], list[Scan], list[tuple[float, Twist]], list[Photo], list[list[Scan]]
+    list[Odometry], list[Scan], list[tuple[float, Twist]], list[Encoded], list[list[Scan]]
 ]:  # fmt: skip
     odometry: list[Odometry] = []
     names = {"/scan": "" if model.lidar is None else model.lidar.name}
     names |= {scan_topic(one.name): one.name for one in model.further_lidars}
     scans: dict[str, list[Scan]] = {topic: [] for topic in names}
     driven: list[tuple[float, Twist]] = []
-    photos: list[Photo] = []
+    photos: list[Encoded] = []
     zero, psi = -1, 0.0
     for topic, stamp, m in messages(path, ("/odom", *names, "/cmd_vel", IMAGE), damaged):
         zero = stamp if zero < 0 and topic == "/odom" else zero
@@ -155,7 +155,7 @@ def _read(
             duration, number = float(m.time_increment) * max(n - 1, 1), len(scans[topic])
             scans[topic].append(Scan(t, number, ranges, duration, names[topic]))
         elif topic == IMAGE:
-            photos.append(Photo(t, len(photos), bytes(m.data)))
+            photos.append(Encoded(t, len(photos), bytes(m.data)))
         else:
             driven.append((t, Twist(m.twist.linear.x, m.twist.angular.z)))
     if not odometry:

@@ -30,7 +30,7 @@ from cohelm.record import markers, period, ros2, shown
 from cohelm.record.period import NO_DISCS, NO_H, STORE
 from cohelm.robot.keep.record_pipe import Event, OutlineChange
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Odometry, Scan
+from cohelm.robot.port import Encoded, Odometry, Scan
 from cohelm.robot.sensors import LidarModel
 
 MAP, ODOM, BASE, LASER, CAMERA = "map", "odom", "base_link", "laser", "camera"
@@ -58,16 +58,6 @@ LASTING = frozenset({"/tf_static", "/scene", *shown.TOPICS}) - {"/obstacles"}
 """Topics published once or on change: their last message stays valid (latched)."""
 
 NO_WALLS: Floats = np.empty((0, 4))
-
-
-class Photo(NamedTuple):
-    """A frame of the camera, packed."""
-
-    stamp: float
-    """When it was taken [s]."""
-    number: int
-    """As the camera counts."""
-    jpeg: bytes
 
 
 class RecordedLidar(NamedTuple):
@@ -148,7 +138,7 @@ class RecordTopics:
             self._say(0.0, "/scene", markers.scene(corners, BASE, walls, MAP, start))
 
     def write(self, message: object) -> None:
-        """One message: an Odometry, a Scan, a Photo, an Event, an OutlineChange, what was
+        """One message: an Odometry, a Scan, an Encoded, an Event, an OutlineChange, what was
         Displayed, or a row of ROW as bytes."""
         if isinstance(message, bytes):
             self.period(np.frombuffer(message, dtype=ROW).reshape(()))
@@ -159,8 +149,8 @@ class RecordTopics:
                 self._say(message.stamp, topic, what)
         elif isinstance(message, Scan):
             self._scan(message)
-        elif isinstance(message, Photo):
-            image = np.frombuffer(message.jpeg, dtype=np.uint8)
+        elif isinstance(message, Encoded):
+            image = np.frombuffer(message.data, dtype=np.uint8)
             seen = CompressedImage(self._head(message.stamp, CAMERA), "jpeg", image)
             self._say(message.stamp, IMAGE, seen, message.number)
         elif isinstance(message, Event):

@@ -46,8 +46,8 @@ def wanted(nominal: Twist, applied: Twist, speed: float, yaw_rate: float, rules:
     speed, yaw_rate: the robot's largest, > 0 [m/s, rad/s].
     """
     return Stick(
-        _bounded(rules.gain * (applied.v - nominal.v) / speed, rules.strongest),
-        _bounded(rules.gain * (applied.omega - nominal.omega) / yaw_rate, rules.strongest),
+        bounded(rules.gain * (applied.v - nominal.v) / speed, rules.strongest),
+        bounded(rules.gain * (applied.omega - nominal.omega) / yaw_rate, rules.strongest),
     )
 
 
@@ -63,8 +63,8 @@ def damped(before: Stick, push: Stick, dt: float, rules: CueRules) -> Stick:
     share = 1.0 - math.exp(-dt / rules.slowness)
     most = rules.steepest * dt
     return Stick(
-        before.x + _bounded(share * (push.x - before.x), most),
-        before.psi + _bounded(share * (push.psi - before.psi), most),
+        before.x + bounded(share * (push.x - before.x), most),
+        before.psi + bounded(share * (push.psi - before.psi), most),
     )
 
 
@@ -92,7 +92,8 @@ def shake(feel: Feel) -> float:
     return min(1.0, math.hypot(*feel.push))
 
 
-def _bounded(value: float, most: float) -> float:
+def bounded(value: float, most: float) -> float:
+    """The value in [-most, most]; 0 where it is not finite."""
     return min(max(value, -most), most) if math.isfinite(value) else 0.0
 
 

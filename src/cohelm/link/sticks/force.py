@@ -6,10 +6,10 @@ jump, and fades when the position of the stick is no longer known: without it a 
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from cohelm.core.types import CENTRED, Stick
+from cohelm.link.sticks.feel import bounded
 from cohelm.link.sticks.port import Feel
 
 
@@ -65,8 +65,8 @@ def changed(before: Force, target: Stick, age: float, dt: float, rules: ForceRul
     most = rules.steepest * dt
     return Force(
         Stick(
-            before.share.x + _bounded(risen * known * target.x - before.share.x, most),
-            before.share.psi + _bounded(risen * known * target.psi - before.share.psi, most),
+            before.share.x + bounded(risen * known * target.x - before.share.x, most),
+            before.share.psi + bounded(risen * known * target.psi - before.share.psi, most),
         ),
         risen,
     )
@@ -95,8 +95,4 @@ class Swings:
 
 
 def _axis(deflection: float, rate: float, spring: float, push: float, damping: float) -> float:
-    return _bounded(push - spring * deflection - damping * rate, 1.0)
-
-
-def _bounded(value: float, most: float) -> float:
-    return min(max(value, -most), most) if math.isfinite(value) else 0.0
+    return bounded(push - spring * deflection - damping * rate, 1.0)
