@@ -1,13 +1,14 @@
 """Playback of a recorded drive."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.row import ROW
-from cohelm.core.types import Stick
+from cohelm.core.types import Pose, Stick
 from cohelm.drive.playback import Playback
 from cohelm.drive.replayed import Replaying
 from cohelm.drive.session import Session, SessionConfig
@@ -20,6 +21,7 @@ from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.record.file import About, RecordWriter
 from cohelm.robot.port import Encoded
+from cohelm.station.robot_link import News
 from tests.drive.faults import CORRIDOR
 from tests.ports.adapters import sally
 
@@ -142,3 +144,14 @@ def test_the_cameras_pictures_are_shown_from_where_they_were_taken(driven, tmp_p
         assert picture.jpeg == b"picture %d" % k
         assert picture.pose.x == pytest.approx(0.05 * k, abs=0.051)
     assert math.isnan(Playback(driven[0]).first()[0].camera[0])
+
+
+def test_scans_of_two_lidars_are_sent_once_each():
+    ranges = np.zeros(3, dtype=np.uint16)
+    here = Pose(0.0, 0.0, 0.0)
+    scans = [News(WholeScan(1, lidar, 0.0, here, 0.0, 0.1, ranges), 0.0, 0.0) for lidar in (0, 1)]
+    clock = iter(np.arange(0.0, 10.0, 0.5))
+    record = SimpleNamespace(start=0.0, duration=9.0, first=list, at=lambda _: scans)
+    link = Replaying(record, lambda: float(next(clock)))
+    assert link.news() == scans
+    assert link.news() == []

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 from cohelm.drive.playback import Playback
+from cohelm.link.bulk_messages import slot_of
 from cohelm.link.station_end import LinkState
 from cohelm.station.robot_link import News, PlaybackPosition, RefusingLink
 
@@ -68,7 +69,7 @@ class Replaying(RefusingLink):
 
     def _is_new(self, message: object) -> bool:
         """Whether it is not the last of its kind that was sent."""
-        slot = (type(message), getattr(message, "what", None))
+        slot = slot_of(message), getattr(message, "lidar", 0)
         before, self._shown[slot] = self._shown.get(slot), message
         return before is not message
 

@@ -220,3 +220,10 @@ FromRobot: TypeAlias = (
 )  # fmt: skip
 Message: TypeAlias = FromOperator | FromRobot
 """What may go either way."""
+
+
+def slot_of(message: object) -> object:
+    """What a published message replaces: the last one with the same slot."""
+    if isinstance(message, Polyline | ZoneMap):
+        return type(message), message.what
+    return (Map, message.column, message.row) if isinstance(message, Map) else type(message)

@@ -28,10 +28,10 @@ from cohelm.link.bulk_messages import (
     Map,
     Picture,
     Piece,
-    Polyline,
     Records,
     Waypoints,
     ZoneMap,
+    slot_of,
 )
 from cohelm.link.codec import Malformed
 from cohelm.link.congestion import CongestionControl
@@ -124,7 +124,7 @@ class RobotBulk(IoThread):
 
     def publish(self, message: FromRobot) -> None:
         """Send to all stations, and later ones; replaces the previous message of its kind."""
-        key = _slot(message)
+        key = slot_of(message)
         with self._lock:
             self._published[key] = message
             for station in self._stations:
@@ -303,8 +303,3 @@ class RobotBulk(IoThread):
             self._stations.remove(station)
         self._end_fetch(station)
         station.stream.close()
-
-
-def _slot(message: FromRobot) -> object:
-    several = isinstance(message, Polyline | ZoneMap)
-    return (type(message), message.what) if several else type(message)

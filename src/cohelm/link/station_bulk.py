@@ -23,11 +23,9 @@ from cohelm.link.bulk_messages import (
     Fetch,
     FromOperator,
     FromRobot,
-    Map,
     Picture,
     Piece,
-    Polyline,
-    ZoneMap,
+    slot_of,
 )
 from cohelm.link.codec import Malformed
 from cohelm.link.dtls import HandshakeRefused, stream_context
@@ -152,16 +150,12 @@ class StationBulk(IoThread):
             if isinstance(message, Picture):
                 self._picture = message
                 return
+            slot = slot_of(message)
             if isinstance(message, Piece | Digest | Checked):
                 self._answers += 1
                 self._unread += len(message.data) if isinstance(message, Piece) else 0
-                slot: object = self._answers
+                slot = self._answers
                 if self._unread > _MOST_UNREAD or self._answers > _MOST_ANSWERS:
                     raise HandshakeRefused("it sends more than requested")
-            elif isinstance(message, Map):
-                slot = (Map, message.column, message.row)
-            else:
-                several = isinstance(message, Polyline | ZoneMap)
-                slot = (type(message), message.what) if several else type(message)
             self._news.pop(slot, None)  # the newest stands last
             self._news[slot] = message

@@ -91,21 +91,19 @@ class PageOperator:
             case bulk.Picture():
                 self._outbox.put("frame", binary.frame(message, age))
             case robot.Discs():
-                self._publish("discs", view.discs(message).model_dump_json())
+                self._publish(message, view.discs(message))
             case bulk.Hello():
-                self._publish("robot", view.hello(message).model_dump_json())
+                self._publish(message, view.hello(message))
             case bulk.Polyline():
-                slot = (bulk.Polyline, message.what)
-                self._publish(slot, view.line(message).model_dump_json())
+                self._publish(message, view.line(message))
             case bulk.Map():
-                slot = (bulk.Map, message.column, message.row)
-                self._publish(slot, binary.map_part(message))
+                self._publish(message, binary.map_part(message))
             case bulk.ZoneMap():
-                self._publish((bulk.ZoneMap, message.what), binary.zones(message))
+                self._publish(message, binary.zones(message))
             case bulk.Docks():
-                self._publish("docks", view.docks(message).model_dump_json())
+                self._publish(message, view.docks(message))
             case bulk.Records():
-                self._publish("records", view.records(message).model_dump_json())
+                self._publish(message, view.records(message))
             case bulk.HealthReport():
                 self._health = message
             case bulk.Checked():
@@ -113,10 +111,14 @@ class PageOperator:
             case _:
                 pass
 
-    def _publish(self, slot: object, message: str | bytes) -> None:
-        """Send to the page, and to pages that connect later."""
-        self._published[slot] = message
-        self._outbox.put(slot, message)
+    def _publish(self, of: object, shown: page.ToPage | bytes) -> None:
+        """Send what is shown of a message to the page, and to pages that connect later."""
+        slot, data = (
+            bulk.slot_of(of),
+            shown if isinstance(shown, bytes) else shown.model_dump_json(),
+        )
+        self._published[slot] = data
+        self._outbox.put(slot, data)
 
     def _checked(self, message: bulk.Checked) -> None:
         number, ok, why = message.answer
