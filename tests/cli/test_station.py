@@ -142,7 +142,7 @@ def test_errors_in_a_certificate_are_reported_before_anything_starts(cohelm, tmp
 
 def test_a_second_ctrl_c_has_no_further_effect():
     """uvicorn would break its end off, which shows as a traceback."""
-    server = Server(lambda _: None)
+    server = Server(lambda _: None, port=0)
     server._server.handle_exit(signal.SIGINT, None)
     server._server.handle_exit(signal.SIGINT, None)
     assert server._server.should_exit
