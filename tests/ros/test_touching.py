@@ -35,7 +35,7 @@ def test_it_stops_before_a_wall_that_only_a_sonar_sees():
         assert made.drives(0.1)
         assert made.stands(30.0)
         assert 0.5 < made.base.truth().pose.x + FRONT < 1.2
-        assert said(made, "something")
+        assert said(made, "limited by an obstacle 0."), made.filter.said
 
 
 @pytest.mark.parametrize(
