@@ -15,17 +15,21 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.plan.course import course
 from cohelm.plan.evasion.context import context_at
 from cohelm.plan.evasion.movers import empty_mover_history, relevant_movers, updated_history
-from cohelm.plan.evasion.params import EvasionParams, horizon
+from cohelm.plan.evasion.params import EvasionParams, adapted, horizon
 from cohelm.plan.evasion.predicted_motion import PredictedMotion, roll_out_piece
 from cohelm.plan.evasion.risk import risk_at, trajectories
 from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import SHIPPED
+from cohelm.scenario.law import EvasionModel
 from cohelm.scenario.load import robot
 from cohelm.sim.run import run
 from cohelm.sim.setup import with_pilot
 from cohelm.sim.world import Body, outline_clearance
+from cohelm.study.campaign import rooms
+from cohelm.study.campaign.episode import under
+from cohelm.study.campaign.scoring import run_episode
 from tests.pilot.drives import DT, SALLY, SETTINGS, drive
 from tests.sim.test_closed_loop_lidar import crossing
 
@@ -106,6 +110,37 @@ def test_the_horizon_grows_as_a_robot_is_slower_and_has_bounds():
     found = [horizon(square, one, e) for one in limits]
     assert found == sorted(found)
     assert (found[0], found[-1]) == (3.0, 6.0)
+
+
+SLOW = {"turtlebot3_burger", "turtlebot3_waffle", "turtlebot4"}
+"""Shipped robots slower than walkers."""
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_only_robots_that_can_escape_keep_off_movers_that_may_set_off(name):
+    model = robot(name)
+    e = adapted(EvasionParams(), model.outline, model.bounds())
+    assert e.sets_off_weight == (0.0 if name in SLOW else EvasionParams().sets_off_weight)
+    assert e.horizon == horizon(model.outline, model.bounds(), EvasionParams())
+
+
+def test_scenarios_and_campaigns_adapt_evasion_to_the_robot_alike():
+    burger = robot("turtlebot3_burger")
+    pilot = under(rooms.case(8577, 9, burger).setup, "guard").pilot
+    assert pilot is not None
+    assert pilot.settings.evasion.sets_off_weight == 0.0
+    params = EvasionModel().params(burger.outline, burger.bounds(), 0.1)
+    assert params.sets_off_weight == 0.0
+    chosen = EvasionModel(horizon_s=2.0).params(burger.outline, burger.bounds(), 0.1)
+    assert (chosen.horizon, chosen.sets_off_weight) == (2.0, 0.0)
+
+
+@pytest.mark.parametrize("number", [9, 22])
+def test_a_slow_robot_is_not_walked_into_where_a_predicted_contact_can_be_avoided(number):
+    """In these rooms it was, when it kept off all that might set off at it."""
+    one = run_episode(rooms.case(8577, number, robot("turtlebot3_burger")), "guard")
+    assert one.arrived
+    assert one.contacts_moving + one.contacts_standing == 0
 
 
 def test_without_movers_nothing_is_changed():

@@ -13,7 +13,7 @@ from cohelm.law.govern import PaceParams
 from cohelm.law.guard.step import Rules
 from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
-from cohelm.plan.evasion.params import HURRY, EvasionParams, horizon
+from cohelm.plan.evasion.params import HURRY, EvasionParams, adapted
 from cohelm.plan.path_planner import PathParams
 from cohelm.robot.limits import Limits
 
@@ -225,8 +225,8 @@ class EvasionModel(Schema):
             speed=HURRY * u_d if self.speed_mps is None else self.speed_mps,
             social_clearance=max(self.social_clearance_m, self.clearance_m),
         )  # fmt: skip
-        chosen = self.horizon_s
-        return made._replace(horizon=horizon(outline, limits, made) if chosen is None else chosen)
+        made = adapted(made, outline, limits)
+        return made if self.horizon_s is None else made._replace(horizon=self.horizon_s)
 
 
 class Law(Schema):

@@ -14,7 +14,7 @@ from cohelm.law.guard.step import Rules
 from cohelm.law.reference import Reference
 from cohelm.perceive.track.tracker import TrackerParams
 from cohelm.pilot.step import Settings
-from cohelm.plan.evasion.params import HURRY, EvasionParams, horizon
+from cohelm.plan.evasion.params import HURRY, EvasionParams, adapted
 from cohelm.robot.limits import Limits
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.closed_loop import Piloted
@@ -89,8 +89,7 @@ def with_pilot(
     moving = np.hypot(setup.obstacles.discs[:, VX], setup.obstacles.discs[:, VY]) > 0.0
     moving |= np.diff(setup.obstacles.path_first) > 0
     gains = gains or setup.gains
-    evasion = EvasionParams(speed=HURRY * gains.u_d)
-    evasion = evasion._replace(horizon=horizon(setup.outline, setup.limits, evasion))
+    evasion = adapted(EvasionParams(speed=HURRY * gains.u_d), setup.outline, setup.limits)
     settings = Settings(
         setup.outline, setup.limits, gains, Rules(dt=setup.dt), pace or PaceParams(),
         evasion=evasion,

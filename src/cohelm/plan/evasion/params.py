@@ -90,6 +90,25 @@ where they will be, which grows by up to 0.6 m/s, is wider than any gap between 
 _WIDE = 0.5  # radius of a wide mover [m]
 
 
+def adapted(e: EvasionParams, outline: Floats, limits: Limits) -> EvasionParams:
+    """The parameters for a robot: its horizon, and whether a mover that may set off is a risk."""
+    e = e._replace(horizon=horizon(outline, limits, e))
+    return e if escapes(outline, limits, e) else e._replace(sets_off_weight=0.0)
+
+
+def escapes(outline: Floats, limits: Limits, e: EvasionParams) -> bool:
+    """Whether a robot gets farther within the horizon than a wide mover comes that sets off at it
+    while it leaves the way of that mover.
+
+    One that does not is in reach of every walker wherever it goes. The risk that some mover may set
+    off, added up over all of them, then outweighs the contacts that are predicted. outline: (k, 2)
+    [m].
+    """
+    (speed, _), (push, _) = speeds(limits), ramps(limits)
+    leaving = _time_from_rest(float(np.hypot(*outline.T).max()) + _WIDE, speed, push)
+    return 0.5 * e.sets_off_acceleration * leaving * leaving < speed * e.horizon
+
+
 def horizon(outline: Floats, limits: Limits, e: EvasionParams) -> float:
     """The prediction horizon with which a robot can leave the way of a wide mover [s].
 
