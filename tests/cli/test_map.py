@@ -19,6 +19,7 @@ from cohelm.study import mapping
 from cohelm.study.map_files import shades
 from cohelm.study.mapping_session import MappingSession
 from tests.perceive.drives import LIDAR, TOUR, along, drive
+from tests.study.test_bags import bag
 
 SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
 
@@ -112,6 +113,27 @@ def test_a_file_that_is_no_record_is_refused_in_one_sentence(cohelm, tmp_path):
         done = cohelm("map", str(tmp_path / given))
         assert done.code == 2
         assert said in done.err
+
+
+def test_a_bag_with_other_topics_is_mapped(cohelm, tmp_path):
+    own = bag(tmp_path / "own", 2, step=0.01, scans=("/front", "/rear"))
+    asked = cohelm("map", str(own), "--out", str(tmp_path / "m"))
+    assert asked.code == 2
+    assert "/front, /rear" in asked.err
+    done = cohelm("map", str(own), "--scan-topic", "/rear", "--out", str(tmp_path / "m"), "--json")
+    assert done.code == 0
+    assert json.loads(done.out)["scans"] == 5
+    assert (tmp_path / "m" / "map.yaml").exists()
+    live = cohelm("map", str(own), "--live")
+    assert live.code == 2
+    assert "--live" in live.err
+
+
+def test_topics_are_for_bags(cohelm, tmp_path):
+    (tmp_path / "x.log").write_text("nothing to see\n")
+    done = cohelm("map", str(tmp_path / "x.log"), "--scan-topic", "/rear")
+    assert done.code == 2
+    assert "no ROS bag" in done.err
 
 
 def test_a_record_is_mapped_while_it_is_written(tmp_path, monkeypatch):

@@ -29,8 +29,8 @@ def map_(
         typer.Argument(
             metavar="RECORD",
             parser=named,
-            help="A drive: an MCAP record with /scan and /odom, or a CARMEN log (.log, .gz); or "
-            "the folder of an earlier mapping, to draw it again.",
+            help="A drive: an MCAP record with /scan and /odom, a ROS 1 or ROS 2 bag, or a CARMEN "
+            "log (.log, .gz); or the folder of an earlier mapping, to draw it again.",
         ),
     ],
     live: Annotated[
@@ -80,6 +80,12 @@ def map_(
         str | None,
         typer.Option(metavar="ROBOT", help="The robot with this LiDAR, if not in the record."),
     ] = None,
+    scan_topic: Annotated[
+        str, typer.Option(metavar="TOPIC", help="Of a bag with several: the LaserScan to map.")
+    ] = "",
+    odom_topic: Annotated[
+        str, typer.Option(metavar="TOPIC", help="Of a bag with several: the Odometry.")
+    ] = "",
     out: Out = None,
     as_json: Json = False,
 ) -> None:
@@ -89,7 +95,12 @@ def map_(
     trajectory.csv, loops.csv, mapping.json and survey.npz in out/map unless --out names another
     folder; replaces files of an earlier mapping there. After an interruption, go on with --resume.
     """
-    earlier = record.is_dir()
+    from cohelm.study.bags import BagTopics, is_bag
+
+    earlier = record.is_dir() and not is_bag(record)
+    if live and is_bag(record):
+        raise CohelmError(f"{record} is a bag: --live is for a record of cohelm")
+    topics = BagTopics(scan_topic, odom_topic)
     marks = _marks(cut or [], crop or [])
     marked = bool(remove_loop or marks or undo)
     if marked and not earlier:
@@ -113,8 +124,9 @@ def map_(
             else:
                 model = load.robot(robot) if robot is not None else None
                 result = mapping.mapped(
-                    record, folder, resolution, bar, live=live, robot=model, resume=resume
-                )
+                    record, folder, resolution, bar, live=live, robot=model, resume=resume,
+                    topics=topics,
+                )  # fmt: skip
         except mapping.Interrupted:
             again = f"{record}" if earlier else f"{record} --resume"
             say(

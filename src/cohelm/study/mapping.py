@@ -24,6 +24,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.worlds.carmen import read_log
+from cohelm.study.bags import BagTopics, is_bag, read_bag
 from cohelm.study.map_files import MapResult, outcome, write
 from cohelm.study.mapping_session import MappingSession, Mark
 
@@ -48,12 +49,21 @@ class RecordedDrive(NamedTuple):
     """Whether the record was finished, and is not damaged."""
 
 
-def drive(path: Path, robot: RobotModel | None = None) -> RecordedDrive:
-    """Odometry and scans of a record: our MCAP, any with /odom and /scan, or a CARMEN log.
+def drive(
+    path: Path, robot: RobotModel | None = None, topics: BagTopics | None = None
+) -> RecordedDrive:
+    """Odometry and scans of a record: our MCAP, any with /odom and /scan, a bag, or a CARMEN log.
 
-    robot: whose LiDAR it was, where an MCAP record does not have it. Raises CohelmError where the
-    file is neither, or holds nothing to map.
+    robot: whose LiDAR it was, where an MCAP record does not have it. topics: of a bag that has
+    several. Raises CohelmError where the file is none of them, or holds nothing to map.
     """
+    if is_bag(path):
+        return RecordedDrive(*read_bag(path, topics or BagTopics(), robot and robot.lidar))
+    if topics is not None and topics != BagTopics():
+        raise CohelmError(
+            f"{path} is no ROS bag: --scan-topic and --odom-topic are for one; of ROS 2, name the "
+            "folder that has its metadata.yaml"
+        )
     check_regular(path)
     try:
         with path.open("rb") as file:
@@ -106,7 +116,7 @@ class Interrupted(KeyboardInterrupt):
 
 def mapped(
     path: Path, folder: Path, resolution: float | None, progress: Progress, *, live: bool = False,
-    robot: RobotModel | None = None, resume: bool = False,
+    robot: RobotModel | None = None, resume: bool = False, topics: BagTopics | None = None,
 ) -> MapResult:  # fmt: skip
     """Map a record into a folder: map.yaml, map.pgm, map.png, trajectory.csv, loops.csv,
     mapping.json, and survey.npz to go on from.
@@ -117,7 +127,7 @@ def mapped(
     """
     start = time.perf_counter()
     session = MappingSession.read(folder) if resume else None
-    recorded = _live_drive(path, robot) if live else drive(path, robot)
+    recorded = _live_drive(path, robot) if live else drive(path, robot, topics)
     if session is None:
         session = MappingSession(
             recorded.lidar, Mapper(recorded.lidar.lidar()), resolution or RESOLUTION
