@@ -49,14 +49,16 @@ def test_a_closed_road_is_not_forced():
     assert abs(d.twists[-1]).max() < 0.5
 
 
-@pytest.mark.parametrize(("waited", "then"), [(0.8, 0.8), (1.2, 0.0)])
-def test_the_time_held_up_survives_a_new_plan(waited, then):
+@pytest.mark.parametrize(("for_that", "then"), [(False, 1.2), (True, 0.0)])
+def test_the_time_held_up_survives_a_new_plan_that_was_not_made_for_that(for_that, then):
     """Another course every 0.6 s kept the robot from ever looking for a way out. But a plan that
     was made because it had waited for long enough gets its time."""
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
-    held = pilot.state._replace(clock=CourseClock(0.0, 0.0, waited))
+    held = pilot.state._replace(clock=CourseClock(0.0, 0.0, 1.2))
     other = Plan(course(through(STRAIGHT, 0.5), 1, True, SETTINGS.pace), True, None, False, 9.0)
-    now = taken(held, other, pilot.planner, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0))
+    now = taken(
+        held, other._replace(held=for_that), pilot.planner, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)
+    )
     assert now.clock.waited == then
 
 

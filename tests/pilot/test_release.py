@@ -10,7 +10,18 @@ from tests.few import first
 
 @pytest.mark.parametrize("number", first(range(40), 2))
 def test_a_robot_released_in_a_tight_spot_returns_to_its_path(number):
-    one = released(50, number)
+    returns(50, number)
+
+
+@pytest.mark.parametrize("number", [96, 528, 541])
+def test_a_robot_that_once_stayed_for_ever_returns(number):
+    """A new path with every plan, and its running clock, hid that the robot stood; a refused move
+    was tried again and again; two moves alternated."""
+    returns(8578, number)
+
+
+def returns(seed, number):
+    one = released(seed, number)
     assert one.clearance < 0.04
     assert math.isfinite(one.away)
     assert math.isfinite(one.back)

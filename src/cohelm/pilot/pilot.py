@@ -158,13 +158,14 @@ class Pilot:
 def taken(state: PilotState, made: Plan, planner: Planner, pose: Pose, twist: Twist) -> PilotState:
     """The state with which a plan is adopted.
 
-    The time for which the robot has been held up is kept, unless it was long enough to be acted
-    upon: a plan made for that gets its time.
+    The time for which the robot has been held up is kept, unless the plan was made for that, and
+    gets its time.
     """
     clock, waited = state.clock, state.clock.waited
     if made.new:
         clock = clock_on_entry(made.course, planner.route, state.row, pose, twist)
-        clock = clock._replace(waited=waited if waited <= planner.replan_params.waits else 0.0)
+        clock = clock._replace(waited=0.0 if made.held else waited)
     if made.move is not None and state.left == NO_MOVE:
-        return state._replace(clock=clock._replace(rate=0.0, waited=0.0), left=made.move)
+        clock = clock._replace(rate=0.0, waited=0.0)
+        return state._replace(clock=clock, left=made.move, moves=state.moves + 1)
     return state._replace(clock=clock)

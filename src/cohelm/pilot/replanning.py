@@ -28,6 +28,7 @@ from cohelm.plan.recovery import (
     search_recovery,
 )
 
+_MOVES = 3  # recovery moves without progress, before a sequence of them is searched for
 _DENSE, _DENSE_WITHIN = 0.01, 2.5  # spacing of dense points, and their radius around the robot [m]
 _RECOVERY = RecoveryParams()
 _NO_PATH: Floats = np.empty((0, 2))
@@ -113,6 +114,8 @@ class Plan(NamedTuple):
     """Whether no path was found."""
     clearance: float
     """Smallest clearance of the outline on the path ahead [m]."""
+    held: bool = False
+    """Whether it was made for a robot that is held up."""
 
 
 def plan(
@@ -151,7 +154,8 @@ def plan(
         points = surface_points(task.obstacles, task.pose, replan_params.known)
         made = _course(task, points, kept, route, settings, path_params, replan_params, far)
     return made._replace(
-        move=_recovery(task, made, static_points, route, settings, path_params, replan_params)
+        move=_recovery(task, made, static_points, route, settings, path_params, replan_params),
+        held=_held_up(task, replan_params),
     )
 
 
@@ -318,13 +322,19 @@ def _recovery(
     if task.refused_for > replan_params.waits:  # by an obstacle that is not among the points
         move = back_off(pose, points, settings.outline, recovery_params, refused)
         return move or back_off(pose, points, settings.outline, recovery_params)
-    move = recovery_move(pose, to.psi, points, settings.outline, recovery_params, refused)
-    if move is None and refused:
-        move = recovery_move(pose, to.psi, points, settings.outline, recovery_params)
-    if move is None and held:
+    shuffles = task.state.moves >= _MOVES  # single moves lead nowhere
+    move = None
+    if not shuffles:
+        move = recovery_move(pose, to.psi, points, settings.outline, recovery_params, refused)
+    if move is None and (held or refused or shuffles):
         dense = surface_points(task.with_unseen(), pose, _DENSE_WITHIN, _DENSE)
-        move = recovery_move(pose, to.psi, dense, settings.outline, recovery_params, refused)
-        move = move or search_recovery(pose, dense, settings.outline, recovery_params, refused)
+        if shuffles:
+            move = search_recovery(pose, dense, settings.outline, recovery_params, refused)
+        for without in (refused, 0)[: 2 if refused else 1]:
+            move = move or recovery_move(
+                pose, to.psi, dense, settings.outline, recovery_params, without
+            )
+            move = move or search_recovery(pose, dense, settings.outline, recovery_params, without)
     if move is not None and abs(off) < 0.3 and move.distance == 0.0:
         back = RecoveryMove(-0.2, 0.0, 0.0)  # its heading is right, but it makes no progress
         return RecoveryMove(0.1, 0.0, 0.0) if kind(back) & refused else back

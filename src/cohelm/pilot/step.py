@@ -73,6 +73,8 @@ class PilotState(NamedTuple):
     refused: int
     """Kinds of recovery moves, see `plan.recovery`, held up since the robot last made progress."""
     evasion: Evasion = NO_EVASION
+    moves: int = 0
+    """Recovery moves begun since then."""
 
 
 START = PilotState(0, 0.0, CourseClock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
@@ -123,7 +125,7 @@ class Decision(NamedTuple):
     rate: float
     """d tau / d t, in [0, 1]."""
     waited: float
-    """How long the clock has stood still before the end of the path [s]."""
+    """How long clock or robot have stood still before the end of the path [s]."""
     x_d: float
     y_d: float
     psi_d: float
@@ -170,6 +172,7 @@ def pilot_step(
         tau_c = recovery_twist(left, s.recovery_speed, s.recovery_yaw_rate, s.rules.dt)
     else:
         tau_c = track(pose_ahead, target, s.gains)
+    follows = s.guarded and not (operator_leads or evasion.on or recovering)
     clearance, change = math.inf, 0.0
     if s.guarded:
         tau = _slowed(blend(tau_c, operator.twist, operator.authority), s.fastest)
@@ -194,6 +197,7 @@ def pilot_step(
         sent[state.k % d, 0], sent[state.k % d, 1] = v, omega
     if recovering:
         left = rest(left, Twist(v, omega), s.rules.dt)
+    clock = _standing(state, clock, Twist(v, omega), course, dt) if follows else clock
     left, held, refused = _recovery_progress(state, left, Twist(v, omega), clock.rate, dt)
     row = nearest_row(line, pose, state.row, max(state.row + _ROWS_AHEAD, course.row))
     behavior = (
@@ -201,7 +205,10 @@ def pilot_step(
         if operator_leads
         else (EVADING if evasion.on else (ESCAPING if recovering else FOLLOWING))
     )
-    next_state = PilotState(state.k + 1, state.time + dt, clock, left, row, held, refused, evasion)
+    moves = 0 if left == NO_MOVE and clock.rate > _PROGRESS_RATE else state.moves
+    next_state = PilotState(
+        state.k + 1, state.time + dt, clock, left, row, held, refused, evasion, moves
+    )
     return next_state, Decision(
         v, omega, step.tracking_v, step.tracking_omega, step.operator_v, step.operator_omega,
         step.nominal_v, step.nominal_omega, step.avoid_v, step.avoid_omega,
@@ -254,6 +261,17 @@ _ROWS_AHEAD = 20  # rows of the route searched for the nearest
 def still(command: Twist) -> bool:
     """Whether a command practically stands."""
     return abs(command.v) < _STILL and abs(command.omega) < _STILL
+
+
+@jit
+def _standing(
+    state: PilotState, clock: CourseClock, command: Twist, course: Course, dt: float
+) -> CourseClock:
+    """The clock of a robot that follows its path: while the robot stands before the end, it is held
+    up, even if the clock of a path just begun runs."""
+    if still(command) and clock.tau < course.reference.knots[-1]:
+        return CourseClock(clock.tau, clock.rate, state.clock.waited + dt)
+    return clock
 
 
 @jit

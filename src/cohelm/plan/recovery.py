@@ -150,7 +150,8 @@ def search_recovery(
     pose: Pose, points: Floats, outline: Floats, params: RecoveryParams = _PARAMS, refused: int = 0
 ) -> RecoveryMove | None:
     """The first move of the shortest sequence of small arcs and turns to free space, by Dijkstra
-    over poses; None if there is none. For where no single move leads out.
+    over poses; None if there is none, or the robot stands in free space. For where no single move
+    leads out.
 
     The clearance is at least `params.least`, or what it is now. points: dense enough for such a
     clearance.
@@ -158,7 +159,10 @@ def search_recovery(
     reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
     off = points - np.array(pose[:2])
     near = points[np.hypot(off[:, 0], off[:, 1]) < 2.0 * reach + 1.0]
-    least = min(params.least, float(swept_clearances(near, outline, np.array([pose]))[0]) - 1e-6)
+    clearance_now = float(swept_clearances(near, outline, np.array([pose]))[0])
+    if clearance_now > _ROOM:
+        return None
+    least = min(params.least, clearance_now - 1e-6)
     steps = [RecoveryMove(s * _STEP, k, 0.0) for s in (-1.0, 1.0) for k in params.curvatures]
     steps += [RecoveryMove(0.0, 0.0, s * _TURN) for s in (-1.0, 1.0)]
     begin = [step for step in steps if not kind(step) & refused]
