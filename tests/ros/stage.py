@@ -37,6 +37,7 @@ from cohelm.ros.topics import Topics
 from cohelm.ros.types import HAZARD, store
 from cohelm.scenario.load import robot as load_robot
 from cohelm.sim.kinematic import Kinematic
+from cohelm.sim.twin.robot import Twin
 from cohelm.sim.world import world
 from tests.patience import looks
 
@@ -151,7 +152,8 @@ def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
     faults.now = options.pop("begins", "")
     rate = options.pop("rate", None)
     clock = WallClock() if rate is None else Simulator(rate)
-    robot = Kinematic(named(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, clock=clock)
+    plant = {"kinematic": Kinematic, "twin": Twin}[options.pop("plant", "kinematic")]
+    robot = plant(named(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, clock=clock)
     transport = options.pop("way", Connection()).open("base")
     served = ServedRobot(
         transport, robot, Topics(), tamper=faults, simulated=rate is not None, **options

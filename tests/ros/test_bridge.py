@@ -78,10 +78,11 @@ def told(made, words: str) -> None:
     )
 
 
-def test_it_drives_and_stands_when_the_bridge_is_lost():
+@pytest.mark.parametrize("plant", ["kinematic", pytest.param("twin", marks=pytest.mark.slow)])
+def test_it_drives_and_stands_when_the_bridge_is_lost(plant):
     alone()
     bridge = Bridge()
-    with stage(way=Connection(FOXGLOVE, bridge.url)) as made:
+    with stage(way=Connection(FOXGLOVE, bridge.url), plant=plant) as made:
         assert made.drives(0.4), made.filter.said
         bridge.close()
         assert made.stands(3.0)
