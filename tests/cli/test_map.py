@@ -107,6 +107,34 @@ def test_json_reports_the_result(cohelm, record, tmp_path):
     assert (tmp_path / "m" / "map.yaml").exists()
 
 
+def test_the_drive_is_localized_on_the_map_in_one_go(cohelm, record, tmp_path):
+    done = cohelm("map", str(record), "--out", str(tmp_path / "m"), "--localise", "--json")
+    assert done.code == 0
+    again = json.loads(done.out)["localized"]
+    assert again["scans"] > 50
+    assert again["lost_share"] == 0.0
+    assert again["wrong_and_sure_share"] == 0.0
+    assert again["rms_m"] < 0.05
+
+
+def test_a_map_is_checked_and_drawn(cohelm, folder, tmp_path):
+    done = cohelm("map", str(folder / "map.yaml"), "--out", str(tmp_path / "c"), "--json")
+    assert done.code == 0
+    said = json.loads(done.out)
+    assert said["places"] > 50
+    assert said["open_m"] > 1.0
+    assert (tmp_path / "c" / "check.png").exists()
+
+
+@pytest.mark.parametrize(
+    "options", [["--live"], ["--resume"], ["--localise"], ["--undo"], ["--scan-topic", "/scan"]]
+)
+def test_of_a_map_there_is_nothing_to_make(cohelm, folder, options):
+    done = cohelm("map", str(folder / "map.yaml"), *options)
+    assert done.code == 2
+    assert "is a map: only --robot, --out and --json go with it" in done.err
+
+
 def test_a_file_that_is_no_record_is_refused_in_one_sentence(cohelm, tmp_path):
     (tmp_path / "x.log").write_text("nothing to see\n")
     for given, said in (("nowhere.mcap", "can not be read"), ("x.log", "CARMEN")):

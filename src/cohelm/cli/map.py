@@ -13,6 +13,9 @@ from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, 
 from cohelm.core.errors import CohelmError
 
 if TYPE_CHECKING:
+    from cohelm.core.types import Progress
+    from cohelm.study.localized_drive import LocalizedDrive
+    from cohelm.study.mapping import RecordedDrive
     from cohelm.study.mapping_session import Kind, Mark
 
 
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
     epilog=examples(
         "cohelm map drive.mcap --out maps/office",
         "cohelm map out/map --remove-loop 3",
+        "cohelm map office.yaml",
     ),
 )
 def map_(
@@ -30,7 +34,8 @@ def map_(
             metavar="RECORD",
             parser=named,
             help="A drive: an MCAP record with /scan and /odom, a ROS 1 or ROS 2 bag, or a CARMEN "
-            "log (.log, .gz); or the folder of an earlier mapping, to draw it again.",
+            "log (.log, .gz); or the folder of an earlier mapping, to draw it again; or a map of "
+            "map_server (.yaml), to check what it is good for.",
         ),
     ],
     live: Annotated[
@@ -66,6 +71,10 @@ def map_(
         typer.Option(metavar="X:Y:X:Y", help="Of it: keep the area between two corners [m]."),
     ] = None,
     undo: Annotated[bool, typer.Option("--undo", help="Of it: undo the last mark.")] = False,
+    localise: Annotated[
+        bool,
+        typer.Option("--localise", help="Then localise the drive on the map, and compare the two."),
+    ] = False,
     resolution: Annotated[
         float | None,
         typer.Option(
@@ -89,14 +98,34 @@ def map_(
     out: Out = None,
     as_json: Json = False,
 ) -> None:
-    """Make a map from a drive, with loops closed.
+    """Make a map from a drive, with loops closed, or check one.
 
     Leaves map.yaml and map.pgm (as ROS's map_server reads them), map.png with the way driven,
     trajectory.csv, loops.csv, mapping.json and survey.npz in out/map unless --out names another
     folder; replaces files of an earlier mapping there. After an interruption, go on with --resume.
+
+    Of a map, it prints how long and thick the walls are, where it is open, and at how many places
+    a scan would not tell the pose, and leaves check.png and check.json in out/map-check.
     """
     from cohelm.study.bags import BagTopics, is_bag
 
+    if record.suffix in (".yaml", ".yml"):
+        marks = (
+            remove_loop,
+            cut,
+            crop,
+            undo,
+            live,
+            resume,
+            localise,
+            resolution,
+            scan_topic,
+            odom_topic,
+        )
+        if any(marks):
+            raise CohelmError(f"{record} is a map: only --robot, --out and --json go with it")
+        _check(record, robot or "sally", out or Path("out/map-check"), as_json)
+        return
     earlier = record.is_dir() and not is_bag(record)
     if live and is_bag(record):
         raise CohelmError(f"{record} is a bag: --live is for a record of cohelm")
@@ -108,14 +137,17 @@ def map_(
             "--remove-loop, --cut, --crop and --undo mark what an earlier mapping made: name its "
             "folder instead of a record"
         )
-    if earlier and (live or resume or robot is not None):
-        raise CohelmError(f"{record} is a folder: --live, --resume and --robot are for a record")
+    if earlier and (live or resume or localise or robot is not None):
+        raise CohelmError(
+            f"{record} is a folder: --live, --resume, --localise and --robot are for a record"
+        )
     folder = out or (record if earlier else Path("out/map"))
     with progress("starting") as bar:
         from cohelm.scenario import load
         from cohelm.study import mapping
 
         try:
+            again = None
             if earlier:
                 result = mapping.marked(
                     record, folder, resolution, bar, remove_loops=remove_loop or [], marks=marks,
@@ -127,18 +159,24 @@ def map_(
                     record, folder, resolution, bar, live=live, robot=model, resume=resume,
                     topics=topics,
                 )  # fmt: skip
+                again = (
+                    _localized(mapping.drive(record, model, topics), folder, bar)
+                    if localise
+                    else None
+                )
         except mapping.Interrupted:
-            again = f"{record}" if earlier else f"{record} --resume"
+            rest = f"{record}" if earlier else f"{record} --resume"
             say(
                 "[yellow]interrupted[/yellow]; the map so far is kept, continue with: "
-                f"cohelm map {plain(again)} --out {plain(str(folder))}"
+                f"cohelm map {plain(rest)} --out {plain(str(folder))}"
             )
             raise
     if not result.record_whole:
         say(f"[bold red]failed:[/bold red] {plain(str(record))} is cut short or damaged; the map "
             "goes as far as it does")  # fmt: skip
     if as_json:
-        print_json({"record": str(record), "out": str(folder), **result.as_dict()})
+        more = {"localized": again.as_dict()} if again is not None else {}
+        print_json({"record": str(record), "out": str(folder), **result.as_dict(), **more})
         _end(result.record_whole)
         return
     rows = (
@@ -151,9 +189,60 @@ def map_(
         ("map", f"{result.width_m:.1f} x {result.height_m:.1f} m at {result.resolution_m:g} m"),
         ("time", f"{result.seconds:.1f} s"),
     )
+    if again is not None:
+        rows += (
+            ("localized on it: off by, rms and most",
+             f"{100 * again.rms_m:.1f} cm, {100 * again.most_m:.0f} cm"),
+            ("of its scans lost; wrong and not lost",
+             f"{100 * again.lost_share:.1f} %, {100 * again.wrong_and_sure_share:.1f} %"),
+        )  # fmt: skip
     print_table(str(record), ("quantity", "value"), rows)
     say(f"map.yaml, map.pgm and map.png: {plain(str(folder))}")
     _end(result.record_whole)
+
+
+def _localized(recorded: RecordedDrive, folder: Path, bar: Progress) -> LocalizedDrive:
+    """The drive again, on the map that was made of it."""
+    import numpy as np
+
+    from cohelm.scenario.worlds.maps import read_map
+    from cohelm.study.localized_drive import localized
+
+    trajectory = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1, ndmin=2)
+    return localized(
+        recorded.lidar, recorded.odometry, recorded.scans, read_map(folder / "map.yaml").known(),
+        trajectory, bar,
+    )  # fmt: skip
+
+
+def _check(path: Path, robot: str, folder: Path, as_json: bool) -> None:
+    """Say what a map is good for, with a picture."""
+    from cohelm.scenario import load
+    from cohelm.scenario.worlds.maps import read_map
+    from cohelm.study import map_check
+
+    lidar = load.robot(robot).lidar
+    if lidar is None:
+        raise CohelmError(f"{robot} has no LiDAR to localise with: name another with --robot")
+    occupancy = read_map(path)
+    with progress("starting") as bar:
+        check = map_check.checked(occupancy, lidar, bar)
+        map_check.write(folder, occupancy, check)
+    if as_json:
+        print_json({"map": str(path), "robot": robot, "out": str(folder), **check.as_dict()})
+        return
+    rows = (
+        ("size", f"{check.width_m:.1f} x {check.height_m:.1f} m at {check.resolution_m:g} m"),
+        ("free", f"{check.free_m2:.0f} m2"),
+        ("walls beside it", f"{check.wall_m:.0f} m"),
+        ("their thickness, median and 95 %",
+         f"{check.thickness_m:.2f} m, {check.thickness_95_m:.2f} m"),
+        ("open ends, free beside unknown", f"{check.open_m:.0f} m"),
+        (f"of {check.places} places, with too few features", f"{len(check.few_features)}"),
+        ("that look like another place", f"{len(check.alike)}"),
+    )  # fmt: skip
+    print_table(str(path), ("quantity", "value"), rows)
+    say(f"for the LiDAR of {robot}; where: {plain(str(folder / 'check.png'))}")
 
 
 def _marks(cuts: list[str], crops: list[str]) -> list[Mark]:
