@@ -177,8 +177,9 @@ def _thickness(occupied: NDArray[np.bool_], resolution: float) -> tuple[float, f
     of cells [m]."""
     thick = np.sort(np.minimum(_runs(occupied), _runs(occupied.T).T)[occupied])
     length = np.cumsum(1.0 / thick)  # a wall of three cells counts once, not thrice
-    at = np.searchsorted(length, np.array([0.5, 0.95]) * length[-1])
-    return float(thick[at[0]]) * resolution, float(thick[at[1]]) * resolution
+    median = int(np.searchsorted(length, 0.5 * length[-1]))
+    most = int(np.searchsorted(length, 0.95 * length[-1]))
+    return float(thick[median]) * resolution, float(thick[most]) * resolution
 
 
 def _runs(occupied: NDArray[np.bool_]) -> NDArray[np.int64]:
