@@ -175,10 +175,10 @@ def _look_alike(
 def _thickness(occupied: NDArray[np.bool_], resolution: float) -> tuple[float, float]:
     """Median and 95 % of the thickness of walls, by their length; across them in a row or a column
     of cells [m]."""
-    thick = np.sort(np.minimum(_runs(occupied), _runs(occupied.T).T)[occupied])
-    length = np.cumsum(1.0 / thick)  # a wall of three cells counts once, not thrice
-    median = int(np.searchsorted(length, 0.5 * length[-1]))
-    most = int(np.searchsorted(length, 0.95 * length[-1]))
+    thick: NDArray[np.int64] = np.sort(np.minimum(_runs(occupied), _runs(occupied.T).T)[occupied])
+    length: Floats = np.cumsum(1.0 / thick)  # a wall of three cells counts once, not thrice
+    median = int(np.argmax(length >= 0.5 * length[-1]))
+    most = int(np.argmax(length >= 0.95 * length[-1]))
     return float(thick[median]) * resolution, float(thick[most]) * resolution
 
 
