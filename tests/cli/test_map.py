@@ -184,7 +184,17 @@ def test_a_record_is_mapped_while_it_is_written(tmp_path, monkeypatch):
         driven(0.0)
         monkeypatch.setattr(mapping.time, "sleep", driven)
         out = tmp_path / "map"
-        result = mapping.mapped(path, out, 0.05, lambda what, _share: told.append(what), live=True)
+        monkeypatch.setattr(mapping, "_SHOWN", 0.05)
+        monkeypatch.setattr(mapping, "_DRAWING", 1.0)
+        shown = set[int]()
+
+        def tell(what, _share):
+            told.append(what)
+            if (out / "map.png").exists():
+                shown.add((out / "map.png").stat().st_mtime_ns)
+
+        result = mapping.mapped(path, out, 0.05, tell, live=True)
+    assert len(shown) > 1  # before the map was made
     assert len(waits) > 3
     assert [what for what in told if what.startswith("scan 1,")]
     rows = np.loadtxt(out / "trajectory.csv", delimiter=",", skiprows=1)

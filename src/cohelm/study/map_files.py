@@ -92,7 +92,21 @@ def write(
         _save_loops(folder / "loops.csv", met, stamps - stamps[0], made.poses)
         text = json.dumps(result.as_dict(), indent=2)
         (folder / "mapping.json").write_text(text + "\n", encoding="utf-8")
-        picture(folder / "map.png", drawn, made.poses, met)
+    except OSError as error:
+        raise CohelmError(
+            f"{folder} can not be written ({error.strerror}): choose another folder with --out"
+        ) from error
+    show(folder, made, drawn)
+
+
+def show(folder: Path, made: MappingResult, drawn: Raster) -> None:
+    """map.png, put in place whole, for a viewer that shows it anew. CohelmError where the folder
+    can not be written."""
+    new = folder / ".map.png"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        picture(new, drawn, made.poses, encounters(made))
+        new.replace(folder / "map.png")
     except OSError as error:
         raise CohelmError(
             f"{folder} can not be written ({error.strerror}): choose another folder with --out"

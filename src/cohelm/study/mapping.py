@@ -25,7 +25,7 @@ from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.worlds.carmen import read_log
 from cohelm.study.bags import BagTopics, is_bag, read_bag
-from cohelm.study.map_files import MapResult, outcome, write
+from cohelm.study.map_files import MapResult, outcome, show, write
 from cohelm.study.mapping_session import MappingSession, Mark
 
 RESOLUTION = 0.025
@@ -36,6 +36,7 @@ _FARTHEST = 25.0  # and no beam is drawn farther than this [m]
 _LOOK_AGAIN = 1.0  # a growing record is read so often [s]
 _ENDED = 10.0  # and has ended if nothing came for this long [s]
 _SAVED = 30.0  # what is done is kept so often, for the power to fail [s]
+_SHOWN, _DRAWING = 2.0, 0.05  # map.png is drawn anew so often [s], in this share of all time at most
 _SAME = 1e-6  # scans that end at times no farther apart are one [s]
 
 
@@ -119,7 +120,7 @@ def mapped(
     robot: RobotModel | None = None, resume: bool = False, topics: BagTopics | None = None,
 ) -> MapResult:  # fmt: skip
     """Map a record into a folder: map.yaml, map.pgm, map.png, trajectory.csv, loops.csv,
-    mapping.json, and survey.npz to go on from.
+    mapping.json, and survey.npz to go on from. map.png is drawn anew every few seconds meanwhile.
 
     live: the record is still being written; go on until nothing more comes, or Ctrl-C. resume: go
     on with the mapping in the folder, where it was interrupted; or, with another record, from where
@@ -138,6 +139,7 @@ def mapped(
     try:
         with _BetweenScans() as interruption:
             saved = grown = time.monotonic()
+            show_at = saved + _SHOWN
             while True:
                 new = _new(recorded, session, live)
                 for k, glimpse in enumerate(new):
@@ -148,6 +150,8 @@ def mapped(
                     if time.monotonic() - saved > _SAVED:
                         session.save(folder)
                         saved = time.monotonic()
+                    if time.monotonic() > show_at:
+                        show_at = _shown(session, folder)
                     interruption.now()
                 if not live:
                     break
@@ -172,6 +176,7 @@ def mapped(
             "nothing to map: check the LiDAR, or --robot for its range"
         )
     session.save(folder)  # closing loops takes a while, too
+    _shown(session, folder)
     return _finished(session, folder, progress, start)
 
 
@@ -267,6 +272,15 @@ def _new(recorded: RecordedDrive, session: MappingSession, live: bool) -> list[M
         if session.stamps or live:
             return []
         raise
+
+
+def _shown(session: MappingSession, folder: Path) -> float:
+    """Draw map.png as the drive is placed by now; returns when to draw it next [s]."""
+    start = time.monotonic()
+    made = session.survey.so_far()
+    show(folder, made, _drawn(session, made, session.cut()))
+    end = time.monotonic()
+    return end + max(_SHOWN, (end - start) / _DRAWING)
 
 
 def _drawn(session: MappingSession, made: MappingResult, out: NDArray[np.bool_]) -> Raster:

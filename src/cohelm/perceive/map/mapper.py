@@ -131,8 +131,14 @@ class Mapper:
         graph.link_all(lambda share: progress(0.5 * share), move=True)
         self._closure.look_again()
         graph.link_all(lambda share: progress(0.5 + 0.5 * share), move=False)
+        made = self.so_far()
+        self._pose = made.poses[-1]
+        return made
+
+    def so_far(self) -> MappingResult:
+        """The scans where they are placed now, without the work of `finished`."""
+        graph = self._graph
         poses = [compose(graph.poses[place], pose) for place, pose in self._scans]
-        self._pose = poses[-1]
         places = [place.scan for place in graph.places]
         return MappingResult(poses, places, graph.loop_pairs(), 1.0 + self._wheels.scale)
 
