@@ -36,7 +36,7 @@ _FARTHEST = 25.0  # and no beam is drawn farther than this [m]
 _LOOK_AGAIN = 1.0  # a growing record is read so often [s]
 _ENDED = 10.0  # and has ended if nothing came for this long [s]
 _SAVED = 30.0  # what is done is kept so often, for the power to fail [s]
-_SHOWN, _DRAWING = 2.0, 0.05  # map.png is drawn anew so often [s], in this share of all time at most
+_SHOWN, _DRAWING = 2.0, 0.05  # map.png is drawn so often [s], in this share of the time at most
 _SAME = 1e-6  # scans that end at times no farther apart are one [s]
 
 
