@@ -391,6 +391,9 @@ def test_a_phone_in_landscape_shows_the_map_and_both_touch_pads(
         assert (
             apart_x >= one["width"] + other["width"] or apart_y >= one["height"] + other["height"]
         )
+    acknowledge = page.get_by_role("button", name="Acknowledge")
+    while acknowledge.count():  # an alarm of a busy machine takes a line of its own
+        acknowledge.first.click()
     seen = page.locator("#map").bounding_box()
     assert seen is not None
     assert seen["width"] >= 0.6 * 740
