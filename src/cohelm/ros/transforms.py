@@ -89,16 +89,13 @@ class StaticTransforms:
         matrix = self.between(frame, body)
         if matrix is None:
             return None
-        up = float(matrix[2, 2])
-        tilt = math.acos(min(abs(up), 1.0))
+        tilt = _tilt(matrix)
         if tilt > TILTED:
             raise CohelmError(
                 f"{frame} is inclined by {math.degrees(tilt):.0f} deg to {body}: only a LiDAR that "
                 "lies flat can be used yet; name the topic of a flat one with --scan"
             )
-        x, y, z = (float(v) for v in matrix[:3, 3])
-        yaw = math.atan2(float(matrix[1, 0]), float(matrix[0, 0]))
-        return Mount(Pose(x, y, yaw), up < 0.0, z if tilt < LEVEL else math.nan)
+        return mount_of(matrix)
 
     def _to_root(self, frame: str) -> dict[str, Floats]:
         """Every frame above, the frame itself first, with the transform into it."""
@@ -112,6 +109,18 @@ class StaticTransforms:
             frame = parent
             found[frame] = matrix
         return found
+
+
+def mount_of(matrix: Floats) -> Mount:
+    """Of a planar LiDAR, by the transform from its frame into the body's, (4, 4)."""
+    x, y, z = (float(v) for v in matrix[:3, 3])
+    yaw = math.atan2(float(matrix[1, 0]), float(matrix[0, 0]))
+    height = z if _tilt(matrix) < LEVEL else math.nan
+    return Mount(Pose(x, y, yaw), float(matrix[2, 2]) < 0.0, height)
+
+
+def _tilt(matrix: Floats) -> float:
+    return math.acos(min(abs(float(matrix[2, 2])), 1.0))
 
 
 def yaw_of(q: Any) -> float:
