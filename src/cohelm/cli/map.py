@@ -13,9 +13,7 @@ from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, 
 from cohelm.core.errors import CohelmError
 
 if TYPE_CHECKING:
-    from cohelm.core.types import Progress
     from cohelm.study.localized_drive import LocalizedDrive
-    from cohelm.study.mapping import RecordedDrive
     from cohelm.study.mapping_session import Kind, Mark
 
 
@@ -110,19 +108,8 @@ def map_(
     from cohelm.study.bags import BagTopics, is_bag
 
     if record.suffix in (".yaml", ".yml"):
-        marks = (
-            remove_loop,
-            cut,
-            crop,
-            undo,
-            live,
-            resume,
-            localise,
-            resolution,
-            scan_topic,
-            odom_topic,
-        )
-        if any(marks):
+        others = (remove_loop, cut, crop, undo, live, resume, localise, resolution, scan_topic)
+        if any(others) or odom_topic:
             raise CohelmError(f"{record} is a map: only --robot, --out and --json go with it")
         _check(record, robot or "sally", out or Path("out/map-check"), as_json)
         return
@@ -147,7 +134,6 @@ def map_(
         from cohelm.study import mapping
 
         try:
-            again = None
             if earlier:
                 result = mapping.marked(
                     record, folder, resolution, bar, remove_loops=remove_loop or [], marks=marks,
@@ -157,26 +143,20 @@ def map_(
                 model = load.robot(robot) if robot is not None else None
                 result = mapping.mapped(
                     record, folder, resolution, bar, live=live, robot=model, resume=resume,
-                    topics=topics,
+                    topics=topics, localise=localise,
                 )  # fmt: skip
-                again = (
-                    _localized(mapping.drive(record, model, topics), folder, bar)
-                    if localise
-                    else None
-                )
         except mapping.Interrupted:
-            rest = f"{record}" if earlier else f"{record} --resume"
+            again = f"{record}" if earlier else f"{record} --resume"
             say(
                 "[yellow]interrupted[/yellow]; the map so far is kept, continue with: "
-                f"cohelm map {plain(rest)} --out {plain(str(folder))}"
+                f"cohelm map {plain(again)} --out {plain(str(folder))}"
             )
             raise
     if not result.record_whole:
         say(f"[bold red]failed:[/bold red] {plain(str(record))} is cut short or damaged; the map "
             "goes as far as it does")  # fmt: skip
     if as_json:
-        more = {"localized": again.as_dict()} if again is not None else {}
-        print_json({"record": str(record), "out": str(folder), **result.as_dict(), **more})
+        print_json({"record": str(record), "out": str(folder), **result.as_dict()})
         _end(result.record_whole)
         return
     rows = (
@@ -189,30 +169,23 @@ def map_(
         ("map", f"{result.width_m:.1f} x {result.height_m:.1f} m at {result.resolution_m:g} m"),
         ("time", f"{result.seconds:.1f} s"),
     )
-    if again is not None:
-        rows += (
-            ("localized on it: off by, rms and most",
-             f"{100 * again.rms_m:.1f} cm, {100 * again.most_m:.0f} cm"),
-            ("of its scans lost; wrong and not lost",
-             f"{100 * again.lost_share:.1f} %, {100 * again.wrong_and_sure_share:.1f} %"),
-        )  # fmt: skip
+    if result.localized is not None:
+        rows += _localized_rows(result.localized)
     print_table(str(record), ("quantity", "value"), rows)
     say(f"map.yaml, map.pgm and map.png: {plain(str(folder))}")
     _end(result.record_whole)
 
 
-def _localized(recorded: RecordedDrive, folder: Path, bar: Progress) -> LocalizedDrive:
-    """The drive again, on the map that was made of it."""
-    import numpy as np
-
-    from cohelm.scenario.worlds.maps import read_map
-    from cohelm.study.localized_drive import localized
-
-    trajectory = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1, ndmin=2)
-    return localized(
-        recorded.lidar, recorded.odometry, recorded.scans, read_map(folder / "map.yaml").known(),
-        trajectory, bar,
-    )  # fmt: skip
+def _localized_rows(found: LocalizedDrive) -> tuple[tuple[str, str], ...]:
+    """How the drive went on its own map."""
+    off = "lost all the time"
+    if found.rms_m is not None and found.most_m is not None:
+        off = f"{100 * found.rms_m:.1f} cm, {100 * found.most_m:.0f} cm"
+    shares = f"{100 * found.lost_share:.1f} %, {100 * found.wrong_and_sure_share:.1f} %"
+    return (
+        ("localized on it: off by, rms and most", off),
+        ("of its scans lost; wrong and not lost", shares),
+    )
 
 
 def _check(path: Path, robot: str, folder: Path, as_json: bool) -> None:

@@ -113,10 +113,8 @@ class PageOperator:
 
     def _publish(self, of: object, shown: page.ToPage | bytes) -> None:
         """Send what is shown of a message to the page, and to pages that connect later."""
-        slot, data = (
-            bulk.slot_of(of),
-            shown if isinstance(shown, bytes) else shown.model_dump_json(),
-        )
+        slot = bulk.slot_of(of)
+        data = shown if isinstance(shown, bytes) else shown.model_dump_json()
         self._published[slot] = data
         self._outbox.put(slot, data)
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,23 +27,19 @@ class LocalizedDrive:
     lost_share: float
     wrong_and_sure_share: float
     """More than 0.3 m off, and not lost."""
-    rms_m: float
-    """Of the scans at which it was not lost."""
-    most_m: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """The same for JSON."""
-        return asdict(self)
+    rms_m: float | None
+    """Of the scans at which it was not lost; None: it always was."""
+    most_m: float | None
 
 
-def localized(
+def localized_drive(
     lidar: LidarModel, odometry: list[Odometry], scans: list[Scan], known: LocalizationMap,
     trajectory: Floats, progress: Progress,
 ) -> LocalizedDrive:  # fmt: skip
     """A drive again, from its first pose on the map on.
 
-    trajectory: (n, 4), t [s], x, y, heading of the body on the map, as in trajectory.csv; other
-    drives may be in it too. Raises CohelmError where no scan is of its times.
+    trajectory: (n, 4), t [s], x, y, heading of the body on the map; other drives may be in it too.
+    Raises CohelmError where no scan is of its times.
     """
     ends = [scan.stamp + scan.duration for scan in scans]
     times = trajectory[:, 0]
@@ -82,6 +77,6 @@ def localized(
     sure = ~np.array(lost)
     return LocalizedDrive(
         len(off), float((~sure).mean()), float((sure & (off > _WRONG)).mean()),
-        float(np.sqrt(np.mean(off[sure] ** 2))) if sure.any() else math.nan,
-        float(off[sure].max()) if sure.any() else math.nan,
+        float(np.sqrt(np.mean(off[sure] ** 2))) if sure.any() else None,
+        float(off[sure].max()) if sure.any() else None,
     )  # fmt: skip

@@ -26,6 +26,7 @@ from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import measure, sight
 from cohelm.study.map_files import shades
+from cohelm.study.mapping_session import writing
 
 PLACES = 150
 """Places at which a scan is simulated."""
@@ -214,15 +215,10 @@ def _open_ends(occupancy: OccupancyMap) -> Floats:
 
 def write(folder: Path, occupancy: OccupancyMap, check: MapCheck) -> None:
     """check.png and check.json. Raises CohelmError where the folder can not be written."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with writing(folder):
         text = json.dumps(check.as_dict(), indent=2)
         (folder / "check.json").write_text(text + "\n", encoding="utf-8")
         _picture(folder / "check.png", occupancy, check)
-    except OSError as error:
-        raise CohelmError(
-            f"{folder} can not be written ({error.strerror}): choose another folder with --out"
-        ) from error
 
 
 def _picture(path: Path, occupancy: OccupancyMap, check: MapCheck) -> None:

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.mapper import MappingResult, encounters
 from cohelm.perceive.map.raster import Raster
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, write_map
-from cohelm.study.mapping_session import MappingSession, Mark
+from cohelm.study.localized_drive import LocalizedDrive
+from cohelm.study.mapping_session import MappingSession, Mark, writing
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,8 @@ class MapResult:
     height_m: float
     resolution_m: float
     seconds: float
+    localized: LocalizedDrive | None = None
+    """The drive again, on the map that was made of it, if that was asked for."""
 
     def as_dict(self) -> dict[str, Any]:
         """The same for JSON."""
@@ -81,36 +83,32 @@ def write(
     folder: Path, session: MappingSession, made: MappingResult, drawn: Raster, result: MapResult
 ) -> None:
     """All but the session itself. CohelmError where the folder can not be written."""
-    try:
+    with writing(folder):
         write_map(folder, occupancy(drawn))
         stamps = np.array(session.stamps)
         rows = np.column_stack((stamps, np.array(made.poses)))
         np.savetxt(
             folder / "trajectory.csv", rows, "%.6f", ",", header="t_s,x_m,y_m,psi_rad", comments=""
         )
-        met = encounters(made)
-        _save_loops(folder / "loops.csv", met, stamps - stamps[0], made.poses)
+        _save_loops(folder / "loops.csv", encounters(made), stamps - stamps[0], made.poses)
+    write_result(folder, result)
+    show(folder, made, drawn)
+
+
+def write_result(folder: Path, result: MapResult) -> None:
+    """mapping.json. CohelmError where the folder can not be written."""
+    with writing(folder):
         text = json.dumps(result.as_dict(), indent=2)
         (folder / "mapping.json").write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise CohelmError(
-            f"{folder} can not be written ({error.strerror}): choose another folder with --out"
-        ) from error
-    show(folder, made, drawn)
 
 
 def show(folder: Path, made: MappingResult, drawn: Raster) -> None:
     """map.png, put in place whole, for a viewer that shows it anew. CohelmError where the folder
     can not be written."""
-    new = folder / ".map.png"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with writing(folder):
+        new = folder / ".map.png"
         picture(new, drawn, made.poses, encounters(made))
         new.replace(folder / "map.png")
-    except OSError as error:
-        raise CohelmError(
-            f"{folder} can not be written ({error.strerror}): choose another folder with --out"
-        ) from error
 
 
 def _save_loops(

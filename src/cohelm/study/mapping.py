@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -25,7 +26,8 @@ from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.worlds.carmen import read_log
 from cohelm.study.bags import BagTopics, is_bag, read_bag
-from cohelm.study.map_files import MapResult, outcome, show, write
+from cohelm.study.localized_drive import localized_drive
+from cohelm.study.map_files import MapResult, occupancy, outcome, show, write, write_result
 from cohelm.study.mapping_session import MappingSession, Mark
 
 RESOLUTION = 0.025
@@ -118,13 +120,15 @@ class Interrupted(KeyboardInterrupt):
 def mapped(
     path: Path, folder: Path, resolution: float | None, progress: Progress, *, live: bool = False,
     robot: RobotModel | None = None, resume: bool = False, topics: BagTopics | None = None,
+    localise: bool = False,
 ) -> MapResult:  # fmt: skip
     """Map a record into a folder: map.yaml, map.pgm, map.png, trajectory.csv, loops.csv,
     mapping.json, and survey.npz to go on from. map.png is drawn anew every few seconds meanwhile.
 
     live: the record is still being written; go on until nothing more comes, or Ctrl-C. resume: go
     on with the mapping in the folder, where it was interrupted; or, with another record, from where
-    its drive ended. Raises Interrupted where Ctrl-C is not the usual end.
+    its drive ended. localise: then localize the record on the map. Raises Interrupted where Ctrl-C
+    is not the usual end.
     """
     start = time.perf_counter()
     session = MappingSession.read(folder) if resume else None
@@ -177,7 +181,7 @@ def mapped(
         )
     session.save(folder)  # closing loops takes a while, too
     _shown(session, folder)
-    return _finished(session, folder, progress, start)
+    return _finished(session, folder, progress, start, recorded if localise else None)
 
 
 def marked(
@@ -236,7 +240,11 @@ def _marked(session: MappingSession) -> tuple[Mapper, NDArray[np.bool_]]:
     return survey, out
 
 
-def _finished(session: MappingSession, folder: Path, progress: Progress, start: float) -> MapResult:
+def _finished(
+    session: MappingSession, folder: Path, progress: Progress, start: float,
+    again: RecordedDrive | None = None,
+) -> MapResult:  # fmt: skip
+    """again: a drive to localize on the map."""
     survey, out = _marked(session)
     try:
         made = survey.finished(lambda share: progress("closing loops", 0.6 + 0.3 * share))
@@ -245,6 +253,14 @@ def _finished(session: MappingSession, folder: Path, progress: Progress, start: 
         result = outcome(session, made, drawn, time.perf_counter() - start)
         session.save(folder)
         write(folder, session, made, drawn, result)
+        if again is not None:
+            trajectory = np.column_stack((session.stamps, np.array(made.poses)))
+            localized = localized_drive(
+                again.lidar, again.odometry, again.scans, occupancy(drawn).known(), trajectory,
+                lambda what, share: progress(what, 0.9 + 0.1 * share),
+            )  # fmt: skip
+            result = replace(result, localized=localized)
+            write_result(folder, result)
     except KeyboardInterrupt as stop:
         raise Interrupted from stop
     return result

@@ -6,6 +6,8 @@ from __future__ import annotations
 import json
 import math
 import zipfile
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -27,6 +29,18 @@ _DRAWN = 2500  # scans that go into the grid, at most
 _NONE = np.empty((0, 2), np.float32)
 
 Kind = Literal["remove-loop", "cut", "crop"]
+
+
+@contextmanager
+def writing(folder: Path) -> Generator[None]:
+    """Write into a folder, which is made. CohelmError where that can not be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise CohelmError(
+            f"{folder} can not be written ({error.strerror}): choose another folder with --out"
+        ) from error
 
 
 class Mark(NamedTuple):
@@ -105,16 +119,11 @@ class MappingSession:
             "points": np.vstack([_NONE, *(self.points[k] for k in numbers)]),
             **{f"survey_{name}": values for name, values in self.survey.state().items()},
         }  # fmt: skip
-        new = folder / f".{NAME}"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
+        with writing(folder):
+            new = folder / f".{NAME}"
             with new.open("wb") as file:
                 np.savez(file, allow_pickle=False, **arrays)
             new.replace(folder / NAME)
-        except OSError as error:
-            raise CohelmError(
-                f"{folder} can not be written ({error.strerror}): choose another folder with --out"
-            ) from error
 
     @classmethod
     def read(cls, folder: Path) -> Self:
