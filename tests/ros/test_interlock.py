@@ -131,7 +131,7 @@ def test_a_killed_driver_is_started_again_under_another_name_and_a_living_one_be
     one = Interlock(transport, "/cmd_vel", "", alone=[("/odom", ODOMETRY, "odometry")])
     came: list[str] = []
     transport.subscribe(
-        "/odom", ODOMETRY, SENSOR, lambda r: (one.heard("/odom", r), came.append(r.sender))
+        "/odom", ODOMETRY, SENSOR, lambda r: (one.received("/odom", r), came.append(r.sender))
     )
     process = get_context("spawn").Process(target=forever, args=("first",), daemon=True)
     process.start()

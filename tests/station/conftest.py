@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from cohelm.station.serve import Server
+from tests.station.bare import Bare
 from tests.station.servers import Robot, served
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -40,6 +41,13 @@ def _tidy(request: pytest.FixtureRequest) -> None:
 @pytest.fixture(scope="module")
 def server(robot: Robot) -> Iterator[Server]:
     with served(robot.connect) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bare]:
+    """A robot's ends of the link alone, for who tries the station and not the robot."""
+    with Bare(tmp_path_factory.mktemp("records")) as made:
         yield made
 
 

@@ -31,12 +31,6 @@ pytestmark = pytest.mark.xdist_group("realtime")
 
 
 @pytest.fixture(scope="module")
-def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bare]:
-    with Bare(tmp_path_factory.mktemp("records")) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
 def open_server(bare: Bare) -> Iterator[Server]:
     with served(bare.connect) as server:
         yield server

@@ -45,12 +45,6 @@ with suppress(CohelmError):  # not built: the tests are skipped
         HOW["reads nothing"] = HEAD.replace(b"/ ", f"/assets/{script.name} ".encode(), 1) + b"\r\n"
 
 
-@pytest.fixture(scope="module")
-def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bare]:
-    with Bare(tmp_path_factory.mktemp("records")) as made:
-        yield made
-
-
 @pytest.fixture
 def server(bare: Bare) -> Iterator[Server]:
     with served(bare.connect) as made:

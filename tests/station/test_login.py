@@ -17,12 +17,6 @@ from tests.station.servers import served
 pytestmark = pytest.mark.xdist_group("realtime")
 
 
-@pytest.fixture(scope="module")
-def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bare]:
-    with Bare(tmp_path_factory.mktemp("records")) as made:
-        yield made
-
-
 @pytest.fixture
 def server(bare: Bare) -> Iterator[Server]:
     with served(bare.connect) as made:

@@ -65,9 +65,9 @@ class Interlock:
             )
         )  # fmt: skip
 
-    def heard(self, topic: str, received: Received) -> None:
+    def received(self, topic: str, received: Received) -> None:
         """A message on a topic of which there is one publisher."""
-        self._senders.heard(topic, received.sender)
+        self._senders.received(topic, received.sender)
 
     def close(self) -> None:
         """Look no more."""

@@ -183,14 +183,14 @@ class Ros2Robot(Robot):
         return self._steps.corrected(clock.age(stamp))
 
     def _on_odometry(self, received: Received) -> None:
-        self._interlock.heard(self._found.topics.odom, received)
+        self._interlock.received(self._found.topics.odom, received)
         if self._usable(self._found.topics.odom, received, self._wrong_twist):
             with self._lock:
                 self._odometry = received
 
     def _on_scan(self, name: str, received: Received) -> None:
         topic = self._lidars[name][0].topic
-        self._interlock.heard(topic, received)
+        self._interlock.received(topic, received)
         if self._usable(topic, received, partial(self._wrong_scan, name)):
             before = self._last.get(name)
             if before is not None and same(received.message, before):

@@ -11,7 +11,7 @@ import threading
 
 
 class Senders:
-    """Of several topics: `heard` with each message; `several` says whether there may be two."""
+    """Of several topics: `received` with each message; `several` says whether there may be two."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -21,7 +21,7 @@ class Senders:
         """Who sent before, and others since."""
         self._several: set[str] = set()
 
-    def heard(self, topic: str, sender: str) -> None:
+    def received(self, topic: str, sender: str) -> None:
         """A message on a topic. sender: as `Received` has it."""
         with self._lock:
             newest = self._newest.get(topic, sender)
