@@ -43,7 +43,7 @@ def asked():
 
 def test_a_stick_is_armed_only_after_it_was_centred(asked) -> None:
     assert asked(
-        "input/arm.ts",
+        "input/stick.ts",
         "m.arm('absent', true, 0.5, 0, 0.1)", "m.arm('waiting', true, 0.2, 0, 0.1)",
         "m.arm('waiting', true, 0.1, -0.04, 0.1)", "m.arm('armed', true, 1, 1, 0.1)",
         "m.arm('armed', false, 0, 0, 0.1)", "m.arm('armed', true, NaN, 0, 0.1)",
@@ -113,7 +113,7 @@ def test_the_resume_button_resets_a_stop_and_then_resumes_the_previous_mode(aske
 
 def test_a_deflected_stick_without_effect_shows_what_to_do_first(asked) -> None:
     assert asked(
-        "input/arm.ts",
+        "input/stick.ts",
         "m.needed(false, true, 'hold')", "m.needed(true, true, 'hold')",
         "m.needed(true, false, 'hold')", "m.needed(true, false, 'automatic')",
         "m.needed(true, false, 'shared')", "m.needed(true, false, 'manual')",
@@ -151,7 +151,7 @@ def test_a_gamepad_whose_values_and_timestamp_do_not_change_is_silent(
         return f"m.silentFor(m.lastChange({before}, {pad % then}, {at}), {fore}, 0, {at})"
 
     assert asked(
-        "input/silent.ts",
+        "input/stick.ts",
         silence((5, 0.5), (5, 0.5), 0.5, 3900), silence((5, 0.5), (5, 0.5), 0.5, 4600),
         silence((5, 0.5), (6, 0.5), 0.5, 9000), silence((0, 0.5), (0, 0.51), 0.51, 9000),
         silence((5, 0), (5, 0), 0, 99000),  # centred: nothing depends on it
@@ -163,7 +163,7 @@ def test_a_gamepad_whose_values_and_timestamp_do_not_change_is_silent(
 def test_dead_band_and_curve_are_odd_and_reach_full_deflection(asked) -> None:
     shape = "{deadBand: 0.1, curve: 0.3}"
     values = asked(
-        "input/shape.ts",
+        "input/stick.ts",
         *(f"m.shaped({x}, {shape})" for x in (0, 0.1, -0.1, 0.11, 0.55, -0.55, 1, -1, 2, "NaN")),
         "m.towards(0, 1, 0.25)", "m.towards(0.9, 1, 0.25)", "m.towards(0, -1, 0.25)",
     )  # fmt: skip

@@ -2,13 +2,12 @@
 import { computed, signal } from '@preact/signals'
 import { newestBeatMs, send } from '../socket'
 import * as s from '../state'
-import { arm, centred, needed, type Arming } from './arm'
 import { padResumes, padStops, readPad, resumeButtonName, rumble } from './gamepad'
 import { due, hint, next, NO_PRESS, pressed } from './resume'
 import { keysHeld, listenToKeys, readKeys, releaseKeys, typing } from './keyboard'
 import type { Do } from '../messages'
 import { modeName } from '../panels/format'
-import type { Device, Reading } from './source'
+import { arm, centred, needed, type Arming, type Device, type Reading } from './stick'
 import { readTouch, releasePads, touched } from './touch'
 
 const PERIOD_MS = 20

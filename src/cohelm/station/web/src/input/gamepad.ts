@@ -1,8 +1,6 @@
 // A gamepad or joystick of the browser.
 import { settings } from './settings'
-import { shaped } from './shape'
-import { lastChange, NO_CHANGE, silentFor, type LastChange } from './silent'
-import type { Reading } from './source'
+import { lastChange, NO_CHANGE, shaped, silentFor, type LastChange, type Reading } from './stick'
 
 let stopHeld = false
 let changed: LastChange = NO_CHANGE

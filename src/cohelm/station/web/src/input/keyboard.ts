@@ -1,7 +1,6 @@
 // Arrow keys or WASD as a stick that moves at a finite speed.
 import { settings } from './settings'
-import { towards } from './shape'
-import type { Reading } from './source'
+import { towards, type Reading } from './stick'
 
 const KEYS: Record<string, 'fore' | 'aft' | 'left' | 'right'> = {
   ArrowUp: 'fore', KeyW: 'fore', ArrowDown: 'aft', KeyS: 'aft',

@@ -1,6 +1,6 @@
 // The operator's stick settings, stored by the browser.
 import { signal } from '@preact/signals'
-import { clamp } from './shape'
+import { clamp } from './stick'
 
 export interface Settings {
   /** Axis numbers of the gamepad, and whether they are inverted. */

@@ -1,6 +1,6 @@
 // Two touch pads for the thumbs, one for each axis; released, they are centred.
 import { signal } from '@preact/signals'
-import type { Reading } from './source'
+import type { Reading } from './stick'
 
 export const touched = signal<{ x: number; psi: number }>({ x: 0, psi: 0 })
 

@@ -2,7 +2,7 @@
 import { useEffect, useRef } from 'preact/hooks'
 import * as colour from '../colours'
 import { stick, notArmedReason } from '../input/drive'
-import { DEVICE_NAMES } from '../input/source'
+import { DEVICE_NAMES } from '../input/stick'
 import { points } from '../map/points'
 import { clearances, SECTORS } from '../map/ring'
 import * as s from '../state'

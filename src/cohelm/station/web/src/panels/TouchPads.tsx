@@ -1,7 +1,7 @@
 // Two touch pads: the left one for fore-aft, the right one for left-right.
 import { useEffect, useRef } from 'preact/hooks'
 import { releasePads, releases, touch, touched } from '../input/touch'
-import { clamp } from '../input/shape'
+import { clamp } from '../input/stick'
 import * as s from '../state'
 
 function Pad({ axis, label }: { axis: 'x' | 'psi'; label: string }) {

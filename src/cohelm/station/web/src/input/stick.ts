@@ -1,0 +1,120 @@
+// A stick: its reading, the shape of its deflection, whether it still sends, and whether it is armed. Pure, so that
+// it can be tested.
+
+export interface Reading {
+  /** False if the device is disconnected; not the same as centred. */
+  present: boolean
+  /** Fore-aft, forward positive, [-1, 1]. */
+  x: number
+  /** Left-right, left positive, [-1, 1]. */
+  psi: number
+  /** Why it is not present, if the device knows. */
+  why?: string
+}
+
+export type Device = 'none' | 'keyboard' | 'gamepad' | 'touch'
+
+export const DEVICE_NAMES: Record<Device, string> = {
+  none: 'no stick', keyboard: 'keyboard', gamepad: 'gamepad', touch: 'touch pads',
+}
+
+// --- dead band and expo curve of a raw deflection
+
+export interface Shape {
+  /** Deflections up to this are none, [0, 0.5]. */
+  deadBand: number
+  /** 0 straight .. 1 cubic: fine near the centre. */
+  curve: number
+}
+
+export function clamp(value: number, low: number, high: number): number {
+  return Math.min(Math.max(value, low), high)
+}
+
+/** Odd, continuous, 0 inside the dead band, ±1 at the ends. NaN stays NaN. */
+export function shaped(raw: number, { deadBand, curve }: Shape): number {
+  const size = clamp(Math.abs(raw), 0, 1)
+  if (size <= deadBand) return 0
+  const x = (size - deadBand) / (1 - deadBand)
+  const y = (1 - curve) * x + curve * x * x * x
+  return raw < 0 ? -y : y
+}
+
+/** `from` moved towards `to` by at most `step`. */
+export function towards(from: number, to: number, step: number): number {
+  return from + clamp(to - from, -step, step)
+}
+
+// --- whether a gamepad still sends
+//
+// The receiver of a gamepad that is out of range, or whose battery is flat, keeps the last deflection. Browsers set
+// `timestamp` at each change of the gamepad; some leave it at 0, so another timestamp or another value counts as a
+// change.
+
+/** A hand on a partly deflected stick trembles by more than one count of any converter, many times
+ * a second: a stick without a change for longer is not held [s]. */
+export const HELD_S = 3
+/** At the end of its travel, where the converter saturates, and on a pad of switches, a held stick
+ * does not change; longer than this is not accepted there either [s]. */
+export const AT_END_S = 10
+const END = 0.98
+
+export interface LastChange {
+  /** When the gamepad last changed [ms]. */
+  at: number
+  /** Its content then. */
+  content: string
+}
+
+export const NO_CHANGE: LastChange = { at: 0, content: '' }
+
+interface Pad {
+  readonly timestamp: number
+  readonly index: number
+  readonly axes: readonly number[]
+  readonly buttons: readonly { readonly value: number }[]
+}
+
+/** The last change, including the gamepad's present state. now: [ms]. */
+export function lastChange(before: LastChange, pad: Pad | null, now: number): LastChange {
+  if (pad === null) return NO_CHANGE
+  const content = JSON.stringify([pad.index, pad.timestamp, pad.axes, pad.buttons.map((b) => b.value)])
+  return content === before.content ? before : { at: now, content }
+}
+
+/** Time without a change in whole seconds, where it is too long for a hand; else 0.
+ * fore, left: raw axes, 0 where they are not deflected. */
+export function silentFor(changed: LastChange, fore: number, left: number, now: number): number {
+  const size = (axis: number) => Math.abs(axis)
+  const deflected = [fore, left].filter((axis) => size(axis) > 0)
+  if (deflected.length === 0) return 0
+  const most = deflected.every((axis) => size(axis) >= END) ? AT_END_S : HELD_S
+  const silence = (now - changed.at) / 1000
+  return silence > most ? Math.floor(silence) : 0
+}
+
+// --- arming: the stick must have been centred since it was connected before it steers
+//
+// The robot has the same rule and sends its threshold; this copy shows the operator the result at once.
+
+export type Arming = 'absent' | 'waiting' | 'armed'
+
+/** The next state, from the device's presence and deflection. centre: threshold of a centred stick. */
+export function arm(before: Arming, present: boolean, x: number, psi: number, centre: number): Arming {
+  if (!present || !Number.isFinite(x) || !Number.isFinite(psi)) return 'absent'
+  if (before === 'armed') return 'armed'
+  return centred(x, psi, centre) ? 'armed' : 'waiting'
+}
+
+export function centred(x: number, psi: number, centre: number): boolean {
+  return Math.abs(x) <= centre && Math.abs(psi) <= centre
+}
+
+/** What the operator must do first for a deflected stick to steer; empty: nothing. */
+export function needed(drives: boolean, stopped: boolean, mode: string): string {
+  if (!drives) return 'press Take over first'
+  if (stopped) return 'press Reset first'
+  if (mode === 'hold') return 'mode is Hold; choose Shared or Manual'
+  if (mode === 'automatic') return 'mode is Auto; choose Shared or Manual'
+  return ''
+}
