@@ -37,7 +37,7 @@ from cohelm.link import keys  # noqa: E402
 from cohelm.link.keys import Keys  # noqa: E402
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry  # noqa: E402
 from cohelm.robot.port import Readings  # noqa: E402
-from cohelm.station.linked import Linked  # noqa: E402
+from cohelm.station.robot_link import Linked  # noqa: E402
 from tests.station.conftest import CHROMIUM, FLAGS  # noqa: E402
 from tests.station.person import (  # noqa: E402
     alarms,

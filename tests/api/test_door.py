@@ -25,7 +25,7 @@ def test_importing_cohelm_loads_nothing_heavy():
 WITHOUT = {
     "the recorder": "cohelm.drive.recorder",
     "the live view": "cohelm.drive.live",
-    "the station": "cohelm.station.serve, cohelm.station.linked",
+    "the station": "cohelm.station.serve, cohelm.station.robot_link",
     "a stick's process": "cohelm.link.stick, cohelm.link.sticks.choose",
     "who reads a record": "cohelm.record.read",
     "a robot of one's own": "cohelm.robot.base, cohelm.robot.model",

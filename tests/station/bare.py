@@ -8,7 +8,7 @@ from typing import Self
 
 from cohelm.link import keys
 from cohelm.link.robot_bulk import both_ends
-from cohelm.station.linked import Linked
+from cohelm.station.robot_link import Linked
 from tests.link.ends import STATUS
 
 

@@ -17,9 +17,9 @@ from cohelm.link import keys
 from cohelm.link.messages import Command, Device, Mode, RequestKind, Status
 from cohelm.link.station_end import StationEnd
 from cohelm.station.app import pages
-from cohelm.station.linked import Linked
-from cohelm.station.robot_link import Connect
+from cohelm.station.robot_link import Connect, Linked
 from cohelm.station.serve import Server
+from tests.patience import started
 
 PATIENCE = 5.0
 """Tests share their machine: who is late by less than this is not gone [s]. How soon things that
@@ -38,6 +38,7 @@ class Robot:
             DriveOptions(scenario, scenario, "twin" if twin else "kinematic", True, None, []),
             TeleopConfig(of_robot, "127.0.0.1", 0, records), False, PATIENCE,
         )  # fmt: skip
+        assert started(self._made), self._made.over
         self.pid = self._made.pid
         self.watcher = StationEnd(self.keys, self._made.host, self._made.port)
 

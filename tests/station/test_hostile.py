@@ -136,7 +136,7 @@ def driven(server: Server, robot: Robot) -> Iterator[None]:
                     message = json.loads(text)
                     if message["type"] == "beat":
                         beat[0] = message["at_ms"]
-                    elif message["type"] == "state":
+                    elif message["type"] == "Status":
                         tell(type="got", stream="state")
 
         def steer() -> None:

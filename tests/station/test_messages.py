@@ -1,11 +1,17 @@
+import json
+import math
 from pathlib import Path
+from typing import get_args
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from cohelm.link.messages import Localised
+from cohelm.core.types import Pose
+from cohelm.link.bulk_messages import LineKind, Polyline
+from cohelm.link.messages import Localised, Mode, RequestKind
 from cohelm.station import typescript, view
-from cohelm.station.messages import Stick, from_page
+from cohelm.station.messages import Do, Request, Stick, from_page
 from tests.link.ends import STATUS
 
 WEB = Path(__file__).parents[2] / "src" / "cohelm" / "station" / "web" / "src"
@@ -42,8 +48,38 @@ def test_a_deflection_beyond_the_stick_is_refused() -> None:
             from_page(good.model_dump_json().replace('"x":1.0', f'"x":{x}'))
 
 
-def test_without_localization_no_standard_deviation_is_shown() -> None:
-    on_a_map = STATUS._replace(localised=Localised.GOOD, sigma=0.02)
-    assert view.state(on_a_map, 1.0, 0.01).sigma_m == pytest.approx(0.02)
-    for nobody in (Localised.UNKNOWN, Localised.LOST):
-        assert view.state(on_a_map._replace(localised=nobody), 1.0, 0.01).sigma_m is None
+def test_what_is_not_known_is_null_for_the_page() -> None:
+    status = STATUS._replace(
+        localised=Localised.GOOD, sigma=0.02, speed_cap=math.inf, pose=Pose(1.0, 2.0, 0.5),
+        reference=Pose(1.0, math.nan, 0.0), ahead=((0.0, 0.0), (math.nan, 1.0), (2.0, 0.0)),
+    )  # fmt: skip
+    said = json.loads(view.shown(status, stamp=1.0, age=0.01))
+    assert (said["type"], said["stamp"], said["age"]) == ("Status", 1.0, 0.01)
+    assert (said["localised"], said["sigma"], said["speed_cap"]) == ("good", 0.02, None)
+    assert (said["pose"], said["reference"]) == ([1.0, 2.0, 0.5], None)
+    assert said["ahead"] == [[0.0, 0.0], [2.0, 0.0]]
+    assert set(said) == {"type", "stamp", "age", *status._fields}
+
+
+def test_a_long_line_is_thinned_out_between_its_ends() -> None:
+    points = np.array([[i, math.nan if i == 7 else 0.0] for i in range(5001)], np.float32)
+    said = json.loads(view.shown(Polyline(LineKind.DETOUR, points)))
+    assert (said["what"], len(said["points"])) == ("detour", view.MOST_POINTS)
+    assert (said["points"][0], said["points"][-1]) == ([0.0, 0.0], [5000.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("what", "wanted"),
+    [
+        ("stop", (RequestKind.STOP, 3)), ("give", (RequestKind.GIVE, 3)),
+        ("manual", (RequestKind.MODE, Mode.MANUAL)), ("hold", (RequestKind.MODE, Mode.HOLD)),
+        ("record", (RequestKind.RECORD, 1)), ("record_stop", (RequestKind.RECORD, 0)),
+    ],
+)  # fmt: skip
+def test_a_pages_request_becomes_the_robots(what: str, wanted: tuple[RequestKind, int]) -> None:
+    assert Do(what=what, value=3).request() == wanted  # type: ignore[arg-type]
+
+
+def test_every_request_of_a_page_is_one_of_the_robots() -> None:
+    for what in get_args(Request):
+        assert Do(what=what).request()[0] in RequestKind

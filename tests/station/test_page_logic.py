@@ -180,8 +180,8 @@ def test_the_predicted_outline_follows_an_arc(asked) -> None:
         "map/ghost.ts",
         "m.arc([1, 2, 0], [1, Math.PI / 2], 1)", "m.arc([1, 2, Math.PI / 2], [2, 0], 1.5)",
         "m.ghost({pose: [0, 0, 0], applied: [1, 0], ahead: [[0, 0], [1, 0], [2, 1]],"
-        " ahead_step_s: 1}, 1.5)",
-        "m.ghost({pose: [0, 0, 0], applied: [1, 0], ahead: [], ahead_step_s: 0}, 0.5)",
+        " ahead_step: 1}, 1.5)",
+        "m.ghost({pose: [0, 0, 0], applied: [1, 0], ahead: [], ahead_step: 0}, 0.5)",
     )  # fmt: skip
     r = 2 / 3.141592653589793
     assert quarter == pytest.approx([1 + r, 2 + r, 3.141592653589793 / 2])
@@ -277,8 +277,8 @@ def test_zones_are_read_as_written_and_the_nearest_exit_is_the_shortest(asked) -
 def test_a_command_shaped_by_the_robots_own_limits_names_no_obstacle(asked) -> None:
     def shaped(limiting: str, clearance: float) -> str:
         return (
-            "m.why({why: '', nominal: [0, 1], applied: [0, 0.5], verdict: 'shaped', "
-            f"limiting: {limiting}, clearance_m: {clearance}}})"
+            "m.why({why: '', nominal: [0, 1], applied: [0, 0.5], guarding: "
+            f"{{verdict: 'shaped', limiting: {limiting}, clearance: {clearance}}}}})"
         )
 
     own, near = "at its speed or acceleration limit", "limited: obstacle near"
@@ -287,7 +287,16 @@ def test_a_command_shaped_by_the_robots_own_limits_names_no_obstacle(asked) -> N
     ) == [own, near, near]  # fmt: skip
 
 
+def test_without_localization_no_standard_deviation_is_shown(asked) -> None:
+    assert asked(
+        "panels/format.ts",
+        *(f"m.localization({{localised: '{how}', sigma: 0.02}})"
+          for how in ("good", "poor", "unknown", "exact", "lost")),
+        "m.localization({localised: 'good', sigma: null})",
+    ) == ["good, ± 2 cm", "poor, ± 2 cm", "unknown", "exact", "lost", "good"]  # fmt: skip
+
+
 def test_the_route_to_a_dock_arrives_along_its_axis(asked) -> None:
-    (way,) = asked("map/view.ts", "m.routeTo({pose: [4, 1, Math.PI / 2], approach_m: 1.3})")
+    (way,) = asked("map/view.ts", "m.routeTo({pose: [4, 1, Math.PI / 2], approach: 1.3})")
     assert way[0] == pytest.approx([4.0, -1.0])
     assert way[1] == pytest.approx([4.0, -0.3])

@@ -162,7 +162,7 @@ def drive(
     from cohelm.link import keys
     from cohelm.link.local_credentials import shared_credentials
     from cohelm.station.app import pages
-    from cohelm.station.linked import Linked
+    from cohelm.station.robot_link import Linked
 
     files = _encryption(host, tls, tls_cert, tls_key, without_tls)
     if records.exists() and not records.is_dir():
@@ -180,7 +180,7 @@ def drive(
     door, view = TeleopConfig(of_robot, "127.0.0.1", 0, records), live(foxglove, foxglove_teleop)
     with (
         ExitStack() as joined,
-        RobotProcess(options, door, carry_on, pictures=pictures, wait=False, live=view) as robot,
+        RobotProcess(options, door, carry_on, pictures=pictures, live=view) as robot,
         starting(f"the robot in {name}") as begun,
     ):
 
@@ -219,7 +219,7 @@ def _recorded(path: Path) -> Connect:
 def _linked(robot: str, name: str | None) -> Connect:
     from cohelm.link import keys
     from cohelm.link.udp import PORT, address
-    from cohelm.station.linked import Linked
+    from cohelm.station.robot_link import Linked
 
     own = keys.station(name)
     host, port = address(robot, PORT)

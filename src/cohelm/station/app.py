@@ -26,7 +26,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from cohelm.core.errors import CohelmError
-from cohelm.link.operator_input import STALE
+from cohelm.link.operator import STALE
 from cohelm.station.access_control import AccessControl, is_cross_site, is_own_host, same_origin
 from cohelm.station.operator import PageOperator
 from cohelm.station.records import Downloads

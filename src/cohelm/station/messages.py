@@ -1,8 +1,9 @@
 """Messages between page and server; `typescript.py` generates the page's types from them.
 
-Text messages are JSON objects with a `type`. Large and frequent ones (map, scan, picture) are
-binary, see `binary.py`. SI units and radians, world frame, unless a name says otherwise; None for
-unknown or infinite numbers.
+Text messages are JSON objects with a `type`. The robot's are those of the link, field by field, as
+`view.shown` writes them; large and frequent ones (map, scan, picture) are binary, see `binary.py`.
+SI units and radians, world frame, unless a name says otherwise; None for unknown or infinite
+numbers.
 """
 
 from __future__ import annotations
@@ -12,18 +13,19 @@ from typing import Annotated, Literal
 from pydantic import Field, TypeAdapter
 
 from cohelm.core.schema import Coordinate, Schema
+from cohelm.core.types import Stick as Deflections
+from cohelm.link.bulk_messages import Docks, HealthReport, Hello, Polyline, Records
+from cohelm.link.messages import Command, Device, Discs, Mode, RequestKind, Status
+from cohelm.link.station_end import LinkState
+from cohelm.station.robot_link import PlaybackPosition
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Deflection = Annotated[float, Field(ge=-1.0, le=1.0)]
 Point = tuple[Coordinate, Coordinate]
 Count = Annotated[int, Field(ge=0, lt=2**53)]
-Where = tuple[float, float, float]
-Motion = tuple[float, float]
-
 
 # --- from the page ------------------------------------------------------------------------------
 
-ModeName = Literal["hold", "shared", "automatic", "manual"]
 DeviceName = Literal["none", "keyboard", "gamepad", "touch"]
 Request = Literal[
     "stop", "reset", "take", "give", "refuse", "acknowledge", "record", "record_stop",
@@ -51,6 +53,11 @@ class Stick(Schema):
     speed_scale: Share
     """Share of the robot's speed that the operator allows."""
 
+    def command(self) -> Command:
+        """The command to the robot, still without its requests."""
+        stick, device = Deflections(self.x, self.psi), Device[self.device.upper()]
+        return Command(stick, self.valid, self.armed, device, self.speed_scale)
+
 
 class Do(Schema):
     """A request to do something once."""
@@ -63,6 +70,14 @@ class Do(Schema):
     echo_ms: Annotated[float, Field(ge=0.0, le=1e15)] | None = None
     """`at_ms` of the newest beat received when the operator pressed: a request from before a stop
     is not done after it, however long it was in transit. Null: just now."""
+
+    def request(self) -> tuple[RequestKind, int]:
+        """The request to the robot, and its value."""
+        if self.what in ("record", "record_stop"):
+            return RequestKind.RECORD, int(self.what == "record")
+        if self.what.upper() in Mode.__members__:
+            return RequestKind.MODE, Mode[self.what.upper()]
+        return RequestKind[self.what.upper()], self.value
 
 
 class Waypoints(Schema):
@@ -113,16 +128,6 @@ class Beat(Schema):
     """Round trip of a beat and its stick."""
 
 
-class Camera(Schema):
-    """Field of view and mount of the camera, to draw into its picture."""
-
-    field_of_view_rad: float
-    """Vertical."""
-    mount_x_m: float
-    mount_z_m: float
-    tilt_rad: float
-
-
 class Welcome(Schema):
     """First message on every connection."""
 
@@ -140,62 +145,6 @@ class Welcome(Schema):
     """Deflections up to this are centred, and arm a waiting gamepad."""
 
 
-class Robot(Schema):
-    """The robot's name, outline and camera."""
-
-    type: Literal["robot"] = "robot"
-    name: str
-    outline: list[Point]
-    """Corners, body frame [m]."""
-    camera: Camera | None
-
-
-class State(Schema):
-    """The robot's state, up to 30 times a second."""
-
-    type: Literal["state"] = "state"
-    t_s: float
-    """The robot's clock."""
-    age_ms: float
-    """Age when it was sent to the page."""
-    pose: Where
-    localised: Literal["unknown", "exact", "good", "poor", "lost"]
-    sigma_m: float | None
-    reference: Where | None
-    twist: Motion
-    """Measured."""
-    nominal: Motion
-    """Blended command of operator and controller, before the filter."""
-    applied: Motion
-    """Command at the wheels."""
-    why: str
-    """Why `applied` differs from `nominal`, or empty."""
-    verdict: Literal["untouched", "shaped", "braking", "standing", "invalid"]
-    stick: Motion
-    """The stick in use on the robot: fore-aft, left-right."""
-    arming: Literal["absent", "waiting", "armed"]
-    authority: float | None
-    """e^{-V_h}: the controller's share."""
-    e_p: float | None
-    h_m2: float | None
-    clearance_m: float | None
-    """From the outline to the nearest obstacle."""
-    limiting: Point | None
-    """Position of the limiting obstacle."""
-    ahead: list[Point]
-    """Predicted path, in steps of `ahead_step_s`."""
-    ahead_step_s: float
-    mode: ModeName
-    stopped: str
-    """Why the robot is stopped; empty: it is not."""
-    speed_cap_mps: float | None
-    cap_reason: str
-    recording: bool
-    docking: Literal["away", "staged", "docking", "docked", "undocking", "between"]
-    dock: int
-    """Number of the dock, from 1; 0: none."""
-
-
 class Who(Schema):
     """The driver, and the operator that requests the lease."""
 
@@ -210,101 +159,6 @@ class Who(Schema):
     """Time until the request is granted, if the driver does not answer."""
     operators: list[str]
     """All connected operators."""
-
-
-class Alarm(Schema):
-    """One alarm."""
-
-    number: int
-    severity: Literal["notice", "warning", "alarm"]
-    text: str
-    active: bool
-    acknowledged: bool
-
-
-class Alarms(Schema):
-    """All alarms that are active or not acknowledged yet, the worst first."""
-
-    type: Literal["alarms"] = "alarms"
-    alarms: list[Alarm]
-
-
-class Discs(Schema):
-    """Round obstacles: x, y, vx, vy, radius, safe distance."""
-
-    type: Literal["discs"] = "discs"
-    rows: list[tuple[float, float, float, float, float, float]]
-
-
-class Line(Schema):
-    """A line on the map; replaces the earlier of its kind."""
-
-    type: Literal["line"] = "line"
-    what: Literal["reference", "detour", "waypoints"]
-    points: list[Point]
-
-
-class Dock(Schema):
-    """A place to dock at."""
-
-    name: str
-    pose: Where
-    """Of the docked robot."""
-    approach_m: float
-    """Length of the straight approach that ends there."""
-
-
-class Docks(Schema):
-    """The docks of the site; replaces the earlier ones."""
-
-    type: Literal["docks"] = "docks"
-    docks: list[Dock]
-
-
-class Link(Schema):
-    """Quality of the link to the robot; four times a second."""
-
-    type: Literal["link"] = "link"
-    connected: bool
-    name: str
-    """Name of the link."""
-    why: str
-    """Why it is not connected; empty while it is."""
-    round_trip_ms: float | None
-    loss: float | None
-    """Share of our datagrams that were lost."""
-    command_age_ms: float | None
-    """Age of commands when the robot used them."""
-    offset_ms: float | None
-    """Offset of the robot's clock from the station's."""
-    late_ms: float | None
-    """Worst lateness of a step on the robot in the last second."""
-    battery: float | None
-    faults: list[str]
-
-
-class RecordFile(Schema):
-    """A record on the robot, to be downloaded from /records/."""
-
-    name: str
-    bytes: int
-
-
-class Records(Schema):
-    """The records that can be downloaded, newest first."""
-
-    type: Literal["records"] = "records"
-    files: list[RecordFile]
-
-
-class Playing(Schema):
-    """Playback position of a replay."""
-
-    type: Literal["playing"] = "playing"
-    at_s: float
-    """Since the start of the record."""
-    playing: bool
-    speed: float
 
 
 class Checked(Schema):
@@ -326,8 +180,9 @@ class Refused(Schema):
     why: str
 
 
-ToPage = (
-    Beat | Welcome | Robot | State | Who | Alarms | Discs | Line | Docks | Link | Records | Playing
-    | Checked | Refused
+ToPage = Beat | Welcome | Who | Checked | Refused
+"""The server's own messages to the page."""
+FROM_ROBOT = (
+    Hello, Status, Discs, Polyline, Docks, Records, HealthReport, LinkState, PlaybackPosition,
 )  # fmt: skip
-"""All text messages from the server."""
+"""The robot's and its link's messages that pages get as they are; `type` is the name of each."""

@@ -31,6 +31,7 @@ SEND_WITHIN = 5.0
 """A page that reads nothing for this long is disconnected [s]."""
 _POLL = 0.01
 _REPEAT = 0.05
+_OTHER = "if the page is of another version, reload it; in a checkout, run make again first"
 _log = logging.getLogger("cohelm.station")
 
 
@@ -48,11 +49,10 @@ class PageOperator:
         self.others: list[str] = []
         self._outbox = Outbox()
         self._published: dict[object, str | bytes] = {}
-        self._status: News | None = None
-        self._status_at = 0.0
-        """Our clock when the newest status was true [s]."""
+        self._status: robot.Status | None = None
+        self._stamp = self._status_at = 0.0
+        """The robot's clock, and ours, when the newest status was true [s]."""
         self._shown: object = None
-        self._health: bulk.HealthReport | None = None
         self._steered = robot.NO_STICK
         self._stick_at = self._steered_at = -math.inf
         """Earliest time of the page's newest stick: that of the beat it echoes [s]."""
@@ -78,10 +78,10 @@ class PageOperator:
                 self._send(page.Refused(what=what.replace("_", " "), why=answer.reason))
 
     def _on_news(self, news: News) -> None:
-        message, _, age = news
+        message, stamp, age = news
         match message:
             case robot.Status():
-                self._status = news
+                self._status, self._stamp = message, stamp
                 self._status_at = time.monotonic() - (0.0 if math.isnan(age) else age)
                 if self.client != message.lease.you:
                     self.client = message.lease.you
@@ -90,33 +90,21 @@ class PageOperator:
                 self._outbox.put(f"scan/{message.lidar}", binary.scan(message, age))
             case bulk.Picture():
                 self._outbox.put("frame", binary.frame(message, age))
-            case robot.Discs():
-                self._publish(message, view.discs(message))
-            case bulk.Hello():
-                self._publish(message, view.hello(message))
-            case bulk.Polyline():
-                self._publish(message, view.line(message))
             case bulk.Map():
                 self._publish(message, binary.map_part(message))
             case bulk.ZoneMap():
                 self._publish(message, binary.zones(message))
-            case bulk.Docks():
-                self._publish(message, view.docks(message))
-            case bulk.Records():
-                self._publish(message, view.records(message))
-            case bulk.HealthReport():
-                self._health = message
             case bulk.Checked():
                 self._checked(message)
             case _:
-                pass
+                if isinstance(message, page.FROM_ROBOT):
+                    self._publish(message, view.shown(message))
 
-    def _publish(self, of: object, shown: page.ToPage | bytes) -> None:
+    def _publish(self, of: object, shown: str | bytes) -> None:
         """Send what is shown of a message to the page, and to pages that connect later."""
         slot = bulk.slot_of(of)
-        data = shown if isinstance(shown, bytes) else shown.model_dump_json()
-        self._published[slot] = data
-        self._outbox.put(slot, data)
+        self._published[slot] = shown
+        self._outbox.put(slot, shown)
 
     def _checked(self, message: bulk.Checked) -> None:
         number, ok, why = message.answer
@@ -169,8 +157,8 @@ class PageOperator:
                 message = page.from_page(text)
             except ValidationError as error:
                 where = error.errors(include_url=False, include_input=False)[0]
-                _log.warning("%s sent an invalid message: %s", self.name, where["msg"])
-                await _disconnect(socket, 1008, "invalid message")
+                _log.warning("%s sent an invalid message (%s): %s", self.name, where["msg"], _OTHER)
+                await _disconnect(socket, 1008, _OTHER)
                 return
             self._on_message(message)
 
@@ -179,7 +167,7 @@ class PageOperator:
             case page.Stick():
                 self._stick(message)
             case page.Do():
-                what, value = view.request_of(message)
+                what, value = message.request()
                 made = None if message.echo_ms is None else message.echo_ms / 1e3
                 self._requested[self.link.ask(what, value, made)] = message.what
                 while len(self._requested) > 32:
@@ -204,7 +192,7 @@ class PageOperator:
         self._stick_n, self._stick_at = stick.n, now - max(age, 0.0)
         before = self._page_ms
         self._page_ms = age * 1e3 if before is None else 0.9 * before + 0.1 * age * 1e3
-        self._steered = view.command_of(stick)
+        self._steered = stick.command()
         self._steer(now)
 
     def _steer(self, now: float) -> None:
@@ -243,29 +231,17 @@ class PageOperator:
             self._send_state(self._status, now)
         if now - self._link_at >= LINK_EVERY:
             self._link_at = now
-            timing = self._now.timing if self._now is not None else None
-            self._send(view.link(self.link.state(), timing, self._health))
+            self._outbox.put("link", view.shown(self.link.state()))
             if isinstance(self.link, ReplayLink):
-                at, playing, speed = self.link.place
-                self._send(page.Playing(at_s=at, playing=playing, speed=speed))
+                self._outbox.put("place", view.shown(self.link.place))
 
-    @property
-    def _now(self) -> robot.Status | None:
-        status = None if self._status is None else self._status.message
-        return status if isinstance(status, robot.Status) else None
-
-    def _send_state(self, news: News, now: float) -> None:
-        status = self._now
-        if status is None:
-            return
-        if news is not self._shown:
-            self._shown, self._state_at = news, now
-            state = view.state(status, news.stamp, now - self._status_at)
-            self._outbox.put("state", state.model_dump_json())
+    def _send_state(self, status: robot.Status, now: float) -> None:
+        if status is not self._shown:
+            self._shown, self._state_at = status, now
+            age = now - self._status_at
+            self._outbox.put("state", view.shown(status, stamp=self._stamp, age=age))
         everybody = view.who(status.lease, self.names, self.others)
         self._outbox.put("who", everybody.model_dump_json(), changed_only=True)
-        alarms = view.alarms(status.alarms).model_dump_json()
-        self._outbox.put("alarms", alarms, changed_only=True)
 
 
 def _open(socket: WebSocket) -> bool:

@@ -1,37 +1,82 @@
-// Made from src/cohelm/station/messages.py; a test holds the two equal. To make it:
+// Made from station/messages.py and link/; a test holds them equal. To make it:
 // python -m cohelm.station.typescript > src/cohelm/station/web/src/messages.ts
 
-/** Field of view and mount of the camera, to draw into its picture. */
-export interface Camera {
-  /** Vertical. */
-  field_of_view_rad: number
-  mount_x_m: number
-  mount_z_m: number
-  tilt_rad: number
+/** Who drives. */
+export interface Lease {
+  /** This client's number, > 0. */
+  you: number
+  /** The driver's number; 0: nobody. */
+  driver: number
+  driver_name: string
+  /** Client that requests the lease; 0: none. */
+  requester: number
+  requester_name: string
+  /** Time until it is handed over without an answer [s]; NaN where it is not requested. */
+  left: number | null
 }
 
-/** One alarm. */
+/** The filter's result in the last step. */
+export interface Guarding {
+  verdict: 'untouched' | 'shaped' | 'braking' | 'standing' | 'invalid'
+  /** Smallest clearance of the outline to anything [m]. */
+  clearance: number | null
+  /** Position of the limiting obstacle in the map; NaN: none. */
+  limiting: [number, number] | null
+  /** Least value of the paper's barrier (22) [m^2]. */
+  h: number | null
+}
+
+/** Timing of the robot's loop, and of the link to this client. */
+export interface TimingReport {
+  /** Worst lateness of a step in the last second [s]. */
+  late: number | null
+  /** Steps that took longer than a period, since the start. */
+  overruns: number
+  /** Age of the command at its last use [s]. */
+  command_age: number | null
+  /** [s] */
+  round_trip: number | null
+  /** Share of this client's datagrams lost in the last seconds. */
+  lost: number | null
+  /** Commands of this client not used: too old, out of order, not understood. */
+  dropped: number
+}
+
+/** An alarm, latched until acknowledged and gone. */
 export interface Alarm {
+  /** Which alarm it is, > 0; the same one raised again has a new number. */
   number: number
   severity: 'notice' | 'warning' | 'alarm'
-  text: string
+  /** Its cause is still there. */
   active: boolean
   acknowledged: boolean
+  text: string
 }
 
-/** A place to dock at. */
-export interface Dock {
-  name: string
-  /** Of the docked robot. */
-  pose: [number, number, number]
-  /** Length of the straight approach that ends there. */
-  approach_m: number
+/** The result of a request or of a proposal. */
+export interface Answer {
+  number: number
+  granted: boolean
+  /** Why not, or what follows; may be empty. */
+  reason: string
 }
 
-/** A record on the robot, to be downloaded from /records/. */
-export interface RecordFile {
+/** A dock. */
+export interface DockPlace {
   name: string
-  bytes: number
+  /** Of the docked robot, in the map. */
+  pose: [number, number, number] | null
+  /** Length of the straight way that ends there [m]. */
+  approach: number | null
+}
+
+/** A record on the robot. */
+export interface RecordInfo {
+  name: string
+  /** [byte] */
+  size: number
+  /** Unix time; a label only [s]. */
+  started: number | null
 }
 
 /** State of the stick. Sent at 50 Hz while a page is open; also the page's heartbeat. */
@@ -110,60 +155,6 @@ export interface Welcome {
   centre: number
 }
 
-/** The robot's name, outline and camera. */
-export interface Robot {
-  type: 'robot'
-  name: string
-  /** Corners, body frame [m]. */
-  outline: Array<[number, number]>
-  camera: Camera | null
-}
-
-/** The robot's state, up to 30 times a second. */
-export interface State {
-  type: 'state'
-  /** The robot's clock. */
-  t_s: number
-  /** Age when it was sent to the page. */
-  age_ms: number
-  pose: [number, number, number]
-  localised: 'unknown' | 'exact' | 'good' | 'poor' | 'lost'
-  sigma_m: number | null
-  reference: [number, number, number] | null
-  /** Measured. */
-  twist: [number, number]
-  /** Blended command of operator and controller, before the filter. */
-  nominal: [number, number]
-  /** Command at the wheels. */
-  applied: [number, number]
-  /** Why `applied` differs from `nominal`, or empty. */
-  why: string
-  verdict: 'untouched' | 'shaped' | 'braking' | 'standing' | 'invalid'
-  /** The stick in use on the robot: fore-aft, left-right. */
-  stick: [number, number]
-  arming: 'absent' | 'waiting' | 'armed'
-  /** e^{-V_h}: the controller's share. */
-  authority: number | null
-  e_p: number | null
-  h_m2: number | null
-  /** From the outline to the nearest obstacle. */
-  clearance_m: number | null
-  /** Position of the limiting obstacle. */
-  limiting: [number, number] | null
-  /** Predicted path, in steps of `ahead_step_s`. */
-  ahead: Array<[number, number]>
-  ahead_step_s: number
-  mode: 'hold' | 'shared' | 'automatic' | 'manual'
-  /** Why the robot is stopped; empty: it is not. */
-  stopped: string
-  speed_cap_mps: number | null
-  cap_reason: string
-  recording: boolean
-  docking: 'away' | 'staged' | 'docking' | 'docked' | 'undocking' | 'between'
-  /** Number of the dock, from 1; 0: none. */
-  dock: number
-}
-
 /** The driver, and the operator that requests the lease. */
 export interface Who {
   type: 'who'
@@ -177,67 +168,6 @@ export interface Who {
   left_s: number | null
   /** All connected operators. */
   operators: Array<string>
-}
-
-/** All alarms that are active or not acknowledged yet, the worst first. */
-export interface Alarms {
-  type: 'alarms'
-  alarms: Array<Alarm>
-}
-
-/** Round obstacles: x, y, vx, vy, radius, safe distance. */
-export interface Discs {
-  type: 'discs'
-  rows: Array<[number, number, number, number, number, number]>
-}
-
-/** A line on the map; replaces the earlier of its kind. */
-export interface Line {
-  type: 'line'
-  what: 'reference' | 'detour' | 'waypoints'
-  points: Array<[number, number]>
-}
-
-/** The docks of the site; replaces the earlier ones. */
-export interface Docks {
-  type: 'docks'
-  docks: Array<Dock>
-}
-
-/** Quality of the link to the robot; four times a second. */
-export interface Link {
-  type: 'link'
-  connected: boolean
-  /** Name of the link. */
-  name: string
-  /** Why it is not connected; empty while it is. */
-  why: string
-  round_trip_ms: number | null
-  /** Share of our datagrams that were lost. */
-  loss: number | null
-  /** Age of commands when the robot used them. */
-  command_age_ms: number | null
-  /** Offset of the robot's clock from the station's. */
-  offset_ms: number | null
-  /** Worst lateness of a step on the robot in the last second. */
-  late_ms: number | null
-  battery: number | null
-  faults: Array<string>
-}
-
-/** The records that can be downloaded, newest first. */
-export interface Records {
-  type: 'records'
-  files: Array<RecordFile>
-}
-
-/** Playback position of a replay. */
-export interface Playing {
-  type: 'playing'
-  /** Since the start of the record. */
-  at_s: number
-  playing: boolean
-  speed: number
 }
 
 /** The robot's answer to waypoints. */
@@ -257,6 +187,136 @@ export interface Refused {
   why: string
 }
 
+/** Bulk, first: the robot's description. */
+export interface Hello {
+  type: 'Hello'
+  name: string
+  /** (k, 2), convex, counter-clockwise, in the body frame [m]. */
+  outline: Array<[number, number]>
+  /** [m/s] */
+  v_max: number | null
+  /** [rad/s] */
+  omega_max: number | null
+  /** Vertical angle of view [rad], x and z of its mount [m], tilt down [rad]; NaN: no camera. */
+  camera: [number, number, number, number] | null
+}
+
+/** Down, at 50 Hz: the robot's state. */
+export interface StatusFields {
+  type: 'Status'
+  lease: Lease
+  mode: 'hold' | 'shared' | 'automatic' | 'manual'
+  /** Why it is stopped; empty: it is not. Latched until RESET. */
+  stopped: string
+  arming: 'absent' | 'waiting' | 'armed'
+  /** The deflection in use. */
+  stick: [number, number] | null
+  /** The automatic part's share of the command, exp(-V_h) (34), in [0, 1]. */
+  authority: number | null
+  /** In the map. */
+  pose: [number, number, number] | null
+  /** Measured. */
+  twist: [number, number] | null
+  /** The blend of operator and controller, before the filter. */
+  nominal: [number, number] | null
+  /** What the wheels get. */
+  applied: [number, number] | null
+  /** Why applied differs from nominal; empty where it does not. */
+  why: string
+  guarding: Guarding
+  /** Tracking error E_P of the paper. */
+  e_p: number | null
+  /** The desired pose on the path. */
+  reference: [number, number, number] | null
+  /** [m/s]; infinite where there is none. */
+  speed_cap: number | null
+  cap_reason: string
+  localised: 'unknown' | 'exact' | 'good' | 'poor' | 'lost'
+  /** Standard deviation of the position [m]. */
+  sigma: number | null
+  recording: boolean
+  docking: 'away' | 'staged' | 'docking' | 'docked' | 'undocking' | 'between'
+  /** At which dock, as `Docks` has them, from 1; 0: at none. */
+  dock: number
+  timing: TimingReport
+  /** The worst first, at most 4. */
+  alarms: Array<Alarm>
+  /** To the newest requests, oldest first, at most 3. A number up to the last one is done. */
+  answers: Array<Answer>
+  /** Predicted path in the map, from now on in equal steps of time, at most 12 [m]. */
+  ahead: Array<[number, number]>
+  /** Time between two of its points [s]. */
+  ahead_step: number | null
+}
+
+/** Down: round obstacles, the nearest 40. */
+export interface Discs {
+  type: 'Discs'
+  number: number
+  /** (n, 6): x, y, vx, vy, radius, safe distance r_i, in the map, as `core.types`. */
+  rows: Array<[number, number, number, number, number, number]>
+}
+
+/** Bulk: points in the map, joined; replaces the earlier of its kind. */
+export interface Polyline {
+  type: 'Polyline'
+  what: 'reference' | 'detour' | 'waypoints'
+  /** (n, 2) [m] */
+  points: Array<[number, number]>
+}
+
+/** Bulk: where the robot can dock; replaces the earlier ones. */
+export interface Docks {
+  type: 'Docks'
+  all: Array<DockPlace>
+}
+
+/** Bulk: the records on the robot, newest first. */
+export interface Records {
+  type: 'Records'
+  all: Array<RecordInfo>
+}
+
+/** Bulk: battery and faults; sent at every change. */
+export interface HealthReport {
+  type: 'HealthReport'
+  /** Share of its charge, in hundredths. */
+  battery: number | null
+  faults: Array<string>
+}
+
+/** State of the link; NaN for what is not known. */
+export interface LinkState {
+  type: 'LinkState'
+  connected: boolean
+  /** The robot's address. */
+  name: string
+  /** Why it is not connected; empty while it is. */
+  why: string
+  /** [s] */
+  round_trip: number | null
+  /** Share of the robot's datagrams lost in the last seconds. */
+  lost: number | null
+  /** The robot's clock less this one [s]. */
+  offset: number | null
+}
+
+/** Playback position of a replay. */
+export interface PlaybackPosition {
+  type: 'PlaybackPosition'
+  /** Since the start [s]. */
+  at: number | null
+  playing: boolean
+  speed: number | null
+}
+
+export interface Status extends StatusFields {
+  /** The robot's clock when it was sent [s]. */
+  stamp: number
+  /** Age when it was sent to the page [s]. */
+  age: number
+}
+
 export type FromPage = Stick | Do | Waypoints | Got | Play
 
-export type ToPage = Beat | Welcome | Robot | State | Who | Alarms | Discs | Line | Docks | Link | Records | Playing | Checked | Refused
+export type ToPage = Beat | Welcome | Who | Checked | Refused | Hello | Status | Discs | Polyline | Docks | Records | HealthReport | LinkState | PlaybackPosition

@@ -12,6 +12,8 @@ const LONGEST_WAIT_MS = 2000
 const GIVE_UP_MS = 1500
 /** With more bytes waiting to be sent, nothing gets through: send no more. */
 const FULL = 8192
+/** Close code of a station that does not accept what this page sends. */
+const REFUSED = 1008
 
 let socket: WebSocket | null = null
 let lastReceived = 0
@@ -68,7 +70,10 @@ async function connect(): Promise<void> {
   opened.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
     if (opened === socket) receive(event.data)
   }
-  opened.onclose = () => dropSocket(opened)
+  opened.onclose = ({ code, reason }) => {
+    if (opened === socket && code === REFUSED && reason !== '') refuse(reason)
+    dropSocket(opened)
+  }
 }
 
 function dropSocket(of: WebSocket): void {
@@ -165,10 +170,10 @@ function dispatch(message: ToPage): void {
         // without storage a reload makes a new operator
       }
       break
-    case 'robot':
+    case 'Hello':
       s.robot.value = message
       break
-    case 'state':
+    case 'Status':
       s.state.value = message
       s.stateAt.value = performance.now()
       send({ type: 'got', stream: 'state' })
@@ -176,25 +181,25 @@ function dispatch(message: ToPage): void {
     case 'who':
       s.who.value = message
       break
-    case 'alarms':
-      s.alarms.value = message.alarms
-      break
-    case 'discs':
+    case 'Discs':
       s.discs.value = message.rows
       break
-    case 'line':
+    case 'Polyline':
       s.lines.value = { ...s.lines.value, [message.what]: message.points }
       break
-    case 'docks':
-      s.docks.value = message.docks
+    case 'Docks':
+      s.docks.value = message.all
       break
-    case 'link':
+    case 'LinkState':
       s.link.value = message
       break
-    case 'records':
-      s.records.value = message.files
+    case 'HealthReport':
+      s.health.value = message
       break
-    case 'playing':
+    case 'Records':
+      s.records.value = message.all
+      break
+    case 'PlaybackPosition':
       s.playing.value = message
       break
     case 'checked':

@@ -8,16 +8,16 @@ export type Connection = 'connecting' | 'open' | 'silent' | 'closed' | 'login'
 
 export const connection = signal<Connection>('connecting')
 export const welcome = signal<m.Welcome | null>(null)
-export const robot = signal<m.Robot | null>(null)
-export const state = signal<m.State | null>(null)
+export const robot = signal<m.Hello | null>(null)
+export const state = signal<m.Status | null>(null)
 export const who = signal<m.Who | null>(null)
-export const alarms = signal<m.Alarm[]>([])
 export const discs = signal<m.Discs['rows']>([])
-export const lines = signal<Partial<Record<m.Line['what'], Array<[number, number]>>>>({})
-export const docks = signal<m.Dock[]>([])
-export const link = signal<m.Link | null>(null)
-export const records = signal<m.RecordFile[]>([])
-export const playing = signal<m.Playing | null>(null)
+export const lines = signal<Partial<Record<m.Polyline['what'], Array<[number, number]>>>>({})
+export const docks = signal<m.DockPlace[]>([])
+export const link = signal<m.LinkState | null>(null)
+export const health = signal<m.HealthReport | null>(null)
+export const records = signal<m.RecordInfo[]>([])
+export const playing = signal<m.PlaybackPosition | null>(null)
 export const checked = signal<m.Checked | null>(null)
 export const refused = signal<{ text: string; at: number } | null>(null)
 export const pageMs = signal<number | null>(null)
@@ -39,5 +39,5 @@ export const youDrive = computed(() => who.value?.you_drive === true && connecti
 /** Age of the displayed state [ms]. */
 export function stateAge(now: number): number {
   const s = state.value
-  return s === null ? Infinity : s.age_ms + (now - stateAt.value)
+  return s === null ? Infinity : s.age * 1000 + (now - stateAt.value)
 }

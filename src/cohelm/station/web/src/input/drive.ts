@@ -122,7 +122,7 @@ function poll(now: number): void {
   })
   resumeFromPad(drives, now)
   const leads = drives && device === 'gamepad' && deflected(stick.value)
-  if (leads) rumble(s.state.value?.clearance_m ?? null, now)
+  if (leads) rumble(s.state.value?.guarding.clearance ?? null, now)
 }
 
 /** Each step by a press of its own, as with the mouse: reset, then the mode from before. */

@@ -26,7 +26,7 @@ function scene(now: number): Scene {
   if (seen.scans !== scans) seen = { scans, points: points(scans) }
   const state = s.state.value
   const quality = s.link.value
-  const delay = (s.stateAge(now) + (quality?.round_trip_ms ?? 0) / 2) / 1000
+  const delay = s.stateAge(now) / 1000 + (quality?.round_trip ?? 0) / 2
   return {
     grid: s.grid.value,
     zones: s.zones.value,
@@ -59,8 +59,8 @@ function paint(canvas: HTMLCanvasElement, now: number): void {
   if (ctx === null || size.width === 0) return
   const ratio = devicePixelRatio
   ctx.setTransform(ratio, 0, 0, ratio, 0, 0)
-  const pose = s.state.value?.pose
-  if (follow.value && pose !== undefined && held.size === 0) {
+  const pose = s.state.value?.pose ?? null
+  if (follow.value && pose !== null && held.size === 0) {
     view.value = { ...view.value, x: pose[0], y: pose[1] }
   }
   dirty = false
@@ -128,8 +128,8 @@ function zoom(factor: number): void {
 function showAll(): void {
   follow.value = false
   const all: Point[] = [...(s.lines.value.reference ?? [])]
-  const pose = s.state.value?.pose
-  if (pose !== undefined) all.push([pose[0], pose[1]])
+  const pose = s.state.value?.pose ?? null
+  if (pose !== null) all.push([pose[0], pose[1]])
   view.value = viewOf(all, size) ?? view.value
 }
 
@@ -194,10 +194,11 @@ export function MapPanel() {
 /** Text alternative of the map. */
 function described(): string {
   const state = s.state.value
-  if (state === null) return 'Map; no data from the robot yet'
+  if (state === null || state.pose === null) return 'Map; no data from the robot yet'
   const [x, y, psi] = state.pose
   const degrees = Math.round((psi * 180) / Math.PI)
-  const clearance = state.clearance_m === null ? '' : `, clearance ${state.clearance_m.toFixed(1)} m`
+  const near = state.guarding.clearance
+  const clearance = near === null ? '' : `, clearance ${near.toFixed(1)} m`
   const kept = s.zones.value.find((one) => one.what === 'keep_out')
   const zone = kept !== undefined && within(kept, [x, y]) ? ', in a keep-out zone' : ''
   return `Map; robot at ${x.toFixed(1)}, ${y.toFixed(1)} metres, heading ${degrees} degrees${zone}${clearance}`

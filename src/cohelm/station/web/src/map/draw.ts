@@ -1,7 +1,7 @@
 // Draws the map and all on it, from bottom to top.
 import { nearestExit, type Grid, type Pose, type Zones } from '../binary'
 import * as colour from '../colours'
-import type { Discs, Dock, Robot, State } from '../messages'
+import type { Discs, DockPlace, Hello, Status } from '../messages'
 import { fromBody, toPixel, type Point, type Size, type View } from './view'
 
 export interface Scene {
@@ -9,7 +9,7 @@ export interface Scene {
   zones: Zones[]
   scan: Float64Array
   discs: Discs['rows']
-  docks: Dock[]
+  docks: DockPlace[]
   reference: Point[]
   detour: Point[]
   trail: Point[]
@@ -18,8 +18,8 @@ export interface Scene {
   worst: number | null
   chosen: number | null
   editing: boolean
-  state: State | null
-  robot: Robot | null
+  state: Status | null
+  robot: Hello | null
   ghost: Pose | null
   lost: boolean
 }
@@ -92,12 +92,13 @@ function drawZones(ctx: Ctx, v: View, size: Size, zones: Zones): void {
 }
 
 /** The outline of the docked robot, its straight approach, and the dock's name in front of it. */
-function drawDock(ctx: Ctx, v: View, size: Size, dock: Dock, robot: Robot | null): void {
-  const pose: Pose = dock.pose
-  line(ctx, v, size, [fromBody(pose, [-dock.approach_m, 0]), [pose[0], pose[1]]], {
+function drawDock(ctx: Ctx, v: View, size: Size, dock: DockPlace, robot: Hello | null): void {
+  const { pose, approach } = dock
+  if (pose === null || approach === null) return
+  line(ctx, v, size, [fromBody(pose, [-approach, 0]), [pose[0], pose[1]]], {
     stroke: colour.faint, width: 1.5, dash: [2, 3],
   })
-  const [bx, by] = toPixel(v, size, fromBody(pose, [-dock.approach_m, 0]))
+  const [bx, by] = toPixel(v, size, fromBody(pose, [-approach, 0]))
   circle(ctx, bx, by, 4)
   ctx.stroke()
   if (robot === null) return
@@ -140,7 +141,7 @@ function drawSpeeds(ctx: Ctx, v: View, size: Size, zones: Zones): void {
 function drawExit(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   const { state, zones } = scene
   const kept = zones.find((one) => one.what === 'keep_out')
-  if (state === null || kept === undefined) return
+  if (state === null || state.pose === null || kept === undefined) return
   const from: Point = [state.pose[0], state.pose[1]]
   const to = nearestExit(kept, from)
   if (to === null) return
@@ -265,7 +266,7 @@ function outline(ctx: Ctx, v: View, size: Size, pose: Pose, corners: Point[]): v
 
 function drawRobot(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   const { state, robot, ghost } = scene
-  if (state === null || robot === null) return
+  if (state === null || state.pose === null || robot === null) return
   line(ctx, v, size, [[state.pose[0], state.pose[1]], ...state.ahead], {
     stroke: colour.operator, width: 3,
   })
@@ -285,7 +286,8 @@ function drawRobot(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   ctx.lineWidth = 2.5
   ctx.stroke()
   drawNose(ctx, v, size, state.pose, robot.outline)
-  if (state.limiting !== null) drawLimiting(ctx, v, size, state.limiting)
+  const { limiting } = state.guarding
+  if (limiting !== null) drawLimiting(ctx, v, size, limiting)
 }
 
 function drawNose(ctx: Ctx, v: View, size: Size, pose: Pose, corners: Point[]): void {

@@ -9,11 +9,11 @@ const MOST = 5000
 export const trail = signal<Point[]>([])
 
 effect(() => {
-  const now = s.state.value
-  if (now === null) return
+  const pose = s.state.value?.pose ?? null
+  if (pose === null) return
   const before = trail.peek()
   const last = before.at(-1)
-  const here: Point = [now.pose[0], now.pose[1]]
+  const here: Point = [pose[0], pose[1]]
   const far = last === undefined ? Infinity : Math.hypot(here[0] - last[0], here[1] - last[1])
   if (far < STEP_M) return
   // a jump is not a path: the replay was moved, or the robot relocalized

@@ -70,6 +70,7 @@ export function toBody(pose: Pose, [x, y]: Point): Point {
 }
 
 /** Waypoints to the start of a dock's approach, reached along the dock's axis. */
-export function routeTo(dock: { pose: Pose; approach_m: number }): Point[] {
-  return [0.7, 0].map((before) => fromBody(dock.pose, [-dock.approach_m - before, 0]))
+export function routeTo({ pose, approach }: { pose: Pose | null; approach: number | null }): Point[] {
+  if (pose === null || approach === null) return []
+  return [0.7, 0].map((before) => fromBody(pose, [-approach - before, 0]))
 }

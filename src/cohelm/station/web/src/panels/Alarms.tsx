@@ -31,7 +31,7 @@ function localAlarms(): ShownAlarm[] {
 }
 
 export function Alarms() {
-  const all: ShownAlarm[] = [...localAlarms(), ...mergeAlarms(s.alarms.value)]
+  const all: ShownAlarm[] = [...localAlarms(), ...mergeAlarms(s.state.value?.alarms ?? [])]
   const order = { alarm: 0, warning: 1, notice: 2 }
   all.sort((a, b) => order[a.severity] - order[b.severity])
   if (all.length === 0) return <div class="alarms" role="status" aria-label="Alarms">No alarms</div>

@@ -14,6 +14,7 @@ const NEAR_M = 0.7
 export function Authority() {
   const state = s.state.value
   const authority = state?.authority ?? null
+  const clearance = state?.guarding.clearance ?? null
   const applied = state?.applied ?? [0, 0]
   const nominal = state?.nominal ?? [0, 0]
   return (
@@ -38,7 +39,7 @@ export function Authority() {
         </table>
         <p class={`why ${abnormal(state) ? 'abnormal' : ''}`} role="status">{why(state)}</p>
         <p class="nearest">
-          clearance <b class={near(state?.clearance_m ?? null)}>{metres(state?.clearance_m)}</b>
+          clearance <b class={near(clearance)}>{metres(clearance)}</b>
         </p>
         {!s.isReplay.value && <Stick />}
       </div>
@@ -80,9 +81,10 @@ function drawDial(canvas: HTMLCanvasElement): void {
   ctx.translate(160, 160)
   const seen = points(s.scans.value)
   const bodies = s.discs.value.map((d): [number, number, number] => [d[0], d[1], d[4]])
-  const all = state === null || robot === null
+  const pose = state?.pose ?? null
+  const all = pose === null || robot === null
     ? new Array<number>(SECTORS).fill(Infinity)
-    : clearances(state.pose, robot.outline, seen, bodies)
+    : clearances(pose, robot.outline, seen, bodies)
   for (const [i, clearance] of all.entries()) {
     const middle = -Math.PI / 2 - (i * 2 * Math.PI) / SECTORS
     const half = Math.PI / SECTORS - 0.02
@@ -111,9 +113,10 @@ function drawDial(canvas: HTMLCanvasElement): void {
   ctx.strokeStyle = colour.ink
   ctx.stroke()
   // filled: the deflection that the robot uses
-  if (state !== null && (s.isReplay.value || s.youDrive.value)) {
+  const used = state?.stick ?? null
+  if (used !== null && (s.isReplay.value || s.youDrive.value)) {
     ctx.beginPath()
-    ctx.arc(-state.stick[1] * 80, -state.stick[0] * 80, 8, 0, 2 * Math.PI)
+    ctx.arc(-used[1] * 80, -used[0] * 80, 8, 0, 2 * Math.PI)
     ctx.fillStyle = colour.operator
     ctx.fill()
   }

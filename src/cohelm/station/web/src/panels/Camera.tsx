@@ -2,10 +2,9 @@
 import { useEffect, useRef } from 'preact/hooks'
 import * as colour from '../colours'
 import { toBody, type Point } from '../map/view'
-import type { Camera as Lens } from '../messages'
 import { send } from '../socket'
 import * as s from '../state'
-import { project } from './project'
+import { project, type Lens } from './project'
 import { ms } from './format'
 
 const OLD_MS = 500

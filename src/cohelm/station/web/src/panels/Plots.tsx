@@ -3,7 +3,7 @@ import { useEffect, useRef } from 'preact/hooks'
 import uPlot from 'uplot'
 import 'uplot/dist/uPlot.min.css'
 import * as colour from '../colours'
-import type { State } from '../messages'
+import type { Status } from '../messages'
 import * as s from '../state'
 
 const SPAN_S = 30
@@ -13,7 +13,7 @@ const HEIGHT = 84
 
 interface Curve {
   name: string
-  of: (state: State) => number | null
+  of: (state: Status) => number | null
   stroke: string
   dash?: number[]
 }
@@ -29,16 +29,16 @@ const CHARTS: Chart[] = [
   {
     title: 'v [m/s]',
     curves: [
-      { name: 'nominal', of: (x) => x.nominal[0], stroke: colour.faint, dash: [5, 4] },
-      { name: 'applied', of: (x) => x.applied[0], stroke: colour.ink },
+      { name: 'nominal', of: (x) => x.nominal?.[0] ?? null, stroke: colour.faint, dash: [5, 4] },
+      { name: 'applied', of: (x) => x.applied?.[0] ?? null, stroke: colour.ink },
     ],
     shown: [0, 0.5],
   },
   {
     title: 'ω [rad/s]',
     curves: [
-      { name: 'nominal', of: (x) => x.nominal[1], stroke: colour.faint, dash: [5, 4] },
-      { name: 'applied', of: (x) => x.applied[1], stroke: colour.ink },
+      { name: 'nominal', of: (x) => x.nominal?.[1] ?? null, stroke: colour.faint, dash: [5, 4] },
+      { name: 'applied', of: (x) => x.applied?.[1] ?? null, stroke: colour.ink },
     ],
     shown: [-0.5, 0.5],
   },
@@ -46,27 +46,27 @@ const CHARTS: Chart[] = [
   {
     title: '',
     curves: [
-      { name: 'clearance [m]', of: (x) => x.clearance_m, stroke: colour.ink },
-      { name: 'h [m²]', of: (x) => x.h_m2, stroke: colour.faint, dash: [5, 4] },
+      { name: 'clearance [m]', of: (x) => x.guarding.clearance, stroke: colour.ink },
+      { name: 'h [m²]', of: (x) => x.guarding.h, stroke: colour.faint, dash: [5, 4] },
     ],
     shown: [0, 1],
   },
   { title: 'authority e^(−V_h)', curves: [{ name: 'share', of: (x) => x.authority, stroke: colour.ink }], shown: [0, 1] },
 ]
 
-const kept: State[] = []
+const kept: Status[] = []
 s.state.subscribe((state) => {
   if (state === null) return
   // a replay that was moved back begins anew
-  if (kept.length > 0 && state.t_s < (kept.at(-1)?.t_s ?? 0)) kept.length = 0
+  if (kept.length > 0 && state.stamp < (kept.at(-1)?.stamp ?? 0)) kept.length = 0
   kept.push(state)
   if (kept.length > KEPT) kept.splice(0, kept.length - KEPT)
 })
 
 function data(chart: Chart): uPlot.AlignedData {
-  const now = kept.at(-1)?.t_s ?? 0
-  const rows = kept.filter((state) => state.t_s > now - SPAN_S)
-  return [rows.map((r) => r.t_s - now), ...chart.curves.map((c) => rows.map(c.of))]
+  const now = kept.at(-1)?.stamp ?? 0
+  const rows = kept.filter((state) => state.stamp > now - SPAN_S)
+  return [rows.map((r) => r.stamp - now), ...chart.curves.map((c) => rows.map(c.of))]
 }
 
 const MOST = 3

@@ -67,7 +67,7 @@ export function Record() {
               >
                 {file.name}
               </a>{' '}
-              {bytes(file.bytes)}
+              {bytes(file.size)}
               <DownloadStatus of={statuses.value[file.name]} />
             </li>
           ))}

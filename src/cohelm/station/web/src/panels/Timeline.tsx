@@ -8,7 +8,7 @@ const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16]
 export function Timeline() {
   const length = s.welcome.value?.replay_s
   const now = s.playing.value
-  if (length == null || now === null) return null
+  if (length == null || now === null || now.at === null || now.speed === null) return null
   const play = (part: Partial<{ playing: boolean; speed: number; seek_s: number }>) =>
     send({ type: 'play', playing: null, speed: null, seek_s: null, ...part })
   return (
@@ -16,8 +16,8 @@ export function Timeline() {
       <button type="button" aria-label={now.playing ? 'Pause' : 'Play'} onClick={() => play({ playing: !now.playing })}>
         {now.playing ? '❚❚' : '▶'}
       </button>
-      <span>{minutes(now.at_s)} / {minutes(length)}</span>
-      <input type="range" min="0" max={length} step="0.01" value={now.at_s} aria-label="Position in the record, seconds"
+      <span>{minutes(now.at)} / {minutes(length)}</span>
+      <input type="range" min="0" max={length} step="0.01" value={now.at} aria-label="Position in the record, seconds"
         onInput={(event) => play({ seek_s: event.currentTarget.valueAsNumber })} />
       <label>speed
         <select value={now.speed} onChange={(event) => play({ speed: Number(event.currentTarget.value) })}>

@@ -1,8 +1,8 @@
 // Formats numbers and modes for display.
-import type { State } from '../messages'
+import type { Status } from '../messages'
 
 /** Mode, its name, and what it means. */
-export const MODES: Array<[State['mode'], string, string]> = [
+export const MODES: Array<[Status['mode'], string, string]> = [
   ['hold', 'Hold', 'stand still'],
   ['shared', 'Shared', 'the controller follows the route; you take over as far as you deflect the stick'],
   ['automatic', 'Auto', 'the controller alone'],
@@ -11,6 +11,12 @@ export const MODES: Array<[State['mode'], string, string]> = [
 
 export function modeName(mode: string): string {
   return MODES.find(([name]) => name === mode)?.[1] ?? mode
+}
+
+/** Quality of localization; its standard deviation [m] only where the pose is estimated. */
+export function localization({ localised, sigma }: Pick<Status, 'localised' | 'sigma'>): string {
+  const estimated = localised === 'good' || localised === 'poor'
+  return sigma === null || !estimated ? localised : `${localised}, ± ${(sigma * 100).toFixed(0)} cm`
 }
 
 export function metres(value: number | null | undefined): string {

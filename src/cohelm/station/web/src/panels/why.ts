@@ -1,6 +1,6 @@
 // Why the applied command differs from the nominal one.
 
-import type { State } from '../messages'
+import type { Status } from '../messages'
 
 /** Nearer than this is close [m]. */
 export const CLOSE_M = 0.25
@@ -8,7 +8,7 @@ export const CLOSE_M = 0.25
 /** The gate's reason without a command. */
 const IDLE = 'idle'
 
-const GUARDED: Partial<Record<State['verdict'], string>> = {
+const GUARDED: Partial<Record<Status['guarding']['verdict'], string>> = {
   shaped: 'limited: obstacle near',
   braking: 'braking: obstacle near',
   standing: 'standing: no safe motion',
@@ -16,12 +16,13 @@ const GUARDED: Partial<Record<State['verdict'], string>> = {
 }
 
 /** Whether the applied command is visibly not the nominal one. */
-function other({ nominal, applied }: State): boolean {
+function other({ nominal, applied }: Status): boolean {
+  if (nominal === null || applied === null) return false
   return Math.abs(nominal[0] - applied[0]) > 0.02 || Math.abs(nominal[1] - applied[1]) > 0.05
 }
 
 /** Why the applied command is not the nominal one: by the gate, the guard, or the robot's limits. */
-export function why(state: State | null): string {
+export function why(state: Status | null): string {
   if (state === null) return '–'
   if (state.why === IDLE) return 'idle: choose a mode'
   if (state.why !== '') return state.why
@@ -30,13 +31,13 @@ export function why(state: State | null): string {
 }
 
 /** Why the guard changed the command; undefined where no obstacle is close: the robot's own limits did. */
-function guarded({ verdict, limiting, clearance_m }: State): string | undefined {
-  const close = limiting !== null || (clearance_m !== null && clearance_m < CLOSE_M)
+function guarded({ guarding: { verdict, limiting, clearance } }: Status): string | undefined {
+  const close = limiting !== null || (clearance !== null && clearance < CLOSE_M)
   return verdict === 'shaped' && !close ? undefined : GUARDED[verdict]
 }
 
 /** Whether the applied command differs, other than in hold. */
-export function abnormal(state: State | null): boolean {
+export function abnormal(state: Status | null): boolean {
   if (state === null || (state.mode === 'hold' && state.stopped === '')) return false
   return state.why !== '' || (other(state) && guarded(state) !== undefined)
 }
