@@ -1,8 +1,14 @@
 """Waiting on a machine that may be busy."""
 
+from __future__ import annotations
+
 import threading
 import time
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cohelm.drive.robot_process import RobotProcess
 
 
 def looks(within: float, every: float, counted: float) -> Iterator[None]:
@@ -30,7 +36,7 @@ class OwnTime:
 
     COUNTED = 0.05
 
-    def __enter__(self) -> "OwnTime":
+    def __enter__(self) -> OwnTime:
         self._open, self._now, self.stood = True, 0.0, 0.0
         """stood: the longest time that was not counted at a stretch [s]."""
         self._thread = threading.Thread(target=self._look, daemon=True)
@@ -53,3 +59,10 @@ class OwnTime:
             passed, last = now - last, now
             self._now += min(passed, self.COUNTED)
             self.stood = max(self.stood, passed - self.COUNTED)
+
+
+def started(robot: RobotProcess) -> bool:
+    """Whether a robot in a process of its own can be driven, once that has begun or ended."""
+    while not robot.over and not robot.ready.wait(0.05):
+        pass
+    return not robot.over

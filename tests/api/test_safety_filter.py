@@ -214,6 +214,15 @@ def test_calls_without_pose_twist_or_obstacles_are_refused_with_the_reason(given
         ({"deceleration_fraction": 0.0}, "rules.deceleration_fraction must be a share"),
         ({"steer_weight": math.nan}, "rules.steer_weight must be greater than 0"),
         ({"limits": Limits(1.0, math.nan, 1.0, 1.0, 1.0, 1.0, 0.5)}, "limits.acceleration must"),
+        (
+            {"limits": Limits(1.0, 1e6, 1.0, 1.0, 1.0, 1.0, 0.5)},
+            "acceleration must be at most",
+        ),
+        (
+            {"limits": Limits(1.0, 1.0, 31.0, 1.0, 1.0, 1.0, 0.5)},
+            "yaw_rate must be at most 30",
+        ),
+        ({"limits": Limits(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 50.0)}, "limits.track must be at most 20"),
         ({"limits": Limits(*[math.inf] * 6, 0.5)}, "how hard the robot brakes"),
         ({"limits": Limits(1.0, 1.0, 1.0, *[math.inf] * 3, 0.5)}, "how hard the robot brakes"),
     ],

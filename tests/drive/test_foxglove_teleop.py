@@ -29,7 +29,7 @@ from cohelm.record.period import STORE
 from cohelm.ros.messages import command
 from tests.cli.test_bad_input import refused
 from tests.drive.onlooker import Onlooker
-from tests.patience import looks
+from tests.patience import looks, started
 
 pytestmark = pytest.mark.xdist_group("realtime")
 TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
@@ -141,6 +141,7 @@ def robot(tmp_path_factory):
     door = TeleopConfig(of_robot, "127.0.0.1", 0, tmp_path_factory.mktemp("records"))
     options = DriveOptions("lab-guard", "lab-guard", "kinematic", True, None, [])
     with RobotProcess(options, door, patience=2.0, live=view) as made:
+        assert started(made), made.over
         made.view, made.anna = view, of_anna
         yield made
 

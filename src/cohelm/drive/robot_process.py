@@ -32,14 +32,10 @@ class RobotProcess:
 
     def __init__(
         self, options: DriveOptions, config: TeleopConfig, carry_on: bool = False,
-        patience: float = 0.0,
-        pictures: float = 5.0, wait: bool = True, live: LiveConfig | None = None,
+        patience: float = 0.0, pictures: float = 5.0, live: LiveConfig | None = None,
     ) -> None:  # fmt: skip
-        """patience, pictures, live: as in `SessionConfig`. wait: until the robot can be driven;
-        else see `ready`, and `over` where it can not be started.
-
-        Raises CohelmError where the robot can not be started.
-        """
+        """patience, pictures, live: as in `SessionConfig`. Returns at once: see `ready`, and `over`
+        where the robot can not be started."""
         self._line, theirs = multiprocessing.Pipe()
         self._process = start_process(
             "cohelm robot", _drive, theirs, options, config, carry_on, patience, pictures, live
@@ -54,8 +50,6 @@ class RobotProcess:
         self._on_ready: Callable[[], None] | None = None
         self._turn = threading.Lock()
         self._then: Callable[[], None] = lambda: None
-        if wait:
-            self._awaited()
         self._watch = threading.Thread(target=self._watching, name="robot's end", daemon=True)
         self._watch.start()
 
@@ -123,8 +117,7 @@ class RobotProcess:
 
     def _watching(self) -> None:
         try:
-            if not self.port:
-                self._awaited()
+            self._awaited()
             with self._turn:
                 self.ready.set()
                 on_ready = self._on_ready

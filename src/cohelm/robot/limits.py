@@ -35,6 +35,10 @@ class Limits(NamedTuple):
     """Distance between the wheels [m]; only the limits of the wheels need it."""
 
 
+LARGEST = dict.fromkeys(Limits._fields, 100.0) | {"yaw_rate": 30.0, "track": 20.0}
+"""Of each limit that is finite, as in a robot's YAML file."""
+
+
 def checked_limits(limits: Limits) -> Limits:
     """The same limits, as floats. Raises CohelmError where one is impossible."""
     try:
@@ -52,6 +56,11 @@ def checked_limits(limits: Limits) -> Limits:
         if not value > 0.0:
             raise CohelmError(
                 f"limits.{name} must be greater than 0, got {value:g}: give inf where there is none"
+            )
+        if LARGEST[name] < value < math.inf:
+            raise CohelmError(
+                f"limits.{name} must be at most {LARGEST[name]:g}, got {value:g}: give inf where "
+                "there is none"
             )
     return made
 

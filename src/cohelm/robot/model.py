@@ -15,11 +15,11 @@ from cohelm.core.schema import Schema
 from cohelm.core.types import Floats
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.footprint import convex_outline
-from cohelm.robot.limits import Limits, checked_limits, unlimited
+from cohelm.robot.limits import LARGEST, Limits, checked_limits, unlimited
 from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel, of_sensor
 
 Positive = Annotated[float, Field(gt=0.0)]
-UpTo100 = Annotated[float, Field(gt=0.0, le=100.0)]
+UpTo100 = Annotated[float, Field(gt=0.0, le=LARGEST["speed"])]
 """More is millimetres, or degrees a second squared: a filter would count on such brakes."""
 Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
 
@@ -35,7 +35,7 @@ class LimitsModel(Schema):
     """Largest forward or backward speed."""
     acceleration_mps2: UpTo100 | None = None
     """Largest change of speed."""
-    yaw_rate_radps: Annotated[float, Field(gt=0.0, le=30.0)] | None = None
+    yaw_rate_radps: Annotated[float, Field(gt=0.0, le=LARGEST["yaw_rate"])] | None = None
     """Largest yaw rate."""
     yaw_acceleration_radps2: UpTo100 | None = None
     """Largest change of yaw rate."""
@@ -59,7 +59,7 @@ class RobotModel(Schema):
     footprint_m: Annotated[list[Corner], Field(min_length=3)]
     """Corners [x, y] of the convex outline in their order, x forward and y left; kept
     counter-clockwise."""
-    track_m: Annotated[float, Field(gt=0.0, le=20.0)]
+    track_m: Annotated[float, Field(gt=0.0, le=LARGEST["track"])]
     """Distance between the two driven wheels."""
     wheel_radius_m: Annotated[float, Field(gt=0.0, le=5.0)]
     """Radius of the driven wheels."""

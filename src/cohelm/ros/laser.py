@@ -30,7 +30,15 @@ class Layout(NamedTuple):
 
 def layout(scan: Any, topic: str) -> Layout:
     """Of a `sensor_msgs/msg/LaserScan`. CohelmError for numbers that are none of a scan."""
-    n, step, first = len(scan.ranges), float(scan.angle_increment), float(scan.angle_min)
+    return _checked(_layout(scan), topic)
+
+
+def _layout(scan: Any) -> Layout:
+    return Layout(float(scan.angle_min), float(scan.angle_increment), len(scan.ranges))
+
+
+def _checked(made: Layout, topic: str) -> Layout:
+    first, step, n = made
     if (
         not (math.isfinite(step) and math.isfinite(first))
         or step == 0.0
@@ -45,7 +53,7 @@ def layout(scan: Any, topic: str) -> Layout:
             f"{topic} covers {math.degrees(abs(step) * (n - 1)):.0f} deg, more than all round: its "
             "angle_increment or its number of ranges is wrong, fix the driver"
         )
-    return Layout(first, step, n)
+    return made
 
 
 def lidar_model(
@@ -119,9 +127,10 @@ class Ranges:
         """(beams,) [m]: NaN where nothing was measured, which drivers also report as 0; -inf too
         near, inf nothing there. Several on one beam: the nearest. CohelmError for an invalid
         scan."""
-        found = layout(scan, "the scan")
+        found = _layout(scan)
         if found != self._layout:
-            self._layout, self._beams = found, self._beams_of(found)
+            self._beams = self._beams_of(_checked(found, "the scan"))
+            self._layout = found
         with np.errstate(invalid="ignore"):  # bytes may be any kind of NaN
             ranges: Floats = np.array(scan.ranges, dtype=np.float64)
         ranges[ranges == 0.0] = math.nan

@@ -41,6 +41,7 @@ def setup(scenario: Scenario) -> Setup:
     alone = standing_alone(scenario, Path())
     robot = alone.described()
     reference = alone.reference.spline()
+    start = alone.first_pose(reference)
     recorded_stick, alone = _recorded_stick(alone)
     operator = alone.stick.person() if isinstance(alone.stick, StickOperator) else OperatorModel()
     limits = robot.bounds(enforced=alone.simulation.wheel_limits)
@@ -48,7 +49,7 @@ def setup(scenario: Scenario) -> Setup:
     scenery = alone.scenery()
     bodies = alone.bodies(scenery)
     made = Setup(
-        start=alone.first_pose(), reference=reference, outline=robot.outline, limits=limits,
+        start=start, reference=reference, outline=robot.outline, limits=limits,
         gains=gains, spline_speed=alone.reference.feed_forward == "spline",
         obstacles=alone.build_world(scenery),
         names=(*(obstacle.name for obstacle in alone.obstacles), *scenery.names),
@@ -57,7 +58,7 @@ def setup(scenario: Scenario) -> Setup:
         delay=alone.simulation.delay_s, seed=alone.simulation.seed, grid=scenery.grid,
         barred=alone.walls(Read()) if scenery.grid is not NO_GRID else None,
         near=alone.reference.arrive_m or REACHED,
-        pilot=_piloted(alone, robot, limits, bodies), twin=_twinned(alone, robot),
+        pilot=_piloted(alone, robot, limits, bodies, start), twin=_twinned(alone, robot),
         scenario=dump(alone),
     )  # fmt: skip
     _check_length(made, alone)
@@ -112,7 +113,7 @@ def _settings(alone: Scenario, robot: RobotModel, limits: Limits) -> Settings:
 
 
 def _piloted(
-    alone: Scenario, robot: RobotModel, limits: Limits, bodies: list[Body]
+    alone: Scenario, robot: RobotModel, limits: Limits, bodies: list[Body], start: Pose
 ) -> Piloted | None:
     """What a run with the guard needs beyond the rest; None for the paper's law."""
     law = alone.law
@@ -139,7 +140,7 @@ def _piloted(
         path_params=law.path_params(),
         replan_params=law.replan_params(),
         period=law.plan.period_s,
-        zones=None if alone.zones is None else alone.zones.read(alone.first_pose()),
+        zones=None if alone.zones is None else alone.zones.read(start),
     )
 
 

@@ -250,11 +250,12 @@ class Scenario(Schema):
             raise TypeError("the robot is still a name")
         return self.robot
 
-    def first_pose(self) -> Pose:
-        """Where the robot starts: `start`, or on the first pose of the reference."""
+    def first_pose(self, reference: Reference | None = None) -> Pose:
+        """Where the robot starts: `start`, or on the first pose of the reference. reference: its
+        spline, where that is made already."""
         if self.start is not None:
             return Pose(self.start.x_m, self.start.y_m, self.start.heading_rad)
-        first = desired(self.reference.spline(), 0.0, False)
+        first = desired(reference or self.reference.spline(), 0.0, False)
         return Pose(first.x, first.y, first.psi)
 
     def scenery(self) -> Read:

@@ -115,7 +115,7 @@ class Kinematic(ClockedRobot):
         self._motion = KinematicState(start, Twist(0.0, 0.0), 0.0, 0.0, 0.0, NOWHERE, NOWHERE)
         self._odometer = Odometer(model.odometry, seed)
         self._odometry = self._odometer.start(0.0)
-        self._next_odometry = ticks(model.odometry.rate_hz, 1, step)
+        self._next_odometry = reading_tick(model.odometry.rate_hz, 1, step)
         self._scanners = [
             KinematicScanner(lidar, lidar.lidar(), noise_seed(seed, i))
             for i, lidar in enumerate(model.lidars)
@@ -206,7 +206,7 @@ class Kinematic(ClockedRobot):
         dt = (tick - round(self._odometry.stamp / self._step)) * self._step
         self._odometry = self._odometer.reading(tick * self._step, dt, m.left, m.right, m.yaw)
         self._motion = m._replace(left=0.0, right=0.0, yaw=0.0)
-        self._next_odometry = after(tick, rate, self._step)
+        self._next_odometry = next_reading_tick(tick, rate, self._step)
 
     def _look(self, tick: int, scanner: KinematicScanner) -> None:
         lidar, number = scanner.lidar, scanner.number
@@ -221,18 +221,19 @@ class Kinematic(ClockedRobot):
         ranges.flags.writeable = False
         scanner.newest = Scan(tick * self._step, number, ranges, 0.0, scanner.model.name)
         scanner.number += 1
-        scanner.next = after(tick, scanner.model.rate_hz, self._step)
+        scanner.next = next_reading_tick(tick, scanner.model.rate_hz, self._step)
 
 
-def ticks(rate: float, number: int, step: float) -> int:
-    """The tick of reading `number` of a sensor that gives `rate` a second, number 0 at 0."""
+def reading_tick(rate: float, number: int, step: float) -> int:
+    """The tick of reading `number` of a sensor of this rate [Hz], number 0 at tick 0. step: of the
+    simulated time [s]."""
     return math.ceil(number / (rate * step) - 1e-6)
 
 
-def after(tick: int, rate: float, step: float) -> int:
-    """The first reading's tick after this one."""
+def next_reading_tick(tick: int, rate: float, step: float) -> int:
+    """The tick of the first reading after this one."""
     number = math.floor(tick * step * rate + 1e-6) + 1
-    return max(ticks(rate, number, step), tick + 1)
+    return max(reading_tick(rate, number, step), tick + 1)
 
 
 @jit

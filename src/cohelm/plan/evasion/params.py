@@ -105,7 +105,7 @@ def escapes(outline: Floats, limits: Limits, e: EvasionParams) -> bool:
     [m].
     """
     (speed, _), (push, _) = speeds(limits), ramps(limits)
-    leaving = _time_from_rest(float(np.hypot(*outline.T).max()) + _WIDE, speed, push)
+    leaving = _time_from_rest(_out_of_way(outline), speed, push)
     return 0.5 * e.sets_off_acceleration * leaving * leaving < speed * e.horizon
 
 
@@ -116,11 +116,15 @@ def horizon(outline: Floats, limits: Limits, e: EvasionParams) -> float:
     clearance. A horizon that ends before shows every motion of a slow robot as a contact, of which
     it can only choose the latest. outline: (k, 2) [m].
     """
-    reach = float(np.hypot(*outline.T).max())
     (speed, yaw_rate), (push, spin) = speeds(limits), ramps(limits)
     turning = _time_from_rest(0.5 * math.pi, min(e.yaw_rate, yaw_rate), spin)
-    leaving = _time_from_rest(reach + _WIDE + e.clearance, min(e.speed, speed), push)
+    leaving = _time_from_rest(_out_of_way(outline) + e.clearance, min(e.speed, speed), push)
     return min(max(turning + leaving, _SHORTEST), _LONGEST)
+
+
+def _out_of_way(outline: Floats) -> float:
+    """How far a robot goes to leave the way of a wide mover [m]."""
+    return float(np.hypot(*outline.T).max()) + _WIDE
 
 
 def _time_from_rest(distance: float, speed: float, acceleration: float) -> float:

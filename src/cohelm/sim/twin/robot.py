@@ -19,7 +19,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Health, Readings, Scan, untouched
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID, Grid, borders
-from cohelm.sim.kinematic import after, ticks
+from cohelm.sim.kinematic import next_reading_tick, reading_tick
 from cohelm.sim.lidar import measure, noise_seed
 from cohelm.sim.odometer import Odometer
 from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
@@ -159,7 +159,7 @@ class Twin(ClockedRobot):
         self._orders: deque[tuple[int, float, float]] = deque()
         self._odometer = Odometer(model.odometry, seed)
         self._odometry = self._odometer.start(0.0)
-        self._next_odometry = ticks(model.odometry.rate_hz, 1, step)
+        self._next_odometry = reading_tick(model.odometry.rate_hz, 1, step)
         self._scanners = [
             TwinScanner(lidar, noise_seed(seed, i), self._steps(lidar.sweep_s))
             for i, lidar in enumerate(model.lidars)
@@ -311,14 +311,14 @@ class Twin(ClockedRobot):
                 step * self._step, dt, float(s["left"]), float(s["right"]), float(s["yaw"])
             )
             s["left"] = s["right"] = s["yaw"] = 0.0
-            self._next_odometry = after(step, rate, self._step)
+            self._next_odometry = next_reading_tick(step, rate, self._step)
         for scanner in self._scanners:
             if step >= scanner.next:
                 self._scan(step, scanner)
         if self._eye is not None and self._model.camera is not None and step >= self._next_frame:
             self._eye.offer(self._shot())
             self._frames += 1
-            self._next_frame = after(step, self._model.camera.rate_hz, self._step)
+            self._next_frame = next_reading_tick(step, self._model.camera.rate_hz, self._step)
 
     def _scan(self, step: int, scanner: TwinScanner) -> None:
         """The scan whose last beam is measured at this step."""
@@ -337,7 +337,7 @@ class Twin(ClockedRobot):
         made = Scan(stamp, number, ranges, length, model.name)
         scanner.coming.append((step + self._steps(model.latency_s), made))
         scanner.number += 1
-        scanner.next = scanner.sweep + after(began, model.rate_hz, self._step)
+        scanner.next = scanner.sweep + next_reading_tick(began, model.rate_hz, self._step)
 
     def _shot(self) -> Shot:
         return Shot(

@@ -28,7 +28,7 @@ from cohelm.ros.mismatch import IMAGE
 from cohelm.ros.types import packed, unpacked
 from cohelm.sim.adversarial import BANG, SPIN, Attack, deflection
 from cohelm.sim.heights import Heights, fallen, picture
-from cohelm.sim.kinematic import after
+from cohelm.sim.kinematic import next_reading_tick
 from cohelm.sim.twin.drive import stepped
 from cohelm.sim.twin.robot import Twin, TwinScanner
 from cohelm.study.campaign.episode import Episode, Load
@@ -85,7 +85,7 @@ class UnevenTwin(Twin):
         scan = Scan(stamp, scanner.number, ranges, 0.0, model.name, made.edges)
         scanner.coming.append((step + self._steps(model.latency_s), scan))
         scanner.number += 1
-        scanner.next = after(step, model.rate_hz, self._step)
+        scanner.next = next_reading_tick(step, model.rate_hz, self._step)
 
     def _image(self, pose: Pose, stamp: float) -> bytes:
         """The bytes of the message."""
