@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import cohelm
-from cohelm.law.blend import authority, blend
-from cohelm.law.human import human, intent, limited
+from cohelm.law.human import authority, blend, human, intent, limited
 from cohelm.law.track import track
 from cohelm.scenario import build
 from cohelm.study.controlled import driven

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.types import Stick
-from cohelm.link import client, lease, operator_input, pending, robot_end, station_end, wire
+from cohelm.link import client, lease, operator, pending, robot_end, station_end, wire
 from cohelm.link.messages import Command, Device, Request, RequestKind
 from cohelm.link.sticks.feel import CueRules
 from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN
@@ -54,7 +54,7 @@ def test_every_request_is_on_the_page(ask):
 
 def test_the_numbers_are_those_of_the_code():
     for said, value in {
-        "an age of | 250 ms": operator_input.STALE,
+        "an age of | 250 ms": operator.STALE,
         "commands for | 300 ms": ArmingParams().silence,
         "`steer` for 100 ms": station_end.FRESH,
         "longer ago than | 1 s": robot_end.REQUEST_LIFE,

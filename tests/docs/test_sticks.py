@@ -8,9 +8,8 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.law.blend import authority
 from cohelm.law.gains import Gains
-from cohelm.law.human import intent
+from cohelm.law.human import authority, intent
 from cohelm.link.stick import read
 from cohelm.link.sticks.brunner_stick import OPTIONS, parameters
 

@@ -18,7 +18,7 @@ from cohelm.core.types import Stick
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
-from cohelm.loop.operator import Scripted
+from cohelm.link.operator import Scripted
 from cohelm.robot.gate.modes import latched
 from tests.drive.faults import CORRIDOR
 from tests.drive.lies import LIES, lying

@@ -6,7 +6,7 @@ from cohelm.core.types import Stick
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
-from cohelm.loop.operator import Scripted
+from cohelm.link.operator import Scripted
 from tests.drive.faults import CORRIDOR
 
 

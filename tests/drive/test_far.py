@@ -16,7 +16,7 @@ import pytest
 from cohelm.core.types import Stick
 from cohelm.link import keys
 from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
-from cohelm.link.operator_input import STALE
+from cohelm.link.operator import STALE
 from cohelm.link.station_end import StationEnd
 from cohelm.loop.dropout import BACK_WITHIN
 from cohelm.loop.stick_arming import ArmingParams

@@ -16,8 +16,8 @@ from cohelm.drive.shown import map_message, reference_lines
 from cohelm.drive.simulated import simulated
 from cohelm.link.bulk_messages import LineKind, Map, Picture, Polyline
 from cohelm.link.messages import Discs, Mode, RequestKind, Severity, Status
+from cohelm.link.operator import Scripted
 from cohelm.link.scans import WholeScan
-from cohelm.loop.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.record.file import About, RecordWriter
 from cohelm.robot.port import Encoded

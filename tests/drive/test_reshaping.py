@@ -14,7 +14,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.bulk_messages import Hello
 from cohelm.link.messages import Mode, RequestKind
-from cohelm.loop.operator import Scripted
+from cohelm.link.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot

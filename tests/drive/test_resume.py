@@ -9,8 +9,8 @@ import pytest
 from cohelm.core.types import Stick
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Mode, RequestKind
+from cohelm.link.operator import Scripted
 from cohelm.loop.loop import LoopParams
-from cohelm.loop.operator import Scripted
 from cohelm.robot.gate.modes import GateMode
 from tests.drive.faults import failing
 from tests.drive.resuming import Drive

@@ -7,7 +7,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import simulated
 from cohelm.link.bulk_messages import HealthReport, LineKind, Polyline
 from cohelm.link.messages import Mode, RequestKind
-from cohelm.loop.operator import Scripted
+from cohelm.link.operator import Scripted
 from tests.drive.faults import CORRIDOR
 from tests.drive.resuming import Drive
 from tests.drive.simulated_link import CENTRED

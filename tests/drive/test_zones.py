@@ -18,7 +18,7 @@ from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.simulated import simulated
 from cohelm.link.bulk_messages import Zone, ZoneMap
 from cohelm.link.messages import Mode
-from cohelm.loop.operator import Scripted
+from cohelm.link.operator import Scripted
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.plan.path_planner import Goal
 from cohelm.plan.zones import CELL, covering

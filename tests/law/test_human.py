@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from cohelm.core.types import Desired, Pose, Stick, Twist, discs
-from cohelm.law.blend import Authority, authority, blend
 from cohelm.law.gains import Gains
-from cohelm.law.human import human, intent, limited, supplied_energy
+from cohelm.law.human import Authority, authority, blend, human, intent, limited, supplied_energy
 from cohelm.law.step import step
 from tests.law import states
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Mode, Request, RequestKind
-from cohelm.link.operator_input import OperatorInput
+from cohelm.link.operator import OperatorInput
 from cohelm.loop.latency_limit import driver_lost
 from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 

@@ -9,7 +9,7 @@ import pytest
 
 from cohelm.core.types import Stick
 from cohelm.link.messages import Command, Device, RequestKind
-from cohelm.link.operator_input import STALE
+from cohelm.link.operator import STALE
 from cohelm.link.station_end import StationEnd
 from tests.link.ends import until
 from tests.link.floods import HERE, KINDS, PERIOD, Robot, Seen, flood, robot

@@ -18,7 +18,7 @@ from cohelm.core.types import Stick
 from cohelm.link.bulk_messages import Piece
 from cohelm.link.keys import pair_here
 from cohelm.link.messages import Command, Device, Mode, RequestKind
-from cohelm.link.operator_input import STALE
+from cohelm.link.operator import STALE
 from cohelm.link.robot_bulk import RobotBulk
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.station_bulk import StationBulk

@@ -3,7 +3,7 @@
 from hypothesis import given, strategies as st
 
 from cohelm.link.messages import Request, RequestKind
-from cohelm.link.operator_input import ClientRequest
+from cohelm.link.operator import ClientRequest
 from cohelm.link.pending import MOST_WAITING, MOVES, Pending
 
 whats = st.sampled_from(

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings, strategies as st
 
 from cohelm.core.types import Stick
 from cohelm.link.messages import Command, Device
-from cohelm.link.operator_input import OperatorInput
+from cohelm.link.operator import OperatorInput
 from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN, Dropout, DropoutAction, stepped
 from cohelm.loop.latency_limit import driver_lost
 from cohelm.loop.stick_arming import ArmingParams, StickState, updated

@@ -7,7 +7,7 @@ import pytest
 from cohelm.core.types import Pose, Stick
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.link.messages import Arming, Command, Device
-from cohelm.link.operator_input import OperatorInput
+from cohelm.link.operator import OperatorInput
 from cohelm.loop.driver import Driver
 from cohelm.loop.latency_limit import (
     MAX_LOST_SPEED,

@@ -12,9 +12,9 @@ import pytest
 from cohelm.core.types import Pose
 from cohelm.law.reference import through
 from cohelm.link.messages import Mode
+from cohelm.link.operator import NullOperator
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, LoopParams
-from cohelm.loop.operator import NullOperator
 from cohelm.loop.planning import InProcessPlanner
 from cohelm.perceive.pipeline import Perception
 from cohelm.pilot.pilot import Pilot

@@ -6,8 +6,7 @@ import pytest
 
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Command, Device
-from cohelm.link.operator_input import OperatorInput
-from cohelm.loop.operator import NO_INPUT
+from cohelm.link.operator import NO_INPUT, OperatorInput
 from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 
 M = ArmingParams()

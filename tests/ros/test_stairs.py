@@ -12,7 +12,7 @@ from cohelm.core.types import Stick
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
-from cohelm.loop.operator import Scripted
+from cohelm.link.operator import Scripted
 from cohelm.robot.gate.modes import latched
 from cohelm.robot.sensors import FloorModel
 from cohelm.ros.depth import DepthRanges, Intrinsics, described

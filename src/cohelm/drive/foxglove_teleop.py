@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from cohelm.core.types import CENTRED, Stick, Twist
 from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
-from cohelm.link.operator_input import STALE
+from cohelm.link.operator import STALE
 
 if TYPE_CHECKING:
     from cohelm.law.gains import Gains

@@ -15,7 +15,7 @@ from cohelm.core.types import Stick
 from cohelm.drive.factory import OwnRobot, RobotFactory, own_robot
 from cohelm.drive.simulated import Kind, mapped, simulated
 from cohelm.link.messages import Mode
-from cohelm.loop.operator import NullOperator, Scripted
+from cohelm.link.operator import NullOperator, Scripted
 from cohelm.plan.zones import Zones
 from cohelm.robot.model import SHIPPED
 from cohelm.scenario import build, load

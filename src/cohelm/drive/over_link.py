@@ -19,7 +19,7 @@ from cohelm.robot.model import RobotModel
 
 
 class OverLink:
-    """A `loop.operator.Operator`. Its calls return at once."""
+    """A `link.operator.Operator`. Its calls return at once."""
 
     def __init__(
         self, end: RobotEnd, bulk: RobotBulk, model: RobotModel, records: Path, camera: bool

@@ -20,10 +20,10 @@ from cohelm.drive.shown import map_message, reference_lines, zone_messages
 from cohelm.law.reference import Reference
 from cohelm.link.bulk_messages import ZoneMap
 from cohelm.link.messages import Mode
+from cohelm.link.operator import NullOperator, Operator
 from cohelm.loop.docking import Ended
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, LoopParams
-from cohelm.loop.operator import NullOperator, Operator
 from cohelm.loop.planning import InProcessPlanner, RemotePlanner
 from cohelm.loop.timing import Timing
 from cohelm.perceive.localize.localization_map import LocalizationMap

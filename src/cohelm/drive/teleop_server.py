@@ -13,7 +13,7 @@ from cohelm.drive.operator_requests import OperatorRequests
 from cohelm.drive.over_link import OverLink
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.keys import Keys, with_local_station
-from cohelm.link.operator_input import STALE
+from cohelm.link.operator import STALE
 from cohelm.link.robot_bulk import both_ends
 from cohelm.loop.driver import by_hand
 from cohelm.loop.loop import Loop

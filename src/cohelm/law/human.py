@@ -1,7 +1,8 @@
-"""The operator's stick: command, intent and passivity (35)-(46)."""
+"""The operator's stick: command, intent, passivity, authority, and the blend (34)-(48)."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from cohelm.core.jit import jit_inline
@@ -67,3 +68,53 @@ def supplied_energy(energy: float, before: Stick, now: Stick, gains: Gains) -> f
 def finite(stick: Stick) -> bool:
     """Whether both deflections are finite; NaN is not a centred stick."""
     return is_finite(stick.x) and is_finite(stick.psi)
+
+
+class Authority(NamedTuple):
+    """Diagonal of K_c, the automatic controller's share of surge and of yaw, in [0, 1]."""
+
+    x: float
+    psi: float
+
+
+@jit_inline
+def authority(intent: Intent, gains: Gains) -> Authority:
+    """K_c = exp(-(V_hx + V_hpsi)) on both axes (48), or exp(-V_hx), exp(-V_hpsi) (44)."""
+    if intent.x == 0.0 and intent.psi == 0.0:
+        return Authority(1.0, 1.0)  # most of the time, and spares the exponential
+    if gains.joint:
+        share = math.exp(-(intent.x + intent.psi))
+        return Authority(share, share)
+    return Authority(math.exp(-intent.x), math.exp(-intent.psi))
+
+
+@jit_inline
+def blend(automatic: Twist, human: Twist, share: Authority) -> Twist:
+    """tau = K_h tau_h + K_c tau_c with K_h = 1 - K_c (34)(47)."""
+    return Twist(
+        (1.0 - share.x) * human.v + share.x * automatic.v,
+        (1.0 - share.psi) * human.omega + share.psi * automatic.omega,
+    )
+
+
+class OperatorCommand(NamedTuple):
+    """The operator's part of a control step."""
+
+    twist: Twist
+    """tau_h (38)."""
+    intent: Intent
+    """V_h (41)(42)."""
+    authority: Authority
+    """K_c, the share of the automatic controller."""
+    valid: bool
+    """Whether the deflection is finite; NaN is not a centred stick."""
+
+
+@jit_inline
+def operator_command(stick: Stick, gains: Gains) -> OperatorCommand:
+    """The operator's part, from the unlimited stick."""
+    stick_limited = limited(stick, gains)
+    energy = intent(stick_limited, gains)
+    return OperatorCommand(
+        human(stick_limited, gains), energy, authority(energy, gains), finite(stick)
+    )

@@ -9,9 +9,8 @@ from cohelm.core.jit import jit, jit_inline
 from cohelm.core.scalars import is_finite
 from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
 from cohelm.law.barrier import Avoidance, barrier
-from cohelm.law.blend import Authority, authority, blend
 from cohelm.law.gains import Gains
-from cohelm.law.human import Intent, finite, human, intent, limited
+from cohelm.law.human import OperatorCommand, blend, operator_command
 from cohelm.law.track import track
 from cohelm.law.verdict import INVALID, UNTOUCHED
 
@@ -50,29 +49,6 @@ class Step(NamedTuple):
     """UNTOUCHED, SHAPED, POWERLESS or INVALID, see `law.verdict`."""
     limiting: int
     """Row of the limiting obstacle; -1 for none (or the heading term, E6)."""
-
-
-class OperatorCommand(NamedTuple):
-    """The operator's part of a control step."""
-
-    twist: Twist
-    """tau_h (38)."""
-    intent: Intent
-    """V_h (41)(42)."""
-    authority: Authority
-    """K_c, the share of the automatic controller."""
-    valid: bool
-    """Whether the deflection is finite; NaN is not a centred stick."""
-
-
-@jit_inline
-def operator_command(stick: Stick, gains: Gains) -> OperatorCommand:
-    """The operator's part, from the unlimited stick."""
-    stick_limited = limited(stick, gains)
-    energy = intent(stick_limited, gains)
-    return OperatorCommand(
-        human(stick_limited, gains), energy, authority(energy, gains), finite(stick)
-    )
 
 
 @jit_inline

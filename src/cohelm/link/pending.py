@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable
 
 from cohelm.link.messages import RequestKind
-from cohelm.link.operator_input import ClientRequest
+from cohelm.link.operator import ClientRequest
 
 MOST_WAITING = 16
 """Requests of one client that may wait for the loop; twice what one command carries."""

@@ -39,7 +39,7 @@ from cohelm.link.dtls import HandshakeRefused, stream_context
 from cohelm.link.io_thread import IoThread
 from cohelm.link.keys import Keys
 from cohelm.link.messages import Answer
-from cohelm.link.operator_input import STALE
+from cohelm.link.operator import STALE
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.robot_records import Digests, RecordTransfer, listed, opened
 from cohelm.link.stream import Stream

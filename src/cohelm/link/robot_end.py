@@ -34,7 +34,7 @@ from cohelm.link.messages import (
     ScanPart,
     Status,
 )
-from cohelm.link.operator_input import STALE, ClientRequest, OperatorInput
+from cohelm.link.operator import STALE, ClientRequest, OperatorInput
 from cohelm.link.pending import Pending
 from cohelm.link.rate import Coalesced
 from cohelm.link.wire import Header, encode, from_operator, may_stop

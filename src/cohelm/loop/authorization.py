@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cohelm.link.operator_input import ClientRequest
+from cohelm.link.operator import ClientRequest
 
 REMEMBERED = 10.0
 """Older requests are never executed [s]."""

@@ -12,7 +12,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from cohelm.link.messages import Arming, Device
-from cohelm.link.operator_input import OperatorInput
+from cohelm.link.operator import OperatorInput
 from cohelm.loop.stick_arming import StickState
 
 BACK_WITHIN = 1.0

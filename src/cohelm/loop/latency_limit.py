@@ -6,7 +6,7 @@ import math
 
 from cohelm.link.latency_speed_limit import Cap, speed_cap
 from cohelm.link.messages import Arming
-from cohelm.link.operator_input import OperatorInput
+from cohelm.link.operator import OperatorInput
 from cohelm.loop.stick_arming import StickState
 from cohelm.pilot.step import Settings
 

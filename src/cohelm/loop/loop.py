@@ -12,12 +12,12 @@ from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import Verdict
 from cohelm.link.latency_speed_limit import UNCAPPED_DELAY
 from cohelm.link.messages import Mode, Severity
+from cohelm.link.operator import Operator
 from cohelm.loop.alarms import ActiveAlarms
 from cohelm.loop.docking import Docking
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
 from cohelm.loop.latency_limit import NO_CAP, latency_cap, lost_cap
-from cohelm.loop.operator import Operator
 from cohelm.loop.reporter import Reporter
 from cohelm.loop.sensor_watchdog import SensorWatchdog, timeouts
 from cohelm.loop.stick_arming import ArmingParams

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from cohelm.core.types import Twist
 from cohelm.link.messages import Discs
+from cohelm.link.operator import Operator
 from cohelm.link.recorded_status import StatusWords
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
-from cohelm.loop.operator import Operator
 from cohelm.loop.status import (
     PeriodReport,
     hidden_reason,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Command, is_centred
-from cohelm.link.operator_input import OperatorInput
+from cohelm.link.operator import OperatorInput
 
 
 class ArmingParams(NamedTuple):

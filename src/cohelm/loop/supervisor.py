@@ -6,7 +6,7 @@ import math
 
 from cohelm.link.latency_speed_limit import Cap
 from cohelm.link.messages import Arming, Mode, Request, RequestKind, Severity
-from cohelm.link.operator_input import ClientRequest, OperatorInput, stops_first
+from cohelm.link.operator import ClientRequest, Operator, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
 from cohelm.link.recorded_status import StatusWords
 from cohelm.loop.alarms import ActiveAlarms
@@ -16,7 +16,6 @@ from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
 from cohelm.loop.dropout import WAITING, Dropout, DropoutAction, stepped
 from cohelm.loop.latency_limit import allowed_share, driver_lost, steering_delay
-from cohelm.loop.operator import Operator
 from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 from cohelm.perceive.pipeline import Seen
 from cohelm.robot.gate.modes import GateMode, driving, latched

@@ -8,13 +8,13 @@ from typing import NamedTuple
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
 from cohelm.law.barrier import Avoidance
-from cohelm.law.blend import blend
 from cohelm.law.gains import Gains
 from cohelm.law.govern import CourseClock, PaceParams, govern, governed
 from cohelm.law.guard.step import Rules, guard
 from cohelm.law.guard.surroundings import Surroundings
+from cohelm.law.human import blend, operator_command
 from cohelm.law.reference import desired
-from cohelm.law.step import control_step, operator_command, total_command
+from cohelm.law.step import control_step, total_command
 from cohelm.law.track import track
 from cohelm.pilot.behavior import ESCAPING, EVADING, FOLLOWING, LED
 from cohelm.pilot.delay_compensation import predict_obstacles, predict_robot

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Command, Device
-from cohelm.link.operator_input import STALE, OperatorInput
-from cohelm.loop.operator import NullOperator
+from cohelm.link.operator import STALE, NullOperator, OperatorInput
 from cohelm.ros import mismatch
 from cohelm.ros.port import SENSOR, Received, Transport
 

@@ -18,9 +18,9 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.core.types import CENTRED, Floats, Stick
 from cohelm.link.messages import Arming, Mode
+from cohelm.link.operator import Scripted
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop, LoopParams
-from cohelm.loop.operator import Scripted
 from cohelm.loop.planning import InProcessPlanner
 from cohelm.perceive.pipeline import Perception
 from cohelm.robot.gate.gate import Passed, Proposal
