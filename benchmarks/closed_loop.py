@@ -29,8 +29,8 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.places import errors, kept, laid, published  # noqa: E402
 from cohelm.core.frames import placed  # noqa: E402
 from cohelm.core.types import Floats  # noqa: E402
+from cohelm.drive.factory import Simulated  # noqa: E402
 from cohelm.drive.session import Session, SessionConfig  # noqa: E402
-from cohelm.drive.simulated import Simulated  # noqa: E402
 from cohelm.link.messages import Mode  # noqa: E402
 from cohelm.perceive.localize.localization_map import LocalizationMap  # noqa: E402
 from cohelm.plan.distance_field import swept_clearances  # noqa: E402
@@ -40,7 +40,7 @@ from cohelm.robot.gate.modes import GateMode  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.scenario.model import Scenario  # noqa: E402
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, OccupancyMap, write_map  # noqa: E402
-from cohelm.study.campaign.plant import sensing  # noqa: E402
+from cohelm.study.campaign.suites import sensing  # noqa: E402
 from tests.perceive.buildings import Artefacts, boxes, building, tour  # noqa: E402
 from tests.perceive.drives import along  # noqa: E402
 

@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.scalars import wrap
+from cohelm.drive.factory import Kind, simulated
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import Kind, simulated
 from cohelm.law.verdict import UNTOUCHED
 from cohelm.link.messages import Mode
 from cohelm.pilot.behavior import FOLLOWING
 from cohelm.robot.gate.modes import GateMode
-from cohelm.study.campaign.plant import with_all_round_lidar
+from cohelm.study.campaign.suites import with_all_round_lidar
 
 FREE = 0.5
 """The path is free where nothing is seen nearer than this to the outline [m], the guard changes

@@ -21,8 +21,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from cohelm.core.types import Stick, Twist
+from cohelm.drive.factory import Simulated, simulated
 from cohelm.drive.session import SessionConfig
-from cohelm.drive.simulated import Simulated, simulated
 from cohelm.drive.teleop_server import TeleopConfig, serve
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind

@@ -32,9 +32,9 @@ from typing import Any
 
 import numpy as np
 
+from cohelm.drive.factory import Simulated, simulated
 from cohelm.drive.pictures import Packed
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.timing import Punctuality, Timing
 from cohelm.robot.keep.priority import raise_priority

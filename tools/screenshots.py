@@ -28,10 +28,10 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
+from cohelm.drive.factory import Simulated, simulated  # noqa: E402
 from cohelm.drive.playback import Playback  # noqa: E402
 from cohelm.drive.replayed import Replaying  # noqa: E402
 from cohelm.drive.session import SessionConfig  # noqa: E402
-from cohelm.drive.simulated import Simulated, simulated  # noqa: E402
 from cohelm.drive.teleop_server import TeleopConfig, serve  # noqa: E402
 from cohelm.link import keys  # noqa: E402
 from cohelm.link.keys import Keys  # noqa: E402

@@ -15,8 +15,7 @@ from cohelm.law.gains import Gains
 from cohelm.law.step import step
 from cohelm.sim.run import run
 from cohelm.sim.setup import Setup
-from cohelm.study.campaign.episode import Episode, traced
-from cohelm.study.campaign.interventions import Interventions
+from cohelm.study.campaign.episode import Episode, Interventions, traced
 
 from .measure import Rounds, machine, median_call_us
 from .peers import INSTALL, Peer, PeerFailed, installed

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import cohelm
-from cohelm.drive.factory import own_robot
+from cohelm.drive.factory import own_robot, simulated
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from tests.api import carts
 from tests.api.carts import SITE

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from cohelm.cli.interrupt import interrupted
+from cohelm.cli.app import interrupted
 
 
 @pytest.fixture(autouse=True)

@@ -25,8 +25,7 @@ from cohelm.scenario.worlds.tracks import ELSEWHERE
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
 from cohelm.sim.odometer import Odometer
-from cohelm.study.campaign.episode import traced
-from cohelm.study.campaign.interventions import Interventions
+from cohelm.study.campaign.episode import Interventions, traced
 from cohelm.study.campaign.suites import suite
 
 UNSEEN = (

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cohelm.core.types import Pose, Twist
-from cohelm.drive.simulated import Simulated, simulated
+from cohelm.drive.factory import Simulated, simulated
 from cohelm.robot.port import Health, Readings, Scan
 
 CORRIDOR = Path(__file__).parent / "corridor.yaml"

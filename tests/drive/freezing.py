@@ -31,8 +31,8 @@ from typing import Any, NamedTuple
 
 from benchmarks.loop import laps
 from cohelm.core.types import Twist
+from cohelm.drive.factory import Simulated, simulated
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.planning import MAX_PLAN_AGE
 from cohelm.robot.gate.modes import GateMode, latched

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.types import Pose, Twist
-from cohelm.drive.simulated import Simulated
+from cohelm.drive.factory import Simulated
 from cohelm.robot.port import Odometry, Readings, Scan
 
 

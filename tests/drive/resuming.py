@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cohelm.core.types import Twist
+from cohelm.drive.factory import Simulated, simulated
 from cohelm.drive.on_topics import OnTopics
 from cohelm.drive.operator_requests import OperatorRequests
 from cohelm.drive.path_check import NONE, CheckedPath
 from cohelm.drive.path_check_process import InlineChecking
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode, RequestKind
 from cohelm.loop.loop import LoopParams
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry

@@ -3,8 +3,8 @@
 import math
 
 from cohelm.core.types import Stick
+from cohelm.drive.factory import simulated
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from cohelm.link.operator import Scripted
 from tests.drive.faults import CORRIDOR

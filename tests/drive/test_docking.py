@@ -9,9 +9,9 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Stick, Twist
+from cohelm.drive.factory import simulated
 from cohelm.drive.playback import Playback
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import simulated
 from cohelm.drive.until_ended import dock_of
 from cohelm.link.bulk_messages import Docks
 from cohelm.link.messages import DockPhase, Mode, RequestKind

@@ -13,10 +13,9 @@ import pytest
 from cohelm.cli.live import live as live_view
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick, Twist
-from cohelm.drive.foxglove_teleop import FoxgloveTeleop, Joined, stick_of
+from cohelm.drive.foxglove_teleop import FoxgloveTeleop, Joined, stick_of, twist_of
 from cohelm.drive.live import LiveConfig
 from cohelm.drive.operate import DriveOptions
-from cohelm.drive.published_twists import twist_of
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.law.gains import Gains

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import pytest
 
+from cohelm.drive.factory import simulated
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.loop import Loop
 from cohelm.loop.planning import MAX_PLAN_AGE

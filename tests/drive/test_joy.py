@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from cohelm.core.errors import CohelmError
+from cohelm.drive.factory import simulated
 from cohelm.drive.on_topics import OnTopics, TopicsConfig, on_topics
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from cohelm.robot.gate.modes import GateMode
 from tests.drive.faults import CORRIDOR

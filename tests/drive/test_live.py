@@ -23,9 +23,9 @@ from cohelm.cli.live import live as live_view
 from cohelm.cli.robot import failures, rows
 from cohelm.core.errors import CohelmError
 from cohelm.drive import live as of_live
+from cohelm.drive.factory import simulated
 from cohelm.drive.live import QUEUE_LIMIT, Live, LiveConfig, _Viewer
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.drive_log import DriveLog
 from cohelm.record.messages import records

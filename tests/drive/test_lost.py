@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from cohelm.core.types import Stick
+from cohelm.drive.factory import simulated
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import simulated
 from cohelm.law import verdict
 from cohelm.link.messages import Localised, Mode
 from cohelm.link.operator import Scripted

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.drive.simulated import mapped
+from cohelm.drive.factory import mapped
 from cohelm.perceive.localize.localization_map import free_at
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, OccupancyMap, write_map
 

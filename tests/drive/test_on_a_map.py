@@ -3,7 +3,7 @@
 import numpy as np
 
 from cohelm.core.types import Pose
-from cohelm.drive.simulated import simulated
+from cohelm.drive.factory import simulated
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, OccupancyMap, write_map
 
 SCENARIO = """

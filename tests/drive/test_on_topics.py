@@ -7,9 +7,9 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
+from cohelm.drive.factory import simulated
 from cohelm.drive.on_topics import OnTopics, TopicsConfig, on_topics
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode, RequestKind
 from cohelm.plan.path_planner import Goal
 from cohelm.ros.goals import Placed

@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from cohelm.core.types import Pose
+from cohelm.drive.factory import simulated
 from cohelm.drive.pictures import Pictures
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from cohelm.record.messages import messages
 from cohelm.record.replay import Replayed

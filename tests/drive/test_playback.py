@@ -9,11 +9,11 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.row import ROW
 from cohelm.core.types import Pose, Stick
+from cohelm.drive.factory import simulated
 from cohelm.drive.playback import Playback
 from cohelm.drive.replayed import Replaying
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.shown import map_message, reference_lines
-from cohelm.drive.simulated import simulated
 from cohelm.link.bulk_messages import LineKind, Map, Picture, Polyline
 from cohelm.link.messages import Discs, Mode, RequestKind, Severity, Status
 from cohelm.link.operator import Scripted

@@ -12,8 +12,8 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from cohelm.core.types import Pose, Twist
+from cohelm.drive.factory import simulated
 from cohelm.drive.session import SessionConfig, driver_of
-from cohelm.drive.simulated import simulated
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception, warm_up
 from cohelm.pilot.replanning import Plan as Planned

@@ -12,10 +12,10 @@ import pytest
 
 from cohelm.cli.terminal import _terminal, typed
 from cohelm.core.errors import CohelmError
+from cohelm.drive.factory import simulated
 from cohelm.drive.on_topics import OnTopics, TopicsConfig, on_topics
 from cohelm.drive.reset_here import ResetHere
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import simulated
 from cohelm.link.messages import Mode
 from cohelm.robot.port import Health
 from cohelm.ros.port import Received

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Stick, Twist
+from cohelm.drive.factory import Simulated, simulated
 from cohelm.drive.playback import Playback
 from cohelm.drive.rerouting import checker_of
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.bulk_messages import Hello
 from cohelm.link.messages import Mode, RequestKind
 from cohelm.link.operator import Scripted

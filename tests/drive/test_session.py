@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.types import Twist
+from cohelm.drive.factory import Simulated, simulated
 from cohelm.drive.session import Session, SessionConfig, driver_of
-from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
 from cohelm.loop.planning import MAX_PLAN_AGE, RemotePlanner
 from cohelm.robot.port import Readings

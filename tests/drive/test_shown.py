@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from cohelm.drive.factory import simulated
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import simulated
 from cohelm.link.bulk_messages import HealthReport, LineKind, Polyline
 from cohelm.link.messages import Mode, RequestKind
 from cohelm.link.operator import Scripted

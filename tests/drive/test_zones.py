@@ -12,10 +12,10 @@ from PIL import Image
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import placed
 from cohelm.core.types import Pose, Stick
+from cohelm.drive.factory import simulated
 from cohelm.drive.operate import DriveOptions, map_and_zones
 from cohelm.drive.path_check import PathChecker
 from cohelm.drive.session import Session, SessionConfig, driver_of
-from cohelm.drive.simulated import simulated
 from cohelm.link.bulk_messages import Zone, ZoneMap
 from cohelm.link.messages import Mode
 from cohelm.link.operator import Scripted

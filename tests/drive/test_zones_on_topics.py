@@ -7,12 +7,12 @@ import pytest
 
 from cohelm.core.frames import placed
 from cohelm.core.types import Pose, Twist
+from cohelm.drive.factory import simulated
 from cohelm.drive.jobs import InlineJobs
 from cohelm.drive.on_topics import OnTopics
 from cohelm.drive.path_check_process import RemoteChecking
 from cohelm.drive.rerouting import checker_of
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import simulated
 from cohelm.drive.zones_on_topics import ZonesOnTopics
 from cohelm.link.bulk_messages import Zone, ZoneMap
 from cohelm.link.messages import Mode, RequestKind, Severity

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cohelm.perceive.scan.range_filter import filtered_ranges
+from cohelm.perceive.source.observation_source import filtered_ranges
 from cohelm.perceive.space.scan_memory import smoothed
 
 NOISE = 0.02

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, disc, discs
-from cohelm.perceive.scan.range_filter import filtered_ranges
+from cohelm.perceive.source.observation_source import filtered_ranges
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew, smoothed
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID

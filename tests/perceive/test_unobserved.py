@@ -14,7 +14,7 @@ from cohelm.robot.sensors import Lidar
 from cohelm.scenario.load import robot
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import sight
-from cohelm.study.campaign.plant import equipped
+from cohelm.study.campaign.suites import equipped
 
 SALLY = robot("sally")
 WALLS = np.array([[-4.0, -3.0, 4.0, -3.0], [-4.0, 3.0, 4.0, 3.0]])

@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from cohelm.plan.astar import NOT_REACHED, tree
+from cohelm.plan.path_planner import NOT_REACHED, tree
 
 
 def lengths(free, cost, root):

@@ -20,7 +20,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from cohelm.cli.interrupt import interrupted
+from cohelm.cli.app import interrupted
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.record import period

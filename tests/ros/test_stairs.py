@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Stick
+from cohelm.drive.factory import Simulated, simulated
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import Simulated, simulated
 from cohelm.link.messages import Mode
 from cohelm.link.operator import Scripted
 from cohelm.robot.gate.modes import latched

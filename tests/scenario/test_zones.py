@@ -11,10 +11,10 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import placed
 from cohelm.core.types import Pose
+from cohelm.drive.factory import simulated
 from cohelm.drive.playback import Playback
 from cohelm.drive.session import SessionConfig
 from cohelm.drive.shown import zone_messages
-from cohelm.drive.simulated import simulated
 from cohelm.link.bulk_messages import Zone, ZoneMap
 from cohelm.plan.zones import CELL, covering
 from cohelm.record.write import Recorder

@@ -8,8 +8,8 @@ from cohelm.core.row import ROW
 from cohelm.core.types import disc
 from cohelm.law.reference import through
 from cohelm.sim.judge import FAR
-from cohelm.sim.proximity import INTIMATE, Proximity, approached, movers
 from cohelm.sim.world import Body, world
+from cohelm.study.campaign.scoring import INTIMATE, Proximity, approached, movers
 
 LONG = np.array([[0.5, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.5, -0.2]])
 

@@ -1,4 +1,4 @@
-from cohelm.station.outbox import CREDIT, Outbox
+from cohelm.station.operator import CREDIT, Outbox
 
 
 def test_a_newer_message_replaces_an_older_one_that_was_not_sent() -> None:

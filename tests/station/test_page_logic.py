@@ -223,13 +223,13 @@ def test_binary_messages_are_read_as_written(asked) -> None:
     from cohelm.core.types import Pose
     from cohelm.link.bulk_messages import Picture
     from cohelm.link.scans import WholeScan
-    from cohelm.station import binary
+    from cohelm.station import view
 
     scan = WholeScan(
         7, 1, 1.0, Pose(1.0, 2.0, 0.5), -2.0, 0.01, np.array([1, 500, 65535], np.uint16)
     )
-    packed = list(binary.scan(scan, 0.25))
-    frame = list(binary.frame(Picture(9, 1.0, Pose(3.0, 4.0, 0.1), b"jpeg"), 0.04))
+    packed = list(view.scan(scan, 0.25))
+    frame = list(view.frame(Picture(9, 1.0, Pose(3.0, 4.0, 0.1), b"jpeg"), 0.04))
     read = "m.decode(new Uint8Array({}).buffer, 5)"
     got, seen, nothing = asked(
         "binary.ts",
@@ -252,11 +252,11 @@ def test_zones_are_read_as_written_and_the_nearest_exit_is_the_shortest(asked) -
 
     from cohelm.core.types import Pose
     from cohelm.link.bulk_messages import Zone, ZoneMap
-    from cohelm.station import binary
+    from cohelm.station import view
 
     cells = zlib.compress(bytes([100] * 8 * 20))  # 1 m along its own x, 0.4 m along its y
     told = ZoneMap(Zone.SPEED, Pose(2.0, 1.0, math.pi / 2), 0.05, 0.5, 20, 8, cells)
-    read = f"m.decode(new Uint8Array({list(binary.zones(told))}).buffer, 5).zones"
+    read = f"m.decode(new Uint8Array({list(view.zones(told))}).buffer, 5).zones"
     zone = (
         "{origin: [2, 1, Math.PI / 2], resolution: 0.05, columns: 20, rows: 8,"
         " cells: new Uint8Array(160).fill(100)}"

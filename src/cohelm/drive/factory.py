@@ -7,17 +7,25 @@ import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Literal
+
+import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.plugins import plugin
-from cohelm.core.types import Pose
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot
+from cohelm.robot.clock import clock_of
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import RobotPort
 from cohelm.scenario import load
 from cohelm.scenario.model import Scenario
+from cohelm.scenario.worlds.maps import read_map
+from cohelm.sim.grid import NO_GRID
+from cohelm.sim.kinematic import Kinematic
+from cohelm.sim.twin.settings import TwinModel, lag
 
 GROUP = "cohelm.robots"
 """Entry points of robots in other packages."""
@@ -26,55 +34,16 @@ Make = Callable[[RobotModel], Robot] | Robot
 """A class or function that makes a robot of its model; or a robot that can be pickled."""
 
 
-class RobotFactory(Protocol):
+@dataclass(frozen=True)
+class _AtSite:
     """Makes a robot in the process that calls it, and has its site. Can be pickled."""
 
-    @property
-    def scenario(self) -> Scenario:
-        """The site: map, route, law and stick; self-contained, with the robot's description."""
-        ...
-
-    @property
-    def kind(self) -> str:
-        """kinematic, twin, or own."""
-        ...
-
-    @property
-    def real_time(self) -> bool:
-        """Whether time passes by itself."""
-        ...
-
-    @property
-    def model(self) -> RobotModel:
-        """The robot."""
-        ...
-
-    @property
-    def start(self) -> Pose:
-        """Its first pose."""
-        ...
-
-    def delay(self, period: float) -> float:
-        """From a command to its effect, as the guard must predict it [s]."""
-        ...
-
-    def __call__(self) -> RobotPort:
-        """Make a robot."""
-        ...
-
-
-@dataclass(frozen=True)
-class OwnRobot:
-    """A user's robot, at a site whose obstacles are real and not simulated."""
-
     scenario: Scenario
-    make: Make
-    real_time: bool = True
-    kind: str = "own"
+    """The site: map, route, law and stick; self-contained, with the robot's description."""
 
     @property
     def model(self) -> RobotModel:
-        """As its YAML file describes it."""
+        """The robot, as its YAML file describes it."""
         return self.scenario.described()
 
     @property
@@ -83,8 +52,18 @@ class OwnRobot:
         return self.scenario.first_pose()
 
     def delay(self, period: float) -> float:
-        """As measured, with lag; see docs/loop.md."""
+        """From a command to its effect, as the guard must predict it [s]; see docs/loop.md."""
         return self.model.delay_s
+
+
+@dataclass(frozen=True)
+class OwnRobot(_AtSite):
+    """A user's robot, at a site whose obstacles are real and not simulated."""
+
+    make: Make
+    real_time: bool = True
+    """Whether time passes by itself."""
+    kind: str = "own"
 
     def __call__(self) -> RobotPort:
         """Make the robot here. Raises CohelmError if that fails, or if its model differs."""
@@ -149,3 +128,57 @@ def _made(make: Callable[..., Any], model: RobotModel) -> Robot:
     except (TypeError, ValueError):
         takes = True
     return make(model) if takes else make()
+
+
+Kind = Literal["kinematic", "twin"]
+NO_WALLS: Floats = np.empty((0, 4))
+
+
+@dataclass(frozen=True)
+class Simulated(_AtSite):
+    """The simulated robot of a scenario."""
+
+    kind: Kind = "kinematic"
+    real_time: bool = True
+    seed: int = 0
+
+    def delay(self, period: float) -> float:
+        """With the lag of the twin's drives."""
+        if self.kind == "kinematic":
+            return self.model.delay_s
+        return lag(self.model, TwinModel(), period)
+
+    def __call__(self) -> RobotPort:
+        """Make a robot that stands at the start."""
+        scenery, clock = self.scenario.scenery(), clock_of(self.real_time)
+        if scenery.grid is not NO_GRID:  # its borders come with the map, and a LiDAR sees its cells
+            scenery = scenery._replace(walls=NO_WALLS)
+        world, grid = self.scenario.build_world(scenery), scenery.grid
+        if self.kind == "kinematic":
+            return Kinematic(self.model, self.start, world, grid=grid, seed=self.seed, clock=clock)
+        from cohelm.sim.twin.robot import Twin  # MuJoCo takes half a second to import
+
+        return Twin(self.model, self.start, world, grid=grid, seed=self.seed, clock=clock)
+
+
+RobotFactory = OwnRobot | Simulated
+"""Makes the robot of a session."""
+
+
+def simulated(
+    name: str | Path, kind: Kind = "kinematic", *, real_time: bool = True, seed: int | None = None,
+    changes: list[str] | None = None,
+) -> Simulated:  # fmt: skip
+    """A factory by a scenario's file or name. Raises CohelmError if that can not be used."""
+    made = load.scenario(name, changes or [])
+    alone = load.standing_alone(made, Path())
+    return Simulated(alone, kind, real_time, alone.simulation.seed if seed is None else seed)
+
+
+def mapped(path: Path, start: Pose) -> LocalizationMap:
+    """A map to localise on, in the world's frame.
+
+    A published map is in that frame already; a map of `cohelm map` is in the frame of the robot's
+    first pose, here `start`. Raises CohelmError if the file can not be used.
+    """
+    return read_map(path).placed(start).known()

@@ -30,8 +30,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
-from cohelm.drive.foxglove_teleop import FoxgloveTeleop, Joined
-from cohelm.drive.published_twists import ENCODINGS, PublishedTwists
+from cohelm.drive.foxglove_teleop import ENCODINGS, FoxgloveTeleop, Joined, PublishedTwists
 from cohelm.drive.recorder import EventSink, receive
 from cohelm.link.udp import listening, resolved
 from cohelm.record.topics import IMAGE, LASTING, RecordTopics, definitions

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
-from cohelm.drive.factory import OwnRobot, RobotFactory, own_robot
-from cohelm.drive.simulated import Kind, mapped, simulated
+from cohelm.drive.factory import Kind, OwnRobot, RobotFactory, mapped, own_robot, simulated
 from cohelm.link.messages import Mode
 from cohelm.link.operator import NullOperator, Scripted
 from cohelm.plan.zones import Zones

@@ -16,9 +16,8 @@ from cohelm.core.frames import placed
 from cohelm.core.types import Floats, Stick, Twist
 from cohelm.law.govern import CourseClock
 from cohelm.law.reference import through
-from cohelm.link.latency_speed_limit import Cap
 from cohelm.link.messages import DockPhase as Phase, is_centred
-from cohelm.loop.latency_limit import NO_CAP
+from cohelm.loop.latency_limit import NO_CAP, Cap
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import START, Settings

@@ -10,16 +10,15 @@ from typing import Any, NamedTuple
 from cohelm.core.types import CENTRED, Floats, Twist
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import Verdict
-from cohelm.link.latency_speed_limit import UNCAPPED_DELAY
 from cohelm.link.messages import Mode, Severity
 from cohelm.link.operator import Operator
 from cohelm.loop.alarms import ActiveAlarms
 from cohelm.loop.docking import Docking
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
-from cohelm.loop.latency_limit import NO_CAP, latency_cap, lost_cap
-from cohelm.loop.reporter import Reporter
+from cohelm.loop.latency_limit import NO_CAP, UNCAPPED_DELAY, latency_cap, lost_cap
 from cohelm.loop.sensor_watchdog import SensorWatchdog, timeouts
+from cohelm.loop.status import Reporter
 from cohelm.loop.stick_arming import ArmingParams
 from cohelm.loop.supervisor import PLANNED, Supervisor
 from cohelm.loop.timing import Timing

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from cohelm.link.latency_speed_limit import Cap
 from cohelm.link.messages import Arming, Mode, Request, RequestKind, Severity
 from cohelm.link.operator import ClientRequest, Operator, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
@@ -15,7 +14,7 @@ from cohelm.loop.docking import Docking, Ended
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
 from cohelm.loop.dropout import WAITING, Dropout, DropoutAction, stepped
-from cohelm.loop.latency_limit import allowed_share, driver_lost, steering_delay
+from cohelm.loop.latency_limit import Cap, allowed_share, driver_lost, steering_delay
 from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 from cohelm.perceive.pipeline import Seen
 from cohelm.robot.gate.modes import GateMode, driving, latched

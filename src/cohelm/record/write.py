@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
+import zlib
 from collections.abc import Generator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
@@ -15,11 +17,10 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats, Pose, Twist
-from cohelm.link.bulk_messages import LineKind, Polyline, ZoneMap
+from cohelm.link.bulk_messages import LineKind, Map, Polyline, ZoneMap
 from cohelm.link.messages import Discs
 from cohelm.link.recorded_status import Displayed
 from cohelm.record.file import About, RecordWriter
-from cohelm.record.walls import drawn
 from cohelm.robot.port import Odometry
 
 EPOCH = 946_684_800_000_000_000
@@ -175,7 +176,7 @@ def _delaying_interrupts() -> AbstractContextManager[None]:
 
 @contextmanager
 def _holding_interrupts() -> Generator[None]:
-    """Hold SIGINT, and SIGALRM, by which `cli/interrupt` repeats one that was put off.
+    """Hold SIGINT, and SIGALRM, by which `cli/app` repeats one that was put off.
 
     Either may arrive, and raise, while the handler of the other is being exchanged. So `later`
     checks `over`: left in place, it restores the former handler and raises the signal again.
@@ -200,3 +201,27 @@ def _holding_interrupts() -> Generator[None]:
             signal.signal(kind, handler)
         if held:
             signal.raise_signal(held[0])
+
+
+# Draws walls into an occupancy map, for the page.
+
+
+CELL = 0.05
+MARGIN = 1.0
+_MOST_CELLS = 2000
+
+
+def drawn(walls: Floats, also: Floats) -> Map:
+    """walls: (s, 4) segments [m]. also: (n, 2) further points for the map to include [m]."""
+    points = np.vstack((walls[:, :2], walls[:, 2:], also, np.zeros((0 if len(also) else 1, 2))))
+    low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+    cell = max(CELL, float((high - low).max()) / _MOST_CELLS)
+    width, height = np.ceil((high - low) / cell).astype(int).tolist()
+    cells = np.zeros((height, width), dtype=np.uint8)
+    for x1, y1, x2, y2 in walls:
+        n = int(math.hypot(x2 - x1, y2 - y1) / (0.5 * cell)) + 2
+        at = ((np.linspace((x1, y1), (x2, y2), n) - low) / cell).astype(int)
+        cells[at[:, 1], at[:, 0]] = 100
+    origin = Pose(float(low[0]), float(low[1]), 0.0)
+    packed = zlib.compress(cells.tobytes())
+    return Map(1, origin, cell, width, height, 0, 0, width, height, packed)

@@ -1,7 +1,7 @@
 """Messages between page and server; `typescript.py` generates the page's types from them.
 
 Text messages are JSON objects with a `type`. The robot's are those of the link, field by field, as
-`view.shown` writes them; large and frequent ones (map, scan, picture) are binary, see `binary.py`.
+`view.shown` writes them; large and frequent ones (map, scan, picture) are binary.
 SI units and radians, world frame, unless a name says otherwise; None for unknown or infinite
 numbers.
 """

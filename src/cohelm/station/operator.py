@@ -10,6 +10,7 @@ import asyncio
 import logging
 import math
 import time
+from collections.abc import Hashable
 
 from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
@@ -17,8 +18,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from cohelm.link import bulk_messages as bulk, messages as robot
 from cohelm.link.rate import TokenBucket
 from cohelm.link.scans import WholeScan
-from cohelm.station import binary, messages as page, view
-from cohelm.station.outbox import Outbox
+from cohelm.station import messages as page, view
 from cohelm.station.robot_link import Connect, News, ReplayLink
 
 BEAT = 0.04
@@ -87,13 +87,13 @@ class PageOperator:
                     self.client = message.lease.you
                     _log.info("%s is client %d of the robot", self.name, self.client)
             case WholeScan():
-                self._outbox.put(f"scan/{message.lidar}", binary.scan(message, age))
+                self._outbox.put(f"scan/{message.lidar}", view.scan(message, age))
             case bulk.Picture():
-                self._outbox.put("frame", binary.frame(message, age))
+                self._outbox.put("frame", view.frame(message, age))
             case bulk.Map():
-                self._publish(message, binary.map_part(message))
+                self._publish(message, view.map_part(message))
             case bulk.ZoneMap():
-                self._publish(message, binary.zones(message))
+                self._publish(message, view.zones(message))
             case bulk.Checked():
                 self._checked(message)
             case _:
@@ -252,3 +252,47 @@ def _open(socket: WebSocket) -> bool:
 async def _disconnect(socket: WebSocket, code: int, why: str) -> None:
     if _open(socket):
         await socket.close(code, why)
+
+
+# Send queue of one page: the newest message of each slot, with flow control by credits.
+
+
+CREDIT = {"state": 4, "scan": 2, "frame": 2}
+"""How many messages of a stream may be in flight; the page reports those it has shown."""
+
+
+class Outbox:
+    """A message replaces one of its slot that is not sent yet.
+
+    A message of a stream in `CREDIT` waits until the page has shown earlier ones; slots of their
+    own within a stream, as `scan/1`, share its credit.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: dict[Hashable, str | bytes] = {}
+        self._sent: dict[Hashable, str | bytes] = {}
+        self._credit = dict(CREDIT)
+
+    def put(self, slot: Hashable, message: str | bytes, *, changed_only: bool = False) -> None:
+        """Queue a message. changed_only: not if it equals the last one of its slot."""
+        if changed_only and slot not in self._waiting and self._sent.get(slot) == message:
+            return
+        if changed_only:
+            self._sent[slot] = message
+        self._waiting[slot] = message
+
+    def credit(self, stream: str) -> None:
+        """The page has shown one message of this stream."""
+        self._credit[stream] = min(self._credit[stream] + 1, CREDIT[stream])
+
+    def take(self) -> list[str | bytes]:
+        """The messages that can be sent now."""
+        out: list[str | bytes] = []
+        for slot in list(self._waiting):
+            stream = slot.partition("/")[0] if isinstance(slot, str) else ""
+            if stream in self._credit:
+                if self._credit[stream] == 0:
+                    continue
+                self._credit[stream] -= 1
+            out.append(self._waiting.pop(slot))
+        return out

@@ -18,7 +18,7 @@ from cohelm.link.messages import Device, Mode
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.stick import StickRecording
 from cohelm.link.sticks import choose
-from cohelm.link.sticks.file_stick import FileStick
+from cohelm.link.sticks.choose import FileStick
 from cohelm.link.sticks.port import Button, Feel, Reading
 from cohelm.link.sticks.stick_client import drive
 from tests.link.ends import NAN, STATUS, until

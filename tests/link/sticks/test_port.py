@@ -12,7 +12,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.stick import StickRecording
 from cohelm.link.sticks import choose
-from cohelm.link.sticks.file_stick import FileStick
+from cohelm.link.sticks.choose import FileStick
 from cohelm.link.sticks.port import Button, Feel, StickDevice
 from tests.link.ends import until
 from tests.link.sticks.cls2sim import CLS2SimServer

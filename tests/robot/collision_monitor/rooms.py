@@ -31,8 +31,8 @@ from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.world import Body, World, world
 from cohelm.study.campaign.episode import Episode
-from cohelm.study.campaign.plant import with_all_round_lidar
 from cohelm.study.campaign.rooms import case
+from cohelm.study.campaign.suites import with_all_round_lidar
 
 PERIOD = 0.02
 KINDS = ("for the goal", "at random", "full ahead", "at the nearest")

@@ -14,8 +14,8 @@ from pathlib import Path
 import yaml
 
 from cohelm.core.types import RADIUS, X, Y
+from cohelm.drive.factory import Kind, simulated
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.simulated import Kind, simulated
 from cohelm.link.messages import Mode
 from cohelm.robot.keep.gated_robot import LocalGatedRobot
 from cohelm.robot.monitor import UNRESTRICTED

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Twist
-from cohelm.robot.plausibility.arrival import Arrival
 from cohelm.robot.plausibility.bow import RangeBias, bows
 from cohelm.robot.plausibility.content import CAREFUL, CRAWL
 from cohelm.robot.plausibility.monitor import PlausibilityMonitor
 from cohelm.robot.plausibility.sight import sighted
+from cohelm.robot.plausibility.source import Arrival
 from cohelm.robot.plausibility.trail import Trail
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.scenario.load import robot

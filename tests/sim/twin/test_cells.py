@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis.extra import numpy as arrays
 
-from cohelm.sim.twin.cells import rectangles
+from cohelm.sim.twin.mjcf import rectangles
 
 MAPS = arrays.arrays(bool, arrays.array_shapes(min_dims=2, max_dims=2, max_side=12))
 

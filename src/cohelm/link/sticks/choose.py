@@ -8,12 +8,16 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
+from cohelm.core.types import CENTRED, Stick
 from cohelm.link import stick as recordings
+from cohelm.link.messages import Device
+from cohelm.link.stick import StickRecording
 from cohelm.link.sticks.brunner_stick import SCHEME, BrunnerStick, parameters
-from cohelm.link.sticks.file_stick import FileStick
-from cohelm.link.sticks.port import StickDevice
+from cohelm.link.sticks.port import Feel, Reading, StickDevice
 
 
 def listed() -> list[str]:
@@ -71,3 +75,41 @@ def _of_extra(name: str, made: Callable[[Any], Any]) -> Any:
         return made(import_module(f"cohelm.link.sticks.{name}"))
     except ImportError:
         raise missing("a stick of this machine", "stick") from None
+
+
+# Plays a recorded stick as a device: for tests, demonstrations and repeated drives.
+
+
+class FileStick:
+    """Starts at its first reading, and becomes invalid when the record is over."""
+
+    kind = Device.SCRIPT
+    force = False
+
+    def __init__(self, record: StickRecording, name: str, clock: Callable[[], float]) -> None:
+        """clock: seconds, steady."""
+        self.name = name
+        self._record = record
+        self._clock = clock
+        self._began: float | None = None
+        self._closed = False
+
+    def read(self) -> Reading:
+        """The present state."""
+        if self._closed:
+            return Reading(CENTRED, False, f"{self.name}: it is closed", ())
+        if self._began is None:
+            self._began = self._clock() - float(self._record.times[0])
+        now = self._clock() - self._began
+        if now > self._record.times[-1]:
+            return Reading(CENTRED, False, f"{self.name}: it is over", ())
+        at = int(np.searchsorted(self._record.times, now, side="right")) - 1
+        stick = Stick(float(self._record.x[at]), float(self._record.psi[at]))
+        return Reading(stick, True, "", ())
+
+    def feel(self, feel: Feel) -> None:
+        """No effect."""
+
+    def close(self) -> None:
+        """End the playback."""
+        self._closed = True

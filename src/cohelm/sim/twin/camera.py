@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
+import math
+import os
 import threading
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.jit import jit
 from cohelm.core.types import Floats
 from cohelm.robot.port import Frame
 from cohelm.sim.twin import mjcf
 from cohelm.sim.twin.engine import mujoco
-from cohelm.sim.twin.gl import GlCamera
-from cohelm.sim.twin.rays import RayCamera
 
 Kind = Literal["auto", "gl", "rays", "none"]
 """The renderer: OpenGL if it can and else rays; one of them; or none."""
@@ -21,7 +26,7 @@ OUTSIDE = (*INSIDE, mjcf.ROBOT)
 """What is drawn as seen by the robot, and from outside."""
 
 
-TwinCamera = GlCamera | RayCamera
+TwinCamera: TypeAlias = "GlCamera | RayCamera"
 
 
 class Shot(NamedTuple):
@@ -134,3 +139,148 @@ def posed(model: Any, data: Any, shot: Shot) -> None:
     data.mocap_pos[:] = shot.mocap
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
+
+
+# The twin's camera through OpenGL, without a screen (EGL).
+
+
+class GlCamera:
+    """Renders what one camera of the model sees. Belongs to the thread that makes it.
+
+    Raises whatever EGL, OpenGL or MuJoCo raise where they can not render: the caller has another
+    camera to fall back on.
+    """
+
+    def __init__(
+        self, model: Any, width: int, height: int, camera: str, groups: tuple[int, ...]
+    ) -> None:
+        # Software rendering takes all cores if it may, and the robot's loop needs one.
+        os.environ.setdefault("LP_NUM_THREADS", "1")
+        self._model, self._size = model, (height, width)
+        self._gl: Any = importlib.import_module("mujoco.egl").GLContext(width, height)
+        try:
+            self._gl.make_current()
+            self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 10)
+            for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+                self._scene.flags[flag] = 0
+            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+            if self._context.currentBuffer != mujoco.mjtFramebuffer.mjFB_OFFSCREEN:
+                raise RuntimeError("OpenGL has no off-screen buffer")
+        except BaseException:
+            self._gl.free()
+            raise
+        self._options = mujoco.MjvOption()
+        self._options.geomgroup[:] = [group in groups for group in range(6)]
+        self._view = mujoco.MjvCamera()
+        self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self._view.fixedcamid = model.camera(camera).id
+        self._rect = mujoco.MjrRect(0, 0, width, height)
+
+    @property
+    def renderer(self) -> str:
+        """The renderer's name."""
+        gl: Any = importlib.import_module("OpenGL.GL")
+        renderer = gl.glGetString(gl.GL_RENDERER) or b"unknown"
+        return f"OpenGL through EGL on {renderer.decode(errors='replace')}"
+
+    def draw(self, data: Any) -> NDArray[np.uint8]:
+        """(height, width, 3) RGB of a simulation whose kinematics are up to date."""
+        mujoco.mjv_updateScene(
+            self._model, data, self._options, None, self._view, mujoco.mjtCatBit.mjCAT_ALL,
+            self._scene,
+        )  # fmt: skip
+        mujoco.mjr_render(self._rect, self._scene, self._context)
+        pixels = np.empty((*self._size, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(pixels, None, self._rect, self._context)
+        return np.ascontiguousarray(pixels[::-1])
+
+    def close(self) -> None:
+        """Let go of OpenGL."""
+        self._context.free()
+        self._gl.free()
+
+
+# The twin's camera without any OpenGL: one ray for every pixel, shaded by where it lands.
+
+
+_MOST = 320 * 240  # rays of a picture; a larger one repeats its pixels
+_FAR = 60.0  # [m]
+_AT_ONCE = 4096  # rays of one call: other threads get their turn in between
+
+
+class RayCamera:
+    """Draws what one camera of the model sees, as coarse as needed to be quick."""
+
+    def __init__(
+        self, model: Any, width: int, height: int, camera: str, groups: tuple[int, ...]
+    ) -> None:
+        self._model, self._camera = model, model.camera(camera).id
+        self._size = (height, width)
+        self._coarse = max(math.ceil(math.sqrt(width * height / _MOST)), 1)
+        rows, columns = -(-height // self._coarse), -(-width // self._coarse)
+        self._shape = (rows, columns)
+        focal = 0.5 * rows / math.tan(0.5 * math.radians(model.cam_fovy[self._camera]))
+        across = (np.arange(columns) - 0.5 * (columns - 1)) / focal
+        up = -(np.arange(rows) - 0.5 * (rows - 1)) / focal
+        rays = np.empty((rows, columns, 3))
+        rays[..., 0], rays[..., 1], rays[..., 2] = across, up[:, None], -1.0
+        self._rays = (rays / np.linalg.norm(rays, axis=2, keepdims=True)).reshape(-1, 3)
+        self._groups = np.array([group in groups for group in range(6)], dtype=np.uint8)
+        coloured = model.geom_matid >= 0
+        self._colours = np.where(
+            coloured[:, None], 0.62, model.geom_rgba[:, :3]
+        ).astype(np.float64)  # fmt: skip
+        self._floor = model.geom("floor").id
+        n = len(self._rays)
+        self._hit, self._far = np.empty(n, dtype=np.int32), np.empty(n)
+        self._normals = np.empty((n, 3))
+
+    @property
+    def renderer(self) -> str:
+        """The renderer's name."""
+        rows, columns = self._shape
+        return f"ray casting at {columns} x {rows}"
+
+    def draw(self, data: Any) -> NDArray[np.uint8]:
+        """(height, width, 3) RGB of a simulation whose kinematics are up to date."""
+        turn = np.array(data.cam_xmat[self._camera]).reshape(3, 3)
+        origin = np.array(data.cam_xpos[self._camera])
+        rays = np.ascontiguousarray(self._rays @ turn.T)
+        for a in range(0, len(rays), _AT_ONCE):
+            b = min(a + _AT_ONCE, len(rays))
+            mujoco.mj_multiRay(
+                self._model, data, origin, rays[a:b].ravel(), self._groups, True, -1,
+                self._hit[a:b], self._far[a:b], self._normals[a:b].reshape(-1), b - a, _FAR,
+            )  # fmt: skip
+        small = np.empty((len(rays), 3), dtype=np.uint8)
+        _paint(origin, rays, self._hit, self._far, self._normals, self._colours, self._floor, small)
+        picture = small.reshape(*self._shape, 3)
+        if self._coarse > 1:
+            picture = picture.repeat(self._coarse, axis=0).repeat(self._coarse, axis=1)
+        return np.ascontiguousarray(picture[: self._size[0], : self._size[1]])
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+@jit
+def _paint(
+    origin: Floats, rays: Floats, hit: NDArray[np.int32], far: Floats, normals: Floats,
+    colours: Floats, floor: int, pixels: NDArray[np.uint8],
+) -> None:  # fmt: skip
+    """Colours of where rays land: the floor's tiles of 1 m, light from above, sky where nothing."""
+    for i in range(len(rays)):
+        g = hit[i]
+        if g < 0 or not far[i] >= 0.0:
+            up = max(rays[i, 2], 0.0)
+            pixels[i, 0] = int(255 * (0.72 - 0.27 * up))
+            pixels[i, 1] = int(255 * (0.82 - 0.22 * up))
+            pixels[i, 2] = int(255 * (0.92 - 0.12 * up))
+            continue
+        light = 0.75 + 0.2 * abs(normals[i, 2]) + 0.15 * abs(normals[i, 0])
+        if g == floor:
+            x, y = origin[0] + far[i] * rays[i, 0], origin[1] + far[i] * rays[i, 1]
+            light = 1.0 if int(math.floor(x) + math.floor(y)) % 2 else 0.88
+        for k in range(3):
+            pixels[i, k] = int(255 * min(colours[g, k] * light, 1.0))

@@ -23,7 +23,6 @@ from cohelm.sim.adversarial import SCRIPT, AdversarialScene, Attack, rollout
 from cohelm.sim.heights import Heights
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup, with_pilot
-from cohelm.study.campaign.interventions import Interventions
 
 Law = Literal["guard", "paper", "none", "rvo", "vo"]
 LAWS: tuple[Law, ...] = ("guard", "paper", "none", "rvo", "vo")
@@ -209,3 +208,31 @@ def sequence(seed: int, suite: str, number: int) -> np.random.Generator:
 
 
 PAPER = Gains()
+
+
+# Counts what the second layer of safety did in a drive.
+
+
+@dataclass
+class Interventions:
+    """How often the second layer acted in a drive."""
+
+    periods: int = 0
+    gate: int = 0
+    """Periods in which the gate passed another twist than it was given."""
+    monitors: int = 0
+    """... in which a monitor had slowed or stopped it before."""
+    stops: int = 0
+    """Stops and faults that the robot latched by itself; each had to be reset."""
+    why: str = ""
+    """The first of them."""
+
+    @property
+    def gate_share(self) -> float:
+        """Of all periods; NaN where there was no gate."""
+        return self.gate / self.periods if self.periods else math.nan
+
+    @property
+    def monitor_share(self) -> float:
+        """Of all periods; NaN where there was no monitor."""
+        return self.monitors / self.periods if self.periods else math.nan

@@ -39,7 +39,7 @@ from cohelm.study.campaign.episode import (
     lively,
     sequence,
 )
-from cohelm.study.campaign.heights_camera import with_depth_camera
+from cohelm.study.campaign.heights_run import with_depth_camera
 
 ROBOT = "sally-depth"
 WAY, CLEAR = 1.6, 1.3

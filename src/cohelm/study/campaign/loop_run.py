@@ -32,7 +32,7 @@ from cohelm.sim.setup import Setup
 from cohelm.sim.twin.drive import TwinRun, stepped
 from cohelm.sim.twin.movers import Pursuers
 from cohelm.sim.twin.robot import Twin
-from cohelm.study.campaign.interventions import Interventions
+from cohelm.study.campaign.episode import Interventions
 
 _RESET_AFTER = 1.0
 """A stop is reset so soon [s]."""

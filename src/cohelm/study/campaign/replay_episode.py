@@ -14,14 +14,13 @@ from cohelm.core.files import make_folder
 from cohelm.core.trace import Trace
 from cohelm.record.write import Recorder
 from cohelm.study.campaign.adversary import scripted
-from cohelm.study.campaign.episode import Episode, Law, traced
-from cohelm.study.campaign.external_law import is_own, own_trace
-from cohelm.study.campaign.interventions import Interventions
+from cohelm.study.campaign.episode import Episode, Interventions, Law, traced
 from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.campaign.runner import planned
 from cohelm.study.campaign.rvo import PEERS, peer_trace
 from cohelm.study.campaign.scoring import scored
 from cohelm.study.campaign.store import read_plan, read_rows
+from cohelm.study.campaign.worker import is_own, own_trace
 from cohelm.study.metrics import plain
 from cohelm.study.single import RECORD, scene
 

@@ -21,11 +21,10 @@ from cohelm.robot.keep.processes import end_with_parent
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.explain import nearest
 from cohelm.study.campaign.episode import Law, Plant
-from cohelm.study.campaign.external_law import GROUP, factory, is_own
 from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.campaign.store import Key, Store
 from cohelm.study.campaign.suites import Suite, suite
-from cohelm.study.campaign.worker import chunk, code
+from cohelm.study.campaign.worker import GROUP, chunk, code, factory, is_own
 
 Work = tuple[Law, tuple[int, ...]]
 """A law, and the numbers of the episodes to drive under it."""

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import traceback
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.plugins import plugin
+from cohelm.core.trace import Trace
+from cohelm.robot.model import RobotModel
 from cohelm.study.campaign import adversary
-from cohelm.study.campaign.episode import Episode, Law
-from cohelm.study.campaign.external_law import is_own, own_trace
-from cohelm.study.campaign.interventions import Interventions
+from cohelm.study.campaign.episode import LAWS, Episode, Interventions, Law
 from cohelm.study.campaign.result import NOT_DRIVEN, EpisodeResult
 from cohelm.study.campaign.rvo import PEERS, peer_trace
 from cohelm.study.campaign.scoring import run_episode, scored
 from cohelm.study.campaign.suites import Suite
+from cohelm.study.controlled import ControllerFactory, driven
 
 _ROOMS = (
     "core", "robot", "law", "perceive", "plan", "pilot", "link", "loop", "sim", "scenario",
@@ -72,3 +75,32 @@ def _one(suite: Suite, law: Law, number: int) -> EpisodeResult:
 def is_search(case: Episode) -> bool:
     """Whether the case is one that is searched for."""
     return case.kind.startswith("search")
+
+
+# Laws by others in a campaign: the same episodes, the same plant, the same judge as ours.
+
+
+GROUP = "cohelm.laws"
+"""Entry points that name laws by others."""
+
+
+def is_own(law: str) -> bool:
+    """Whether a law is not one of ours, but `package:factory` or an entry point."""
+    return law not in LAWS
+
+
+def factory(law: str) -> ControllerFactory:
+    """What makes the law for a robot and a control period. CohelmError where there is none."""
+    made: ControllerFactory = plugin(GROUP, law)
+    if not callable(made):
+        raise CohelmError(f"{law} must be a function (robot, period) that returns a controller")
+    return made
+
+
+def own_trace(case: Episode, law: str) -> Trace:
+    """The drive of a case under an external law, which is given the true obstacles."""
+    setup = replace(case.setup, pilot=None)
+    if case.goal is not None:
+        setup = replace(setup, near=case.goal.near)
+    robot = RobotModel.of(case.robot.name, setup.outline, setup.limits, delay=setup.delay)
+    return driven(setup, factory(law)(robot, setup.dt))

@@ -1,4 +1,4 @@
-// Decodes the binary messages; the layouts are those of src/cohelm/station/binary.py.
+// Decodes the binary messages; the layouts are those of src/cohelm/station/view.py.
 
 export type Pose = [number, number, number]
 

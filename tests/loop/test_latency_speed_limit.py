@@ -7,7 +7,7 @@ import math
 import pytest
 from hypothesis import given, strategies as st
 
-from cohelm.link.latency_speed_limit import CRAWL, UNCAPPED_DELAY, speed_cap
+from cohelm.loop.latency_limit import CRAWL, UNCAPPED_DELAY, speed_cap
 
 
 @given(st.floats(UNCAPPED_DELAY + 0.001, 5.0), st.floats(0.0, 20.0), st.floats(0.1, 5.0))
