@@ -15,7 +15,6 @@ from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.priority import raise_priority
 from cohelm.robot.keep.process import RemoteGatedRobot
-from cohelm.robot.keep.wire import readings_of
 from cohelm.robot.port import Readings
 from tests.robot.keep.robots import Traced
 
@@ -48,7 +47,7 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
             gated._answer = before
             os.kill(os.getpid(), signal.SIGSTOP)
             answer = before(*given)
-            whole = what != "read" or isinstance(readings_of(answer), Readings)
+            whole = what != "read" or isinstance(answer, Readings)
             said.send((gated.gate.mode.name, whole))
             return answer
 

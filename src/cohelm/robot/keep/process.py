@@ -19,7 +19,6 @@ from cohelm.robot.keep.control import control
 from cohelm.robot.keep.processes import detach, start_process
 from cohelm.robot.keep.serve import BRAKING, Begun, serve
 from cohelm.robot.keep.shared_memory import SharedMemory
-from cohelm.robot.keep.wire import gate_of, packed_proposal, passed_of, readings_of
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Frame, Readings, RobotPort, Scan
 
@@ -93,7 +92,7 @@ class RemoteGatedRobot:
             {name: scan.number for name, scan in self._further.items()},
             self._frame.number if self._frame else -1,
         )
-        readings = self._memory.take(readings_of(self._ask("read", have)))
+        readings = self._memory.take(self._ask("read", have))
         self._scan = readings.scan or self._scan
         self._further |= {scan.sensor: scan for scan in readings.further}
         self._frame = readings.frame or self._frame
@@ -102,7 +101,7 @@ class RemoteGatedRobot:
 
     def propose(self, proposal: Proposal) -> Passed:
         """Through the gate to the wheels."""
-        return passed_of(self._ask("propose", packed_proposal(proposal)))
+        return self._ask("propose", proposal)
 
     def stop(self, reason: str) -> None:
         """Latched, and at once."""
@@ -162,7 +161,7 @@ class RemoteGatedRobot:
                 (number, answer, gate, theirs, then), _ = self._line.receive()
                 self._offset = theirs - then
                 if gate is not None:
-                    self._gate = gate_of(gate)
+                    self._gate = gate
         except (EOFError, OSError) as error:
             raise _gone() from error
         if isinstance(answer, CohelmError):

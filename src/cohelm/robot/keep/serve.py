@@ -25,7 +25,6 @@ from cohelm.robot.keep.priority import raise_priority, raise_thread_priorities
 from cohelm.robot.keep.processes import end_with_parent
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.keep.shared_memory import SharedMemory, shared
-from cohelm.robot.keep.wire import packed_gate, packed_passed, packed_readings, proposal_of
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings, RobotPort
 
@@ -113,9 +112,9 @@ def _answer(
     gated: LocalGatedRobot, memory: SharedMemory, what: str, with_: Any, handle: int | None
 ) -> Any:
     if what == "read":
-        return packed_readings(memory.put(_unsent(gated.read(), *with_)))
+        return memory.put(_unsent(gated.read(), *with_))
     if what == "propose":
-        return packed_passed(gated.propose(proposal_of(with_)))
+        return gated.propose(with_)
     if what == "stop":
         return gated.stop(with_)
     if what == "fault":
@@ -135,7 +134,7 @@ def _send_answer(
     """Send an answer, with the gate's state where it has changed; returns the state that the loop
     has now. Where there is no room the loop does not read, and the watchdog handles that."""
     gate = gated.gate
-    news = None if gate is sent else packed_gate(gate)
+    news = None if gate is sent else gate
     try:
         taken = line.send((number, answer, news, gated.now(), time.monotonic()))
     except ValueError as error:
