@@ -14,7 +14,8 @@ from cohelm.core.types import Floats, Progress, Twist
 from cohelm.robot.gate.gate import Proposal
 from cohelm.robot.gate.modes import GateMode, latched
 from cohelm.robot.keep.garbage import Sweeper
-from cohelm.robot.keep.gated_robot import GatedRobot, standing
+from cohelm.robot.keep.gated_robot import standing
+from cohelm.robot.keep.process import GatedRobot
 from cohelm.robot.port import Odometry
 
 PERIOD = 0.02

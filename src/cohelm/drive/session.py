@@ -34,9 +34,9 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.plan.docks import Dock
 from cohelm.plan.zones import Zones
 from cohelm.robot.gate.modes import GateMode, driving, latched
-from cohelm.robot.keep.gated_robot import GatedRobot, LocalGatedRobot, rules, standing
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules, standing
 from cohelm.robot.keep.priority import raise_priority, raise_thread_priorities, restore_priority
-from cohelm.robot.keep.process import RemoteGatedRobot
+from cohelm.robot.keep.process import GatedRobot, RemoteGatedRobot
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.limits import checked_braking
 from cohelm.robot.port import Encoded, Frame
@@ -287,7 +287,7 @@ class Session:
     def summary(self) -> dict[str, Any]:
         """The summary; read before `close`."""
         loop, timing, gate = self.loop, self.loop.timing.punctuality(), self.loop.gated.gate
-        truth = getattr(loop.gated, "truth", lambda: None)()
+        truth = loop.gated.truth()
         least = truth.least_moving if truth is not None else math.nan
         return {
             "scenario": self.plan.robot.scenario.name,

@@ -27,7 +27,7 @@ from cohelm.pilot.step import Decision, Settings
 from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.zones import Zoned, Zones
 from cohelm.robot.achievable import achievable
-from cohelm.robot.keep.gated_robot import GatedRobot
+from cohelm.robot.keep.process import GatedRobot
 
 BY_HAND_YAW_RATE = 1.0
 """At full deflection in manual mode [rad/s]."""

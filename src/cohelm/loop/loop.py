@@ -29,7 +29,8 @@ from cohelm.plan.docks import Dock
 from cohelm.robot.gate.gate import STANDING, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode, driving, latched
 from cohelm.robot.keep.garbage import Sweeper
-from cohelm.robot.keep.gated_robot import GatedRobot, standing
+from cohelm.robot.keep.gated_robot import standing
+from cohelm.robot.keep.process import GatedRobot
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.port import Readings
 

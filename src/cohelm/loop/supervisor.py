@@ -18,7 +18,7 @@ from cohelm.loop.latency_limit import Cap, allowed_share, driver_lost, steering_
 from cohelm.loop.stick_arming import ArmingParams, StickState, updated
 from cohelm.perceive.pipeline import Seen
 from cohelm.robot.gate.modes import GateMode, driving, latched
-from cohelm.robot.keep.gated_robot import GatedRobot
+from cohelm.robot.keep.process import GatedRobot
 
 _GATE = {
     Mode.HOLD: GateMode.IDLE, Mode.AUTOMATIC: GateMode.AUTOMATIC,

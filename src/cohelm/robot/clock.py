@@ -7,22 +7,9 @@ call, and `wait` is the only call that lets time pass.
 from __future__ import annotations
 
 import time
-from typing import Protocol
 
 from cohelm.core.errors import CohelmError
 from cohelm.robot.model import RobotModel
-
-
-class RobotClock(Protocol):
-    """The clock of a simulated robot [s], from 0."""
-
-    def due(self) -> float:
-        """The time to which the world has to be advanced."""
-        ...
-
-    def wait(self, until: float) -> None:
-        """Return when `due()` has reached `until`."""
-        ...
 
 
 class SteppedClock:
@@ -56,6 +43,10 @@ class WallClock:
         while left > 0.0:
             time.sleep(left)
             left = until - self.due()
+
+
+RobotClock = SteppedClock | WallClock
+"""The clock of a simulated robot [s], from 0: `due()`, to which its world has to be advanced."""
 
 
 def clock_of(real_time: bool) -> RobotClock:

@@ -24,7 +24,8 @@ from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode, driving, latched
 from cohelm.robot.keep.garbage import Sweeper
-from cohelm.robot.keep.gated_robot import GatedRobot, rules, standing
+from cohelm.robot.keep.gated_robot import rules, standing
+from cohelm.robot.keep.process import GatedRobot
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings
 from cohelm.ros.clock import SimulatedClock

@@ -12,7 +12,7 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 from urllib.parse import parse_qsl, urlsplit
 
 from cohelm.core.errors import CohelmError, did_you_mean
@@ -50,36 +50,6 @@ class BrunnerParams(NamedTuple):
     """Share of the full force against a full deflection a second [s]."""
     silence: float
     """After this time without an answer the stick is gone [s]."""
-
-
-class CLS2Sim(Protocol):
-    """The part of `Cls2SimLine` that a stick uses."""
-
-    refused: int
-
-    def ask(self, forces: Forces, now: float) -> None:
-        """Send a request."""
-        ...
-
-    def answers(self, now: float) -> list[StickPositions]:
-        """The answers received."""
-        ...
-
-    def close(self) -> None:
-        """Close the socket."""
-        ...
-
-
-class Watchdog(Protocol):
-    """The part of `ForceWatchdog` that a stick uses."""
-
-    def beat(self) -> bool:
-        """Send a heartbeat; whether the watchdog receives it."""
-        ...
-
-    def close(self) -> None:
-        """End the watchdog."""
-        ...
 
 
 def parameters(text: str, pushes: bool = True) -> BrunnerParams:
@@ -133,7 +103,8 @@ class BrunnerStick:
     kind = Device.FORCE_STICK
 
     def __init__(
-        self, params: BrunnerParams, line: CLS2Sim | None = None, watchdog: Watchdog | None = None,
+        self, params: BrunnerParams, line: Cls2SimLine | None = None,
+        watchdog: ForceWatchdog | None = None,
         clock: Callable[[], float] = time.monotonic, wait: Callable[[float], None] = time.sleep,
     ) -> None:  # fmt: skip
         """clock: steady [s]. Raises CohelmError where nothing answers within two seconds."""

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 
 from cohelm.core.errors import CohelmError
-from cohelm.link.sticks.brunner_stick import SCHEME, CLS2Sim, Watchdog, numeric, parameters
+from cohelm.link.sticks.brunner_stick import SCHEME, numeric, parameters
 from cohelm.link.sticks.cls2sim import PORT, Cls2SimLine, Forces
 from cohelm.link.sticks.force_watchdog import ForceWatchdog
 
@@ -27,7 +27,7 @@ _AMPLE = 4.0  # full force over the force that moves it
 
 def run(
     text: str, strongest: float, say: Callable[[str], None],
-    line: CLS2Sim | None = None, watchdog: Watchdog | None = None,
+    line: Cls2SimLine | None = None, watchdog: ForceWatchdog | None = None,
     clock: Callable[[], float] = time.monotonic, wait: Callable[[float], None] = time.sleep,
 ) -> str:  # fmt: skip
     """Guide the operator through the trial; returns the argument of --device.
@@ -60,7 +60,7 @@ def run(
 
 class _Trial:
     def __init__(
-        self, line: CLS2Sim, watchdog: Watchdog, say: Callable[[str], None],
+        self, line: Cls2SimLine, watchdog: ForceWatchdog, say: Callable[[str], None],
         clock: Callable[[], float], wait: Callable[[float], None],
     ) -> None:  # fmt: skip
         self._line, self._watchdog, self._say = line, watchdog, say

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import socket
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.gate import gate as gates
@@ -25,61 +25,6 @@ STANDS_V, STANDS_OMEGA = 0.02, 0.03
 _FARTHEST, _FASTEST = 1e6, 1e3
 """Bounds of plausible odometry: pose [m, rad] and twist [m/s, rad/s]."""
 _NO_NUMBER = Odometry(math.nan, Pose(*3 * [math.nan]), Twist(math.nan, math.nan))
-
-
-class GatedRobot(Protocol):
-    """The robot as the loop has it. One thread; only `wait` takes time."""
-
-    @property
-    def model(self) -> RobotModel:
-        """Of the robot."""
-        ...
-
-    @property
-    def gate(self) -> Gate:
-        """Its state as of the last call."""
-        ...
-
-    def now(self) -> float:
-        """The robot's clock [s]."""
-        ...
-
-    def wait(self, until: float) -> None:
-        """Let time pass."""
-        ...
-
-    def read(self) -> Readings:
-        """The newest of everything."""
-        ...
-
-    def propose(self, proposal: Proposal) -> Passed:
-        """Propose a twist; returns what the robot will try, and why it differs."""
-        ...
-
-    def stop(self, reason: str) -> None:
-        """Latched."""
-        ...
-
-    def fault(self, reason: str) -> None:
-        """Latched."""
-        ...
-
-    def reset(self) -> str:
-        """Clear a stop or fault; returns why not, or ""."""
-        ...
-
-    def drive(self, mode: GateMode) -> str:
-        """Set the gate's mode; returns why not, or ""."""
-        ...
-
-    def record_into(self, end: socket.socket | None) -> None:
-        """Log what the gate does to another recorder from now on, or to none. `end` then belongs
-        to the gate process, which closes it when the next one comes."""
-        ...
-
-    def close(self) -> None:
-        """Stop and close the robot."""
-        ...
 
 
 def rules(model: RobotModel, period: float, watchdog: float = 0.1) -> GateRules:

@@ -16,6 +16,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.control import control
+from cohelm.robot.keep.gated_robot import LocalGatedRobot
 from cohelm.robot.keep.processes import detach, start_process
 from cohelm.robot.keep.serve import BRAKING, Begun, serve
 from cohelm.robot.keep.shared_memory import SharedMemory
@@ -30,7 +31,8 @@ Make = Callable[[], RobotPort]
 
 
 class RemoteGatedRobot:
-    """A `GatedRobot` whose robot lives in another process. In real time only."""
+    """A `LocalGatedRobot` in another process, as the loop has it. In real time only; of the calls
+    only `wait` takes time."""
 
     def __init__(
         self, make: Make, rules: GateRules, record: socket.socket | None = None,
@@ -185,6 +187,10 @@ class RemoteGatedRobot:
             raise _gone()
         self._gate, self._offset = begun.gate, begun.now - begun.then
         return begun, handle
+
+
+GatedRobot = LocalGatedRobot | RemoteGatedRobot
+"""The robot as the loop has it: one thread calls it, and only `wait` takes time."""
 
 
 def _gone() -> CohelmError:
