@@ -161,11 +161,12 @@ def test_pages_forbid_other_origins(open_server: Server) -> None:
     assert answer.headers["x-content-type-options"] == "nosniff"
 
 
-@pytest.mark.parametrize("text", ["hello", "[1]", '{"type":"dance"}'])
-def test_a_page_that_sends_invalid_messages_is_disconnected(open_server: Server, text: str) -> None:
+@pytest.mark.parametrize("text", ["hello", "[1]", '{"type":"dance"}', '{"type":"stick","n":1}'])
+def test_a_page_that_is_not_understood_is_told_to_reload(open_server: Server, text: str) -> None:
     with opened(open_server) as page:
         page.send(text)
         assert _closed(page) == 1008
+        assert "another version, reload it" in (page.close_reason or "")
 
 
 def test_a_page_that_sends_a_burst_of_messages_is_disconnected(open_server: Server) -> None:
