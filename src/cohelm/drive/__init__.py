@@ -1,10 +1,10 @@
 """Puts a drive together: robot, gate, loop, record and operator.
 
-`simulated` makes the robot of a scenario, `factory` a user's robot. `session` starts and ends all
-parts of a drive in the right order; `operate` makes one from the command line, `library` from a
-Python script. `teleop_server` is a session driven over the link, `operator_requests` handles its
-requests beside driving, `robot_process` runs it in a process beside the station's. `recorder`
-writes the record, in a process of its own; `playback` plays one back.
+`factory` makes the robot, a scenario's or a user's. `session` starts and ends all parts of a drive
+in the right order; `operate` makes one from the command line, `library` from a Python script.
+`teleop_server` is a session driven over the link, `operator_requests` handles its requests beside
+driving, `robot_process` runs it in a process beside the station's. `recorder` writes the record, in
+a process of its own; `playback` plays one back.
 """
 
 from __future__ import annotations

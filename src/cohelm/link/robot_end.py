@@ -2,7 +2,7 @@
 
 An I/O thread moves the datagrams. The control loop exchanges the newest status and command with it
 and never waits. A command older than `STALE` is not used, neither at arrival nor later. Only
-requests are queued, few of each client; stops are kept apart (`pending`). The cost of each client
+requests are queued, few of each client; stops are kept apart, and the cost of each client
 is bounded (`client`), so that none delays another.
 """
 

@@ -4,5 +4,5 @@
 `supervisor` who drives and in which mode, with `stick_arming` for whether the stick is believed
 and `authorization` for whose request counts. `driver` makes the command, `latency_limit` slows it
 for an operator who is far away; `planning` runs the slow part elsewhere. `timing` measures how well
-time is kept; `reporter`, with `alarms` and `status`, tells recorder and operator.
+time is kept; `status`, with `alarms`, tells recorder and operator.
 """

@@ -45,7 +45,7 @@ class EpisodeResult(NamedTuple):
     """Smallest clearance to anything that ever moves; at most `sim.judge.FAR`, NaN without
     movers."""
     near_movers_s: float
-    """How long that gap was below `sim.proximity.INTIMATE`, 0.45 m."""
+    """How long that gap was below `scoring.INTIMATE`, 0.45 m."""
     nearest: str
     """What was near then: a disc's name, or "wall"; empty where nothing came near."""
     limit_excess: float
