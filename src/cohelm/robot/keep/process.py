@@ -15,10 +15,9 @@ from typing import Any
 from cohelm.core.errors import CohelmError
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode
-from cohelm.robot.keep.control import control
 from cohelm.robot.keep.gated_robot import LocalGatedRobot
 from cohelm.robot.keep.processes import detach, start_process
-from cohelm.robot.keep.serve import BRAKING, Begun, serve
+from cohelm.robot.keep.serve import BRAKING, Begun, control, serve
 from cohelm.robot.keep.shared_memory import SharedMemory
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Frame, Readings, RobotPort, Scan
