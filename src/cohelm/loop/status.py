@@ -209,15 +209,12 @@ def _localised(lost: bool, sigma: float, has_map: bool) -> Localised:
     return Localised.POOR if sigma > _POOR_SIGMA else Localised.GOOD
 
 
-# Sends each period to the recorder, the live view and the operator.
-
-
 _MAX_STATUS_RATE = 50.0  # statuses a second, at most
 _MAX_DISCS = 40  # shown, at most
 
 
 class Reporter:
-    """The reporter of one loop."""
+    """Sends each period of a loop to the recorder, the live view and the operator."""
 
     def __init__(
         self, log: DriveLog, operator: Operator, driver: Driver, model: RobotModel, lidar: Lidar,

@@ -226,15 +226,13 @@ def _within(field: DistanceField, cell: tuple[int, int], radius: float) -> NDArr
     return (i - cell[0]) ** 2 + (j - cell[1]) ** 2 <= far * far
 
 
-# Cheapest paths over a grid: A* (Hart, Nilsson & Raphael 1968) on a binary heap, compiled.
-
-
 NOT_REACHED = -1
 
 
 @jit
 def tree(free: NDArray[np.bool_], cost: Floats, root: int, target: int) -> Ints:
-    """The cheapest 8-connected paths from a free cell, until the target's is known.
+    """The cheapest 8-connected paths from a free cell, until the target's is known: A* (Hart,
+    Nilsson & Raphael 1968) on a binary heap.
 
     free, cost: (rows, columns); a step costs its length in cells times the mean cost of its two
     ends, and cost >= 1. root, target: flat indices. Returns for each cell the flat index of the

@@ -203,16 +203,14 @@ def _holding_interrupts() -> Generator[None]:
             signal.raise_signal(held[0])
 
 
-# Draws walls into an occupancy map, for the page.
-
-
 CELL = 0.05
 MARGIN = 1.0
 _MOST_CELLS = 2000
 
 
 def drawn(walls: Floats, also: Floats) -> Map:
-    """walls: (s, 4) segments [m]. also: (n, 2) further points for the map to include [m]."""
+    """Walls drawn into an occupancy map, for the page. walls: (s, 4) segments [m]. also: (n, 2)
+    further points for the map to include [m]."""
     points = np.vstack((walls[:, :2], walls[:, 2:], also, np.zeros((0 if len(also) else 1, 2))))
     low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
     cell = max(CELL, float((high - low).max()) / _MOST_CELLS)

@@ -254,15 +254,12 @@ async def _disconnect(socket: WebSocket, code: int, why: str) -> None:
         await socket.close(code, why)
 
 
-# Send queue of one page: the newest message of each slot, with flow control by credits.
-
-
 CREDIT = {"state": 4, "scan": 2, "frame": 2}
 """How many messages of a stream may be in flight; the page reports those it has shown."""
 
 
 class Outbox:
-    """A message replaces one of its slot that is not sent yet.
+    """Send queue of one page: a message replaces one of its slot that is not sent yet.
 
     A message of a stream in `CREDIT` waits until the page has shown earlier ones; slots of their
     own within a stream, as `scan/1`, share its credit.

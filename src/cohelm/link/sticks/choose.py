@@ -77,11 +77,10 @@ def _of_extra(name: str, made: Callable[[Any], Any]) -> Any:
         raise missing("a stick of this machine", "stick") from None
 
 
-# Plays a recorded stick as a device: for tests, demonstrations and repeated drives.
-
-
 class FileStick:
-    """Starts at its first reading, and becomes invalid when the record is over."""
+    """Plays a recorded stick as a device: for tests, demonstrations and repeated drives.
+
+    Starts at its first reading, and becomes invalid when the record is over."""
 
     kind = Device.SCRIPT
     force = False

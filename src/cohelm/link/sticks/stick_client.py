@@ -104,9 +104,6 @@ class _Reporter:
         self._last[what] = text
 
 
-# Drives a robot with a stick of this machine: a station without a screen.
-
-
 class Helm:
     """Forwards a stick, 50 times a second or faster, and gives force feedback."""
 

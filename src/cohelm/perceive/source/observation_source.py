@@ -128,9 +128,6 @@ def _shadow(lidar: Lidar, points: Floats) -> NDArray[np.int64]:
     return beams[(beams >= 0) & (beams < len(lidar.beams))].astype(np.int64)
 
 
-# Median filter of ranges, for the outliers of a noisy LiDAR.
-
-
 _SIGMAS = 4.5  # a range farther from the median than so many is another object
 _EDGE = 10.0  # a beam so many sigmas longer than its neighbour passes its surface
 

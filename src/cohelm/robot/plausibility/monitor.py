@@ -153,12 +153,10 @@ class PlausibilityMonitor:
         return speed, reason
 
 
-# Compiles all compiled functions of the monitor, before the gate process is in use.
-
-
 @cache
 def warm_up() -> None:
-    """Run every compiled function, on three scans of a small room that seems to grow."""
+    """Run every compiled function before the gate process is in use, on three scans of a small room
+    that seems to grow."""
     model = LidarModel(
         beams=181, field_of_view_deg=180.0, range_min_m=0.05, range_max_m=10.0, rate_hz=10.0,
         noise_m=0.01,

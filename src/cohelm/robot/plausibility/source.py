@@ -106,9 +106,6 @@ class PlausibilitySource:
         return slow(CRAWL, reason)._replace(sensor=self._name)
 
 
-# Checks the stamps and numbers of scans against the times at which they arrive.
-
-
 _SLACK = 0.1
 """Delay of a scan allowed beyond its LiDAR's latency [s]: the loop reads every 20 to 100 ms."""
 _PATIENCE = 5  # scans in a row
@@ -117,7 +114,7 @@ _TOO_OFTEN = 3
 
 
 class Arrival:
-    """Arrival checks of one LiDAR's scans, in order."""
+    """Checks stamps and numbers of one LiDAR's scans against the times at which they arrive."""
 
     def __init__(self, lidar: LidarModel) -> None:
         self._usual = lidar.latency_s + _SLACK

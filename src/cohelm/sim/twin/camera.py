@@ -141,11 +141,9 @@ def posed(model: Any, data: Any, shot: Shot) -> None:
     mujoco.mj_camlight(model, data)
 
 
-# The twin's camera through OpenGL, without a screen (EGL).
-
-
 class GlCamera:
-    """Renders what one camera of the model sees. Belongs to the thread that makes it.
+    """Renders what one camera of the model sees, through OpenGL without a screen (EGL). Belongs to
+    the thread that makes it.
 
     Raises whatever EGL, OpenGL or MuJoCo raise where they can not render: the caller has another
     camera to fall back on.
@@ -201,16 +199,14 @@ class GlCamera:
         self._gl.free()
 
 
-# The twin's camera without any OpenGL: one ray for every pixel, shaded by where it lands.
-
-
 _MOST = 320 * 240  # rays of a picture; a larger one repeats its pixels
 _FAR = 60.0  # [m]
 _AT_ONCE = 4096  # rays of one call: other threads get their turn in between
 
 
 class RayCamera:
-    """Draws what one camera of the model sees, as coarse as needed to be quick."""
+    """Draws what one camera of the model sees without OpenGL, as coarse as needed to be quick: one
+    ray for every pixel, shaded by where it lands."""
 
     def __init__(
         self, model: Any, width: int, height: int, camera: str, groups: tuple[int, ...]

@@ -299,11 +299,8 @@ def torque_limit(robot: RobotModel, settings: TwinModel) -> float:
     )
 
 
-# Solid cells of an occupancy map as few rectangles, so that physics has few boxes to look at.
-
-
 def rectangles(solid: NDArray[np.bool_]) -> Ints:
-    """Rectangles that cover exactly the solid cells, once each.
+    """Rectangles that cover exactly the solid cells, once each: physics has few boxes to look at.
 
     (k, 4): first row, first column, and the row and column after the last. Runs along a row grow
     upwards over the rows above as long as these have the very same run.

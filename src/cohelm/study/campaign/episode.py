@@ -210,9 +210,6 @@ def sequence(seed: int, suite: str, number: int) -> np.random.Generator:
 PAPER = Gains()
 
 
-# Counts what the second layer of safety did in a drive.
-
-
 @dataclass
 class Interventions:
     """How often the second layer acted in a drive."""

@@ -77,9 +77,6 @@ def is_search(case: Episode) -> bool:
     return case.kind.startswith("search")
 
 
-# Laws by others in a campaign: the same episodes, the same plant, the same judge as ours.
-
-
 GROUP = "cohelm.laws"
 """Entry points that name laws by others."""
 
