@@ -211,7 +211,8 @@ def test_an_interrupted_mapping_resumes_and_makes_the_same_map(folder, record, t
 
     with pytest.raises(mapping.Interrupted):
         mapping.mapped(record, tmp_path, 0.05, stop)
-    assert {p.name for p in tmp_path.iterdir()} == {"survey.npz"}
+    # The picture that grows is drawn every few seconds: on a slow machine there is one by then.
+    assert {p.name for p in tmp_path.iterdir()} - {"map.png"} == {"survey.npz"}
     heard = []
     mapping.mapped(record, tmp_path, None, lambda what, _: heard.append(what), resume=True)
     assert int(heard[0].removeprefix("scan ").split(",")[0]) > 100

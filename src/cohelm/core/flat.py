@@ -2,7 +2,8 @@
 
 A call from Python into compiled code unpacks an array in 150 ns, and each named tuple in 800. So
 what goes in and comes out is one row: `numbers` and `made` in Python, `read` and `write` in
-compiled code. A bool is 0 or 1, an int a whole number below 2**53; arrays are none of the numbers.
+compiled code. A bool is 0 or 1, an int a whole number below 2**53; arrays are none of the numbers,
+they are handed over beside the row: `flat` makes both.
 """
 
 from __future__ import annotations
@@ -21,17 +22,26 @@ from cohelm.core.types import Floats
 
 T = TypeVar("T", bound=tuple[Any, ...])
 
+Flat = tuple[Floats, tuple[Any, ...]]
+"""The numbers of a named tuple, and its arrays, both in order."""
+
 
 @cache
-def names(of: type) -> tuple[str, ...]:
-    """Dotted names of the numbers of a class of named tuples, in order: `clock.tau`."""
+def names(of: type, numeric: bool = True) -> tuple[str, ...]:
+    """Dotted names of the numbers of a class of named tuples, in order: `clock.tau`. numeric: or of
+    all else, its arrays."""
     found: list[str] = []
     for field, kind in typing.get_type_hints(of).items():
         if _is_tuple(kind):
-            found += [f"{field}.{inner}" for inner in names(kind)]
-        elif kind in (float, int, bool):
+            found += [f"{field}.{inner}" for inner in names(kind, numeric)]
+        elif (kind in (float, int, bool)) == numeric:
             found.append(field)
     return tuple(found)
+
+
+def flat(value: tuple[Any, ...]) -> Flat:
+    """A named tuple as compiled code takes it fast; `made` and `read` undo it."""
+    return numbers(value), _getter(type(value), False)(value)
 
 
 def numbers(value: tuple[Any, ...]) -> Floats:
@@ -72,8 +82,12 @@ def _write(value: Any, row: Any, first: Any) -> Any:
 
 
 @cache
-def _getter(of: type) -> Callable[[Any], tuple[float, ...]]:
-    return attrgetter(*names(of))
+def _getter(of: type, numeric: bool = True) -> Callable[[Any], tuple[Any, ...]]:
+    known = names(of, numeric)
+    if not known:
+        return lambda value: ()
+    found = attrgetter(*known)
+    return found if len(known) > 1 else lambda value: (found(value),)
 
 
 @cache

@@ -98,6 +98,8 @@ class Task(NamedTuple):
 def split_unseen(obstacles: Surroundings, first: int, end: int) -> tuple[Surroundings, Floats]:
     """The obstacles of a `Task` without their points from `first` to `end`, and those points: the
     border of unobserved space."""
+    if first == end:
+        return obstacles, obstacles.points[:0]
     points = np.delete(obstacles.points, slice(first, end), axis=0)
     return obstacles._replace(points=points), obstacles.points[first:end]
 

@@ -44,9 +44,10 @@ def distance_field(
         return DistanceField(np.full((rows, columns), math.inf), resolution, low[0], low[1])
     flat = cells[:, 1] * columns + cells[:, 0]
     order = np.argsort(flat, kind="stable")
-    first = np.searchsorted(flat[order], np.arange(rows * columns + 1))
+    count = np.bincount(flat, minlength=rows * columns)
+    first = np.concatenate(([0], np.cumsum(count)))
     nearest: NDArray[np.int32] = scipy.ndimage.distance_transform_edt(
-        (first[1:] == first[:-1]).reshape(rows, columns),
+        (count == 0).reshape(rows, columns),
         return_distances=False,
         return_indices=True,
     )
@@ -107,13 +108,20 @@ def swept_clearances(points: Floats, outline: Floats, poses: Floats) -> Floats:
     reach = 0.0
     for k in range(len(outline)):
         reach = max(reach, math.hypot(outline[k, 0], outline[k, 1]))
-    clearances = np.full(len(poses), math.inf)
+    clearances, nearest = np.empty(len(poses)), -1
     for i in range(len(poses)):
-        c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        x, y, c, s = poses[i, 0], poses[i, 1], math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        least = math.inf
+        if nearest >= 0:  # of the pose before: it bounds the search for all others
+            dx, dy = points[nearest, 0] - x, points[nearest, 1] - y
+            least = max(point_gap(outline, c * dx + s * dy, -s * dx + c * dy), 0.0)
+        far = (least + reach) * (least + reach)
         for p in range(len(points)):
-            dx, dy = points[p, 0] - poses[i, 0], points[p, 1] - poses[i, 1]
-            far = clearances[i] + reach
-            if dx * dx + dy * dy < far * far:
-                clearance = point_gap(outline, c * dx + s * dy, -s * dx + c * dy)
-                clearances[i] = min(clearances[i], max(clearance, 0.0))
+            dx, dy = points[p, 0] - x, points[p, 1] - y
+            if dx * dx + dy * dy < far:
+                gap = max(point_gap(outline, c * dx + s * dy, -s * dx + c * dy), 0.0)
+                if gap < least:
+                    least, nearest = gap, p
+                    far = (least + reach) * (least + reach)
+        clearances[i] = least
     return clearances

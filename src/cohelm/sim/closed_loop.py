@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cohelm.core.flat import Flat, flat, made, read, write
 from cohelm.core.jit import jit
 from cohelm.core.row import blank
 from cohelm.core.types import Desired, Floats, Pose, Twist
@@ -139,6 +140,7 @@ def stretches(
     current = course(planner.route.reference, 0, True, settings.pace)
     number, since, waiting = 0, 0, None
     walls = near_walls(scene.obstacles.walls, start)
+    limited, constant = flat(settings), flat(scene)
     k, written = 0, 0
     out = _empty(min(length, steps), m)
     while k < steps and not now.arrived:
@@ -146,10 +148,10 @@ def stretches(
             now = now._replace(seen_obstacles=look(k, dt, now, scene, scanners_, eyes))
         elif eyes is not None:
             now = now._replace(seen_obstacles=perceived(eyes, k * dt, now.robot))
-        seen, limited = now.seen_obstacles, settings
+        seen = now.seen_obstacles
         if zones is not None:
             now = now._replace(seen_obstacles=zones.beside(seen, now.robot.pose))
-            limited = settings._replace(fastest=zones.limit(now.robot.pose)[0])
+            limited = flat(settings._replace(fastest=zones.limit(now.robot.pose)[0]))
         if k % period == 0:
             walls = near_walls(scene.obstacles.walls, now.robot.pose)
             seen_obstacles = known(k * dt, now.seen_obstacles, walls, scene)
@@ -172,11 +174,12 @@ def stretches(
         if eyes is not None or zones is not None:
             upto = k + 1  # movers are predicted anew in every step, as in the loop
         part = out.part(written, written + upto - k)
-        now, done = _advance(
-            k, dt, now, current, number, planner.route.line, limited, scene, walls, queue, sent,
-            mover_history, part.rows, part.h, part.discs,
+        state = flat(now)
+        done = _advance(
+            k, dt, state, flat(current), number, planner.route.line, limited, constant, walls,
+            queue, sent, mover_history, part.rows, part.h, part.discs,
         )  # fmt: skip
-        now = now._replace(seen_obstacles=seen)
+        now = made(Now, state[0].tolist(), 0, state[1])._replace(seen_obstacles=seen)
         k, written = k + done, written + done
         if written == len(out.rows) or now.arrived or k == steps:
             yield out.part(0, written)
@@ -287,11 +290,19 @@ def known(t: float, seen_obstacles: Surroundings, walls: Floats, scene: Scene) -
 
 @jit
 def _advance(
-    first: int, dt: float, now: Now, course: Course, number: int, line: Floats, settings: Settings,
-    scene: Scene, walls: Floats, queue: Floats, sent: Floats,
+    first: int, dt: float, flat_now: Flat, flat_course: Flat, number: int, line: Floats,
+    flat_settings: Flat, flat_scene: Flat, walls: Floats, queue: Floats, sent: Floats,
     mover_history: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
-) -> tuple[Now, int]:  # fmt: skip
-    """Steps first ... first + len(rows) - 1, fewer on arrival; how many they were."""
+) -> int:  # fmt: skip
+    """Steps first ... first + len(rows) - 1, fewer on arrival; how many they were.
+
+    `core.flat`: of `Now`, which is written into, `Course`, `Settings` and `Scene`. To unpack and
+    pack them as they are takes longer than a step.
+    """
+    now = read(Now, flat_now[0], 0, flat_now[1])
+    course = read(Course, flat_course[0], 0, flat_course[1])
+    settings = read(Settings, flat_settings[0], 0, flat_settings[1])
+    scene = read(Scene, flat_scene[0], 0, flat_scene[1])
     robot, pilot, person, seen_obstacles = now.robot, now.pilot, now.person, now.seen_obstacles
     led, arrived = now.led, now.arrived
     done = 0
@@ -331,4 +342,5 @@ def _advance(
         done = j + 1
         if arrived:
             break
-    return Now(robot, pilot, person, seen_obstacles, led, arrived), done
+    write(Now(robot, pilot, person, seen_obstacles, led, arrived), flat_now[0], 0)
+    return done
