@@ -23,8 +23,8 @@ from cohelm.plan.recovery import (
     recovery_move,
     recovery_twist,
     rest,
-    search_recovery,
 )
+from cohelm.plan.recovery_search import search_recovery
 from cohelm.robot.kinematics import arc
 from cohelm.scenario.load import robot as load_robot
 from tests.perceive.scenes import JACKAL, LONG, NOTHING, circle, room, wall
@@ -103,14 +103,15 @@ def test_a_robot_nearer_than_the_clearance_already_may_still_leave():
     assert least > 0.0
 
 
+@pytest.mark.parametrize("gap", [0.03, 0.023])
 @pytest.mark.parametrize("outline", [JACKAL, load_robot("sally").outline])
-def test_flush_along_a_wall_a_gentle_arc_leads_off(outline):
+def test_flush_along_a_wall_a_gentle_arc_leads_off(outline, gap):
     """Neither on the spot nor sharply can it turn away: a corner would come nearer."""
-    side, front = -outline[:, 1].min(), outline[:, 0].max()
-    points = np.vstack((wall(-3.0, -side - 0.03, front + 0.2, -side - 0.03),
-                        wall(front + 0.2, -side - 0.03, front + 0.2, 2.0)))  # fmt: skip
+    side, front = gap - outline[:, 1].min(), outline[:, 0].max()
+    points = np.vstack((wall(-6.0, -side, front + 0.2, -side),
+                        wall(front + 0.2, -side, front + 0.2, 2.0)))  # fmt: skip
     pose = AT
-    for _ in range(4):  # a little back, a little aside, and again
+    for _ in range(8):  # a little back, a little aside, and again
         move = recovery_move(pose, 2.0, points, outline)
         assert move is not None
         pose, least = drive(pose, move, outline, points)
@@ -189,26 +190,47 @@ def test_a_few_small_moves_lead_out_of_a_corner():
     corner = np.vstack((wall(0.0, 0.0, 4.0, 0.0), wall(0.0, 0.0, 0.0, 4.0)))
     pose, left = Pose(0.49005, 0.46987, 2.56157), 12
     clearances = [float(swept_clearances(corner, sally, np.array([pose]))[0])]
-    while clearances[-1] < 0.08:
-        move = search_recovery(pose, corner, sally)
+    while abs(wrap(pose.psi - 0.8)) > 0.01:
+        move = search_recovery(pose, 0.8, corner, sally)
         assert move is not None
         for share in np.linspace(0.05, 1.0, 20):
-            on = Twist(share * move.distance, share * (move.distance * move.curvature + move.turn))
-            there = arc(pose, on, 1.0)
+            there = arc(
+                pose, Twist(share * move.distance, share * move.distance * move.curvature), 1.0
+            )
             clearances.append(float(swept_clearances(corner, sally, np.array([there]))[0]))
-        pose, left = there, left - 1
+        for share in np.linspace(0.05, 1.0, 20):
+            turned = Pose(there.x, there.y, there.psi + share * move.turn)
+            clearances.append(float(swept_clearances(corner, sally, np.array([turned]))[0]))
+        pose, left = turned, left - 1
         assert left > 0
     assert min(clearances) > 0.017
+
+
+def test_between_two_obstacles_smaller_steps_lead_out():
+    """3 cm before a disc and behind a wall no step of the first size is possible."""
+    sally = load_robot("sally").outline
+    points = np.vstack((wall(0.0, -1.0, 0.0, 4.0), circle(0.9, 0.9, 0.1)))
+    move = search_recovery(Pose(0.40611, 1.16246, 0.05764), 0.6, points, sally)
+    assert move is not None
+
+
+def test_it_does_not_take_the_end_of_what_it_looks_at_for_free_ground():
+    """Between two long walls with 2 cm beside it nothing leads out, however far it drives."""
+    sally = load_robot("sally").outline
+    passage = np.vstack((wall(-6.0, 0.31, 6.0, 0.31), wall(-6.0, -0.31, 6.0, -0.31)))
+    assert search_recovery(AT, 1.5, passage, sally) is None
 
 
 def test_where_nothing_leads_out_none_is_found():
     sally = load_robot("sally").outline
     cage = room(-0.375, -0.305, 0.375, 0.305)
-    assert search_recovery(Pose(0.0, 0.0, 0.0), cage, sally) is None
+    assert search_recovery(AT, 1.5, cage, sally) is None
 
 
 def test_where_no_kind_of_move_may_begin_none_is_found():
     assert (
-        search_recovery(AT, room(-0.6, -0.6, 0.6, 0.6), load_robot("sally").outline, refused=15)
+        search_recovery(
+            AT, 1.5, room(-0.6, -0.6, 0.6, 0.6), load_robot("sally").outline, refused=15
+        )
         is None
     )

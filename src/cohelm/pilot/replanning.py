@@ -25,10 +25,11 @@ from cohelm.plan.recovery import (
     back_off,
     kind,
     recovery_move,
-    search_recovery,
 )
+from cohelm.plan.recovery_search import search_recovery
 
 _MOVES = 3  # recovery moves without progress, before a sequence of them is searched for
+_AHEAD = 0.3  # heading error up to which the path lies ahead [rad]
 _DENSE, _DENSE_WITHIN = 0.01, 2.5  # spacing of dense points, and their radius around the robot [m]
 _RECOVERY = RecoveryParams()
 _NO_PATH: Floats = np.empty((0, 2))
@@ -310,8 +311,9 @@ def _recovery(
     pose = task.pose
     clock, to, off = _on_adoption(made, task, route, settings)
     held = _held_up(task, replan_params)
+    shuffles = task.state.moves >= _MOVES  # single moves lead nowhere
     over = clock.tau >= made.course.reference.knots[-1]
-    if over or (abs(off) <= replan_params.turned and not held):
+    if over or (abs(off) <= (_AHEAD if shuffles else replan_params.turned) and not held):
         return None
     refused = task.state.refused
     recovery_params = _RECOVERY._replace(
@@ -319,25 +321,27 @@ def _recovery(
             *(g for g in _RECOVERY.clearances if g > path_params.clearance),
             path_params.clearance,
         ),
-        least=min(1.2 * settings.rules.hard_margin, settings.rules.soft_margin),
+        # Between two of the dense points of a wall a corner may be so much nearer to it.
+        least=min(math.hypot(settings.rules.hard_margin, 0.5 * _DENSE), settings.rules.soft_margin),
     )
     if task.refused_for > replan_params.waits:  # by an obstacle that is not among the points
         move = back_off(pose, points, settings.outline, recovery_params, refused)
         return move or back_off(pose, points, settings.outline, recovery_params)
-    shuffles = task.state.moves >= _MOVES  # single moves lead nowhere
     move = None
     if not shuffles:
         move = recovery_move(pose, to.psi, points, settings.outline, recovery_params, refused)
     if move is None and (held or refused or shuffles):
         dense = surface_points(task.with_unseen(), pose, _DENSE_WITHIN, _DENSE)
         if shuffles:
-            move = search_recovery(pose, dense, settings.outline, recovery_params, refused)
+            move = search_recovery(pose, to.psi, dense, settings.outline, recovery_params, refused)
         for without in (refused, 0)[: 2 if refused else 1]:
             move = move or recovery_move(
                 pose, to.psi, dense, settings.outline, recovery_params, without
             )
-            move = move or search_recovery(pose, dense, settings.outline, recovery_params, without)
-    if move is not None and abs(off) < 0.3 and move.distance == 0.0:
+            move = move or search_recovery(
+                pose, to.psi, dense, settings.outline, recovery_params, without
+            )
+    if move is not None and abs(off) <= _AHEAD and move.distance == 0.0:
         back = RecoveryMove(-0.2, 0.0, 0.0)  # its heading is right, but it makes no progress
         return RecoveryMove(0.1, 0.0, 0.0) if kind(back) & refused else back
     return move

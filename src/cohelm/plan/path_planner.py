@@ -18,6 +18,7 @@ from cohelm.plan.distance_field import (
     swept_clearances,
 )
 from cohelm.plan.elastic_band import band, distances, tangents
+from cohelm.plan.heap import pop, push
 
 _LEAVE = 0.4  # radius within which a start in a tight place may be left [m]
 _BLOCKED_RADIUS = 0.1  # radius blocked around a pose in collision before the next try [m]
@@ -120,6 +121,9 @@ def plan_path(
             clearances[0] = math.inf  # the robot is there already, with any heading
             if clearances.min() >= path_params.clearance:
                 return PlannedPath(smooth, rejoined, float(clearances.min()))
+            if clearances[-1] < path_params.clearance:  # it can not face there as the path ends
+                ends = field.clearance[cells[aim - here :, 0], cells[aim - here :, 1]]
+                aim += int(np.argmax(ends >= turning_clearance))
             for x, y, _psi in poses[clearances < path_params.clearance]:
                 field.clearance[_within(field, _cell(field, (x, y)), _BLOCKED_RADIUS)] = 0.0
     return None
@@ -249,10 +253,10 @@ def tree(free: NDArray[np.bool_], cost: Floats, root: int, target: int) -> Ints:
     keys, cells = np.empty(8 * n + 8), np.empty(8 * n + 8, dtype=np.int64)
     to_i, to_j = target // columns, target % columns
     spent[root], before[root] = 0.0, root
-    size = _push(keys, cells, 0, _at_least(root // columns, root % columns, to_i, to_j), root)
+    size = push(keys, cells, 0, _at_least(root // columns, root % columns, to_i, to_j), root)
     while size > 0:
         cell = cells[0]
-        size = _pop(keys, cells, size)
+        size = pop(keys, cells, size)
         if settled[cell]:
             continue
         settled[cell] = True
@@ -273,7 +277,7 @@ def tree(free: NDArray[np.bool_], cost: Floats, root: int, target: int) -> Ints:
                 if there < spent[other]:
                     spent[other], before[other] = there, cell
                     guess = there + _at_least(a, b, to_i, to_j)
-                    size = _push(keys, cells, size, guess, other)
+                    size = push(keys, cells, size, guess, other)
     return before
 
 
@@ -282,36 +286,3 @@ def _at_least(i: int, j: int, to_i: int, to_j: int) -> float:
     """The distance to the target where all is free and costs 1 [cells]."""
     di, dj = abs(i - to_i), abs(j - to_j)
     return max(di, dj) + 0.41421356237309503 * min(di, dj)
-
-
-@jit
-def _push(keys: Floats, cells: Ints, size: int, key: float, cell: int) -> int:
-    at = size
-    while at > 0:
-        above = (at - 1) // 2
-        if keys[above] <= key:
-            break
-        keys[at], cells[at] = keys[above], cells[above]
-        at = above
-    keys[at], cells[at] = key, cell
-    return size + 1
-
-
-@jit
-def _pop(keys: Floats, cells: Ints, size: int) -> int:
-    """Remove the first element of the heap."""
-    size -= 1
-    key, cell = keys[size], cells[size]
-    at = 0
-    while True:
-        below = 2 * at + 1
-        if below >= size:
-            break
-        if below + 1 < size and keys[below + 1] < keys[below]:
-            below += 1
-        if keys[below] >= key:
-            break
-        keys[at], cells[at] = keys[below], cells[below]
-        at = below
-    keys[at], cells[at] = key, cell
-    return size

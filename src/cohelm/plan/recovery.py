@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 import math
 from typing import NamedTuple
 
@@ -11,18 +10,12 @@ import numpy as np
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.plan.distance_field import swept_clearances
+from cohelm.robot.clearance import point_gap
 from cohelm.robot.kinematics import arc
 
 _SPACING = 0.02  # of checked poses, along the travel of the outline's farthest corner [m]
 _NEAR_ENOUGH = 0.01  # tolerance of the end of a move [m, rad]
-_GAIN = 0.01  # in clearance that makes a move worthwhile [m]
-
-
-_STEP = 0.04  # of the search, along an arc [m]
-_TURN = 0.08  # and on the spot [rad]
-_CELL, _SECTOR = 0.02, 0.04  # cells of the search's closed set [m, rad]
-_ROOM = 0.08  # clearance at which the search ends [m]
-_PLACES = 1500  # expanded at most
+_GAIN = 0.005  # in clearance that makes a move worthwhile [m]
 
 
 class RecoveryMove(NamedTuple):
@@ -62,8 +55,8 @@ class RecoveryParams(NamedTuple):
     """Longest move forwards [m]."""
     curvatures: tuple[float, ...] = (0.0, 1.5, -1.5, 4.0, -4.0)
     """Of the arcs [1/m]."""
-    gentle: tuple[float, ...] = (0.08, -0.08, 0.12, -0.12, 0.16, -0.16, 0.3, -0.3, 1.0, -1.0)
-    """Of gentle arcs that lead off a wall [1/m]."""
+    gentle: tuple[float, ...] = (0.9, -0.9, 0.5, -0.5, 0.25, -0.25)
+    """Of gentle arcs that lead off a wall, as shares of the largest that the clearance allows."""
     least: float = 0.018
     """Smallest clearance on those, a little more than the guard's hard margin [m]."""
     off: float = 0.3
@@ -130,85 +123,26 @@ def recovery_move(
 def _gentle_arc(
     pose: Pose, points: Floats, outline: Floats, reach: float, params: RecoveryParams, refused: int
 ) -> RecoveryMove | None:
-    """The gentle arc that ends with the largest clearance; None if none gains any."""
+    """The gentle arc that ends with the largest clearance; None if none gains any.
+
+    On an arc of curvature k a corner that is d before or behind the axle first comes nearer to a
+    wall, by k d^2 / 2.
+    """
     clearance_now = float(swept_clearances(points, outline, np.array([pose]))[0])
-    most, best = clearance_now + _GAIN, None
+    least, most, best = min(params.least, clearance_now), clearance_now + _GAIN, None
+    sharpest = 2.0 * (clearance_now - least) / float(np.abs(outline[:, 0]).max()) ** 2
     for sign, far in ((-1.0, params.back), (1.0, 2.0 * params.forward)):
         if kind(RecoveryMove(sign, 0.0, 0.0)) & refused:
             continue
-        for curvature in params.gentle:
+        for share in params.gentle:
+            curvature = share * sharpest
             clearances, distances = _along(pose, sign, curvature, far, points, outline, reach)
-            tight = clearances < min(params.least, clearance_now)
+            tight = clearances < least
             end = int(np.argmax(tight)) if tight.any() else len(clearances)
             k = int(np.argmax(clearances[:end])) if end else 0
             if end and clearances[k] > most:
                 most, best = float(clearances[k]), RecoveryMove(float(distances[k]), curvature, 0.0)
     return best
-
-
-def search_recovery(
-    pose: Pose, points: Floats, outline: Floats, params: RecoveryParams = _PARAMS, refused: int = 0
-) -> RecoveryMove | None:
-    """The first move of the shortest sequence of small arcs and turns to free space, by Dijkstra
-    over poses; None if there is none, or the robot stands in free space. For where no single move
-    leads out.
-
-    The clearance is at least `params.least`, or what it is now. points: dense enough for such a
-    clearance.
-    """
-    reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
-    off = points - np.array(pose[:2])
-    near = points[np.hypot(off[:, 0], off[:, 1]) < 2.0 * reach + 1.0]
-    clearance_now = float(swept_clearances(near, outline, np.array([pose]))[0])
-    if clearance_now > _ROOM:
-        return None
-    least = min(params.least, clearance_now - 1e-6)
-    steps = [RecoveryMove(s * _STEP, k, 0.0) for s in (-1.0, 1.0) for k in params.curvatures]
-    steps += [RecoveryMove(0.0, 0.0, s * _TURN) for s in (-1.0, 1.0)]
-    begin = [step for step in steps if not kind(step) & refused]
-    if not begin:
-        return None
-    queue: list[tuple[float, int, Pose, RecoveryMove | None, bool]] = [(0.0, 0, pose, None, True)]
-    seen, number, expanded = set[tuple[int, int, int]](), 0, 0
-    while queue and expanded < _PLACES:
-        cost, _, at, first, same = heapq.heappop(queue)
-        place = (round(at.x / _CELL), round(at.y / _CELL), round(at.psi / _SECTOR))
-        if place in seen:
-            continue
-        seen.add(place)
-        expanded += 1
-        tried = begin if first is None else steps
-        ends = [_stepped(at, step, 1.0) for step in tried]
-        half = [_stepped(at, step, 0.5) for step in tried]
-        clearances = swept_clearances(near, outline, np.array(half + ends))
-        for i, (step, end) in enumerate(zip(tried, ends, strict=True)):
-            clearance = float(clearances[len(tried) + i])
-            if min(clearance, float(clearances[i])) < least:
-                continue
-            goes_on = same and (first is None or _continues(first, step))
-            whole = step if first is None else _joined(first, step) if goes_on else first
-            if clearance > _ROOM:
-                return whole
-            number += 1
-            switch_cost = 0.0 if goes_on else 0.5  # prefers few long moves
-            heapq.heappush(queue, (cost + 1.0 + switch_cost, number, end, whole, goes_on))
-    return None
-
-
-def _stepped(pose: Pose, step: RecoveryMove, share: float) -> Pose:
-    """The pose after a share of a small arc or turn."""
-    if step.distance == 0.0:
-        return Pose(pose.x, pose.y, pose.psi + share * step.turn)
-    return arc(pose, Twist(step.distance, step.distance * step.curvature), share)
-
-
-def _continues(a: RecoveryMove, b: RecoveryMove) -> bool:
-    """Whether b continues a."""
-    return a.curvature == b.curvature and kind(a) == kind(b)
-
-
-def _joined(a: RecoveryMove, b: RecoveryMove) -> RecoveryMove:
-    return RecoveryMove(a.distance + b.distance, a.curvature, a.turn + b.turn)
 
 
 def _shortest(
@@ -247,22 +181,35 @@ def _turn(
     for angle in (short, short - math.copysign(2.0 * math.pi, short)):
         if kind(RecoveryMove(0.0, 0.0, angle)) & refused:
             continue
-        if _turns(pose, angle, points, outline, reach, clearance):
+        if turns(pose, angle, points, outline, reach, clearance):
             return angle
     return None
 
 
 @jit
-def _turns(
+def is_clear(points: Floats, outline: Floats, reach: float, pose: Pose, clearance: float) -> bool:
+    """Whether the outline at a pose keeps `clearance` to all points."""
+    c, s = math.cos(pose.psi), math.sin(pose.psi)
+    far = (reach + clearance) * (reach + clearance)
+    for p in range(len(points)):
+        dx, dy = points[p, 0] - pose.x, points[p, 1] - pose.y
+        if (
+            dx * dx + dy * dy < far
+            and not max(point_gap(outline, c * dx + s * dy, -s * dx + c * dy), 0.0) >= clearance
+        ):
+            return False
+    return True
+
+
+@jit
+def turns(
     pose: Pose, angle: float, points: Floats, outline: Floats, reach: float, clearance: float
 ) -> bool:
     """Whether the outline keeps `clearance` during a turn on the spot."""
     n = max(math.ceil(abs(angle) * reach / _SPACING), 1)
-    one = np.empty((1, 3))
-    one[0, 0], one[0, 1] = pose.x, pose.y
     for i in range(n + 1):
-        one[0, 2] = pose.psi + (angle if i == n else i * (angle / n))
-        if not swept_clearances(points, outline, one)[0] >= clearance:
+        psi = pose.psi + (angle if i == n else i * (angle / n))
+        if not is_clear(points, outline, reach, Pose(pose.x, pose.y, psi), clearance):
             return False
     return True
 
