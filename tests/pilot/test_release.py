@@ -17,6 +17,7 @@ def test_a_robot_released_in_a_tight_spot_returns_to_its_path(number):
     (8578, 96), (8578, 528), (8578, 541),
     (8597, 65),  # beside a wall with 23 mm: to and fro along it
     (8597, 822),  # between a wall and a disc: the path led back to where it came from
+    (8598, 357),  # between two discs: the path undid each move of the sequence
     (8597, 873),  # in the open: each path ended where the robot does not fit across the route
 ])  # fmt: skip
 def test_a_robot_that_once_stayed_for_ever_returns(seed, number):

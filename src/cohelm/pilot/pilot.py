@@ -179,8 +179,8 @@ def taken(state: PilotState, made: Plan, planner: Planner, pose: Pose, twist: Tw
         clock = clock._replace(waited=0.0 if made.held else waited)
     if made.move is not None and state.left == NO_MOVE:
         clock = clock._replace(rate=0.0, waited=0.0)
-        return state._replace(clock=clock, left=made.move, moves=state.moves + 1)
-    return state._replace(clock=clock)
+        return state._replace(clock=clock, left=made.move, moves=state.moves + 1, awaits=False)
+    return state._replace(clock=clock, awaits=False)
 
 
 Flat = Callable[

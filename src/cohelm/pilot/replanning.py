@@ -12,7 +12,7 @@ from cohelm.law.govern import CourseClock, governed, nearest_ahead
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.rollout import roll_out
-from cohelm.pilot.step import NO_MOVE, PilotState, Settings, still
+from cohelm.pilot.step import MOVES, NO_MOVE, PilotState, Settings, still
 from cohelm.pilot.surface_points import surface_points
 from cohelm.plan.course import Course, Route, course, nearest_row, paced, window
 from cohelm.plan.distance_field import swept_clearances
@@ -28,7 +28,6 @@ from cohelm.plan.recovery import (
 )
 from cohelm.plan.recovery_search import search_recovery
 
-_MOVES = 3  # recovery moves without progress, before a sequence of them is searched for
 _AHEAD = 0.3  # heading error up to which the path lies ahead [rad]
 _DENSE, _DENSE_WITHIN = 0.01, 2.5  # spacing of dense points, and their radius around the robot [m]
 _RECOVERY = RecoveryParams()
@@ -311,7 +310,7 @@ def _recovery(
     pose = task.pose
     clock, to, off = _on_adoption(made, task, route, settings)
     held = _held_up(task, replan_params)
-    shuffles = task.state.moves >= _MOVES  # single moves lead nowhere
+    shuffles = task.state.moves >= MOVES  # single moves lead nowhere
     over = clock.tau >= made.course.reference.knots[-1]
     if over or (abs(off) <= (_AHEAD if shuffles else replan_params.turned) and not held):
         return None

@@ -75,6 +75,8 @@ class PilotState(NamedTuple):
     evasion: Evasion = NO_EVASION
     moves: int = 0
     """Recovery moves begun since then."""
+    awaits: bool = False
+    """Whether it stands until the next plan, which continues a sequence of recovery moves."""
 
 
 START = PilotState(0, 0.0, CourseClock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
@@ -156,6 +158,7 @@ def pilot_step(
     operator_leads = min(operator.authority.x, operator.authority.psi) < s.led_below
     left = NO_MOVE if operator_leads else state.left
     recovering = left.distance != 0.0 or left.turn != 0.0
+    recovering = recovering or (state.awaits and not operator_leads)
 
     evasion = NO_EVASION
     if s.guarded and s.evasion.horizon > 0.0 and not operator_leads:
@@ -199,6 +202,7 @@ def pilot_step(
         left = rest(left, Twist(v, omega), s.rules.dt)
     clock = _standing(state, clock, Twist(v, omega), course, dt) if follows else clock
     left, held, refused = _recovery_progress(state, left, Twist(v, omega), clock.rate, dt)
+    awaits = recovering and left == NO_MOVE and state.moves >= MOVES
     row = nearest_row(line, pose, state.row, max(state.row + _ROWS_AHEAD, course.row))
     behavior = (
         LED
@@ -207,7 +211,7 @@ def pilot_step(
     )
     moves = 0 if left == NO_MOVE and clock.rate > _PROGRESS_RATE else state.moves
     next_state = PilotState(
-        state.k + 1, state.time + dt, clock, left, row, held, refused, evasion, moves
+        state.k + 1, state.time + dt, clock, left, row, held, refused, evasion, moves, awaits
     )
     return next_state, Decision(
         v, omega, step.tracking_v, step.tracking_omega, step.operator_v, step.operator_omega,
@@ -250,6 +254,8 @@ def _speed_limited(e: EvasionParams, fastest: float) -> EvasionParams:
     )  # fmt: skip
 
 
+MOVES = 3
+"""Recovery moves without progress, before a sequence of them is searched for."""
 PATIENCE = 0.4
 """A recovery move held up for longer is given up [s]."""
 _STILL = 0.01  # a slower recovery move is held up [m/s, rad/s]
@@ -279,9 +285,10 @@ def _recovery_progress(
     state: PilotState, left: RecoveryMove, command: Twist, rate: float, dt: float
 ) -> tuple[RecoveryMove, float, int]:
     """The rest of a recovery move, how long it has been held up, and the kinds that were given
-    up."""
+    up. After a move of a sequence all may be possible again."""
     if left.distance == 0.0 and left.turn == 0.0:
-        return NO_MOVE, 0.0, 0 if rate > _PROGRESS_RATE else state.refused
+        moved = state.left != NO_MOVE and state.moves >= MOVES
+        return NO_MOVE, 0.0, 0 if moved or rate > _PROGRESS_RATE else state.refused
     held = state.held + dt if still(command) else 0.0
     if held > PATIENCE:
         return NO_MOVE, 0.0, state.refused | kind(left)
