@@ -3,14 +3,16 @@
 An edge is a published match of two scans. Two edges from one scan to two others a few steps apart
 give the motion between these, and so do the sequential edges: the difference is a contradiction.
 And a scan, placed by an edge or by a map, either lies on the points seen around the other scan or
-does not.
+does not. Where one scan shows too little, all that was seen around both may decide.
 """
 
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from cohelm.core.frames import between
@@ -24,6 +26,11 @@ _NEAR = 3  # steps between two scans that one edge each leads to
 _AROUND = 10  # scans before and after one that belong to its surroundings
 _FAR = 15.0  # points farther away are left out, as in mapping [m]
 _FIRM = 5e3  # information of a match that is known in every direction [1/m^2]
+_SUBMAP = 8  # scans before and after one that are laid on those around another
+_CLEAR = 8.0  # points nearer than this are, since those farther away are sparse [m]
+_REACH, _SHIFT = 2.0, 0.025  # along the direction that is seen least, and its step [m]
+_ELSEWHERE = 0.2  # shifts farther apart are different places [m]
+_RASTER = 0.02  # of distances from the points [m]
 _HELD = np.diag([1e8, 1e8, 1e8])
 
 
@@ -76,6 +83,76 @@ def unseen(log: Log, poses: list[Pose]) -> tuple[Floats, NDArray[np.bool_]]:
         apart.append(np.abs(np.array([here.x - edge.x, here.y - edge.y]) @ axes))
         firm.append(bool(information[0] > _FIRM))
     return np.array(apart), np.array(firm)
+
+
+class Decided(NamedTuple):
+    """For each loop edge, where the scans around both fit best, along the direction in which its
+    second scan sees least. edge, ours: (n,), off that place [m]. lead: (n,), share of the points
+    that fit there and at no place elsewhere. total: (n,), of the edge off ours, in both directions
+    [m]."""
+
+    edge: Floats
+    ours: Floats
+    lead: Floats
+    total: Floats
+
+
+def decided(log: Log, poses: list[Pose]) -> Decided:
+    """The edges and a map, beside what all scans around both ends of an edge show together.
+
+    Every point counts, also where walls end and step back, which both see that drive opposite ways.
+    Scans are put together by the sequential edges.
+    """
+    seen = _seen(log)
+    rows: list[tuple[float, ...]] = []
+    for a, b, edge in log.loops:
+        here = between(poses[a], poses[b])
+        fit = align(_around(log, seen, a), *seen[b], here, _HELD, MatchParams(rounds=30))
+        axis = np.linalg.eigh(fit.information[:2, :2])[1][:, 0]
+        shifts, share = _along(_cloud(log, a), _cloud(log, b), here, axis)
+        best = int(share.argmax())
+        elsewhere = np.abs(shifts - shifts[best]) > _ELSEWHERE
+        off = np.array([edge.x - here.x, edge.y - here.y])
+        rows.append((
+            float(off @ axis) - shifts[best], -shifts[best],
+            share[best] - share[elsewhere].max(), float(np.hypot(*off)),
+        ))  # fmt: skip
+    return Decided(*np.array(rows).T)
+
+
+def _along(known: Floats, points: Floats, guess: Pose, axis: Floats) -> tuple[Floats, Floats]:
+    """Shifts of the points along an axis [m], and the share of them that fits at each."""
+    low = known.min(axis=0) - 0.5
+    size = np.ceil((known.max(axis=0) + 0.5 - low) / _RASTER).astype(int)
+    empty = np.full(size, True)
+    empty[tuple(((known - low) / _RASTER).astype(int).T)] = False
+    gap = _RASTER * scipy.ndimage.distance_transform_edt(empty)
+    fits = np.exp(-0.5 * (gap / 0.05) ** 2)
+    shifts = np.arange(-_REACH, _REACH + 0.5 * _SHIFT, _SHIFT)
+    share = np.zeros(len(shifts))
+    for turn in (-0.006, 0.0, 0.006):
+        placed = moved(guess._replace(psi=guess.psi + turn), points, True)
+        for beside in (-0.05, -0.025, 0.0, 0.025, 0.05):
+            sideways = beside * np.array([-axis[1], axis[0]])
+            cells = ((placed + shifts[:, None, None] * axis + sideways - low) / _RASTER).astype(int)
+            inside = ((cells >= 0) & (cells < size)).all(axis=2)
+            cells[~inside] = 0
+            found = np.where(inside, fits[cells[..., 0], cells[..., 1]], 0.0).mean(axis=1)
+            share = np.maximum(share, found)
+    return shifts, share
+
+
+def _cloud(log: Log, a: int) -> Floats:
+    """All points near the scans around scan a, in its frame, one of each cell of 3 cm."""
+    near = range(max(0, a - _SUBMAP), min(len(log.seen), a + _SUBMAP + 1))
+    every: list[Floats] = []
+    for i in near:
+        points = log.seen[i].points
+        clear = points[np.hypot(*points.T) < _CLEAR]
+        every.append(moved(between(log.odometry[a], log.odometry[i]), clear, True))
+    points = np.vstack(every)
+    first = np.unique(np.round(points / 0.03).astype(int), axis=0, return_index=True)[1]
+    return points[first]
 
 
 def among_themselves(log: Log, folds: int = 5) -> tuple[Floats, Floats]:

@@ -409,6 +409,12 @@ def court_edges() -> Iterator[Row]:
         along, across = apart[some].T
         mean = np.hypot(along, across).mean()
         yield f"off our map, {what}", f"{some.sum()}", cm(mean), cm(along.mean()), cm(across.mean())
+    found = killian_edges.decided(log, ours)
+    for least in (0.05, 0.02):
+        some = found.lead > least
+        for what, along in (("an edge", found.edge), ("our map", found.ours)):
+            name = f"{what}, off where all scans around both ends fit {least:.0%} better"
+            yield name, f"{some.sum()}", "", cm(np.abs(along[some]).mean()), ""
     lies, firm = killian_edges.fits(log, ours)
     for what, one in (("points of a scan off what was seen", lies), ("off the best match", firm)):
         for k, name in enumerate(("at the edges", "on our map")):

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from cohelm.core.frames import between, compose
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
+from cohelm.perceive.map.corridor import shifted
 from cohelm.perceive.map.mapper_params import MapperParams
 from cohelm.perceive.map.pose_graph import (
     ROUGH,
@@ -30,11 +31,13 @@ from cohelm.perceive.map.pose_graph import (
     solved,
     spread,
 )
-from cohelm.perceive.match.scan_matching import MatchParams, align
-from cohelm.perceive.match.surfaces import Surfaces, behind, moved, one_each, surfaces
+from cohelm.perceive.match.scan_matching import MatchParams, align, observed
+from cohelm.perceive.match.surfaces import Surfaces, behind, moved, one_each, surfaces, thinned
 
 _SAME = 0.5  # typical correction of a place by the graph [m]
 _CLOSED = 0.25  # the same after all places were linked [m]
+_BESIDE = 0.25  # reach of a match from where submaps fit along a corridor [m]
+_ODDS = 99.0  # of that place against any other along it
 _TURNS = 4  # of linking places that were too far off before
 
 
@@ -76,17 +79,13 @@ class PlaceGraph:
         self.places.append(place)
         self.poses.append(pose)
 
-    def surfaces_around(self, numbers: Sequence[int], origin: Pose | None) -> Surfaces:
-        """Surfaces of some places, in the frame of the map or of a pose in it; each side of a wall
-        is one."""
-        points: list[Floats] = []
-        across: list[Floats] = []
-        for i in numbers:
-            pose = self.poses[i] if origin is None else between(origin, self.poses[i])
-            points.append(moved(pose, self.places[i].points, True))
-            across.append(moved(pose, self.places[i].across, False))
-        kept, sides = one_each(np.vstack(points), np.vstack(across), 0.04)
-        made = surfaces(kept, sides, 0.05, 0.65)
+    def surfaces_around(
+        self, numbers: Sequence[int], origin: Pose | None, reach: float = 0.6
+    ) -> Surfaces:
+        """Surfaces of some places, in the frame of the map or of a pose in it, to be matched from
+        so far off; each side of a wall is one."""
+        kept, sides = one_each(*self._seen_from(numbers, origin), 0.04)
+        made = surfaces(kept, sides, 0.05, reach + 0.05)
         return made._replace(back=behind(made))
 
     def solve(self) -> None:
@@ -193,33 +192,72 @@ class PlaceGraph:
         gaps = np.hypot(others[:, 0] - here.x, others[:, 1] - here.y)
         gaps[max(0, k - self.params.submap) : k + self.params.submap] = math.inf
         links: list[Link] = []
+        own: tuple[Floats, Floats] | None = None
         for _ in range(3):
             i = int(gaps.argmin())
             if gaps[i] > self.params.others:
                 break
-            numbers = range(max(0, i - 5), min(len(self.poses), i + 6))
             gaps[max(0, i - 20) : i + 20] = math.inf
             if any(abs(i - a) < 20 for a in linked):
                 continue
-            surfaces_around = self.surfaces_around(numbers, self.poses[i])
-            link = self._linked(i, k, surfaces_around, between(self.poses[i], here), reach)
+            # submaps are put together at last: of what has drifted, fewer places are one
+            numbers = self._around(i, self.params.submap // 2 if reach < _SAME else 5)
+            known = self.surfaces_around(numbers, self.poses[i], reach)
+            if own is None:
+                own = thinned(
+                    *self._seen_from(self._around(k, self.params.submap // 2), here), 0.04
+                )
+            link = self._linked(i, k, known, own, between(self.poses[i], here), reach)
             if link is not None:
                 links.append(link)
         return links
 
+    def _around(self, k: int, half: int) -> range:
+        """So many places before and after one."""
+        return range(max(0, k - half), min(len(self.poses), k + half + 1))
+
+    def _seen_from(self, numbers: Sequence[int], origin: Pose | None) -> tuple[Floats, Floats]:
+        """Points and normals of some places, in the frame of the map or of a pose in it."""
+        points: list[Floats] = []
+        across: list[Floats] = []
+        for i in numbers:
+            pose = self.poses[i] if origin is None else between(origin, self.poses[i])
+            points.append(moved(pose, self.places[i].points, True))
+            across.append(moved(pose, self.places[i].across, False))
+        return np.vstack(points), np.vstack(across)
+
     def _linked(
-        self, a: int, b: int, surfaces_around: Surfaces, guess: Pose, reach: float
-    ) -> Link | None:
-        """The link of place b matched against the surfaces around a, if it fits."""
+        self, a: int, b: int, known: Surfaces, own: tuple[Floats, Floats], guess: Pose,
+        reach: float,
+    ) -> Link | None:  # fmt: skip
+        """The link of place b matched against the surfaces known around a, if it fits.
+
+        own: points and normals around b, in its frame.
+        """
         points, across = self.places[b].points, self.places[b].across
-        if len(points) < 30 or len(surfaces_around.points) < 30 or self.separated(a, b):
+        if len(points) < 30 or len(known.points) < 30 or self.separated(a, b):
             return None
         loose = np.diag([100.0, 100.0, 400.0])
         params = self.matching._replace(reach=reach, rounds=30)
-        fit = align(surfaces_around, points, across, guess, loose, params)
+        fit = align(known, points, across, guess, loose, params)
+        information = observed(known, points, across, fit.pose, params)
+        sizes, axes = np.linalg.eigh(information[:2, :2])
+        if sizes[0] < self.params.firm and reach < _SAME:  # submaps are put together by then
+            axis, beside = np.ascontiguousarray(axes.T)
+            shift = shifted(known, *own, fit.pose, axis, self.params.search, params.share)
+            if shift.lead > math.log(_ODDS) and abs(shift.along) > params.least:
+                # what the match holds to is not what it saw there; each place of the submap has
+                # its share of what that shows
+                more = shift.information / self.params.submap * np.outer(axis, axis)
+                loose[:2, :2] = more + 100.0 * np.outer(beside, beside)
+                x, y = (np.array(fit.pose[:2]) + shift.along * axis).tolist()
+                there, params = Pose(x, y, fit.pose.psi), params._replace(reach=_BESIDE)
+                fit = align(known, points, across, there, loose, params)
+                information = observed(known, points, across, fit.pose, params)
+                information[:2, :2] += more
         if fit.share < self.params.fits or fit.rms > self.params.rms:
             return None
-        return loop_link(a, b, fit.pose, fit.information, fit.pose.psi)
+        return loop_link(a, b, fit.pose, information, fit.pose.psi)
 
     def loop_pairs(self) -> list[tuple[int, int]]:
         """Pairs of scans that were linked by loops."""

@@ -95,12 +95,13 @@ def align(
 @jit
 def _gather(
     known: Surfaces, points: Floats, across: Floats, pose: Pose, reach: float, params: MatchParams,
-    information: Floats, slope: Floats, weights: Floats, sigma: float,
+    information: Floats, slope: Floats, weights: Floats, sigma: float, crossed: bool = False,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Normal equations of one iteration, written into `information` and `slope`; returns share,
     rms, and mean of the distances towards the visible side.
 
     weights: (n,) of the points. sigma: standard deviation of a point from its surface [m].
+    crossed: the information as of `observed`.
     """
     information[:, :] = 0.0
     slope[:] = 0.0
@@ -140,12 +141,23 @@ def _gather(
         e = dx * nx + dy * ny - params.offset
         w = weight * weights[k] * min(1.0, sigma / max(abs(e), 1e-9))
         turn = ny * qx - nx * qy
-        information[0, 0] += w * nx * nx
-        information[0, 1] += w * nx * ny
-        information[0, 2] += w * nx * turn
-        information[1, 1] += w * ny * ny
-        information[1, 2] += w * ny * turn
-        information[2, 2] += w * turn * turn
+        if crossed:
+            way = 1.0 if alignment > 0.0 else -1.0
+            ax, ay = way * ax, way * ay
+            other = ay * qx - ax * qy
+            information[0, 0] += w * nx * ax
+            information[0, 1] += 0.5 * w * (nx * ay + ny * ax)
+            information[0, 2] += 0.5 * w * (nx * other + turn * ax)
+            information[1, 1] += w * ny * ay
+            information[1, 2] += 0.5 * w * (ny * other + turn * ay)
+            information[2, 2] += w * turn * other
+        else:
+            information[0, 0] += w * nx * nx
+            information[0, 1] += w * nx * ny
+            information[0, 2] += w * nx * turn
+            information[1, 1] += w * ny * ny
+            information[1, 2] += w * ny * turn
+            information[2, 2] += w * turn * turn
         slope[0] += w * e * nx
         slope[1] += w * e * ny
         slope[2] += w * e * turn
@@ -159,6 +171,27 @@ def _gather(
     if count == 0:
         return 0.0, math.inf, 0.0
     return count / len(points), math.sqrt(square / count), mean / max(total_weight, 1e-9)
+
+
+@jit
+def observed(
+    known: Surfaces, points: Floats, across: Floats, pose: Pose, params: MatchParams
+) -> Floats:
+    """(3, 3) information of a match from what both sides show.
+
+    Normals are estimated, so along a plain corridor those of either side point a little forwards or
+    backwards, and their squares add up to information that is not there. The errors of the two
+    normals of a pair are independent: their product has none in the mean, as in an estimate with
+    instrumental variables.
+    """
+    information, slope = np.empty((3, 3)), np.empty(3)
+    weights = np.full(len(points), params.share)
+    _gather(
+        known, points, across, pose, params.least, params, information, slope, weights,
+        params.sigma, True,
+    )  # fmt: skip
+    values, axes = np.linalg.eigh(information)
+    return (axes * np.maximum(values, 0.0)) @ axes.T
 
 
 @jit
