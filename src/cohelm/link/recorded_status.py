@@ -1,6 +1,6 @@
 """What a record keeps of the stations' display, for playback.
 
-Numbers of every period are in `core.period`; these change now and then.
+Numbers of every period are in `core.row`; these change now and then.
 """
 
 from __future__ import annotations
