@@ -133,20 +133,26 @@ def line_costs(field: DistanceField, cells: Ints, path_params: PathParams) -> Fl
     """Cost factor of each cell by its distance from the cells (k, 2) of a line."""
     if path_params.stray == 0.0:
         return np.ones(field.clearance.shape)
-    return 1.0 + path_params.stray * np.minimum(_distance_to(field, cells), 3.0)
+    return 1.0 + path_params.stray * _distance_to(field, cells, 3.0)
 
 
 def switching_costs(field: DistanceField, chosen: Floats, path_params: PathParams) -> Floats:
     """Cost factor of each cell by its distance from a path, (m, 2) [m]."""
-    away = _distance_to(field, _cells(field, chosen))
-    return 1.0 + path_params.loyal * np.minimum(2.0 * away, 1.0)
+    return 1.0 + path_params.loyal * 2.0 * _distance_to(field, _cells(field, chosen), 0.5)
 
 
-def _distance_to(field: DistanceField, cells: Ints) -> Floats:
-    """The distance of each cell from the nearest of some (k, 2), k >= 1 [m]."""
+def _distance_to(field: DistanceField, cells: Ints, most: float) -> Floats:
+    """The distance of each cell from the nearest of some (k, 2), k >= 1, at most `most` [m]."""
+    distances = np.full(field.clearance.shape, most)
+    border = math.ceil(most / field.resolution)
+    rows, columns = (
+        slice(max(cells[:, i].min() - border, 0), cells[:, i].max() + border + 1) for i in (0, 1)
+    )
     off = np.ones(field.clearance.shape, dtype=np.bool_)
     off[cells[:, 0], cells[:, 1]] = False
-    return np.asarray(scipy.ndimage.distance_transform_edt(off)) * field.resolution
+    near = np.asarray(scipy.ndimage.distance_transform_edt(off[rows, columns]))
+    distances[rows, columns] = np.minimum(near * field.resolution, most)
+    return distances
 
 
 def cheapest_path(

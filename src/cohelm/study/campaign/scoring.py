@@ -84,13 +84,9 @@ def scored(
 
 
 def _joined(parts: list[NDArray[np.void]]) -> NDArray[np.void]:
-    """One after the other; numpy's own way first works out a common type, field by field."""
-    rows = np.empty(sum(map(len, parts)), parts[0].dtype)
-    n = 0
-    for part in parts:
-        rows[n : n + len(part)] = part
-        n += len(part)
-    return rows
+    """One after the other, as bytes; numpy's own way copies field by field."""
+    kind = parts[0].dtype
+    return np.concatenate([part.view(f"V{kind.itemsize}") for part in parts]).view(kind)
 
 
 def _nearest(
