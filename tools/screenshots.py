@@ -222,7 +222,7 @@ def station_login(robot: Robot, browser: Browser, take_it: Callable[[Page], None
         page.goto(f"{server.origin}/")
         page.get_by_label("Token").fill("guess")
         page.get_by_role("button", name="Log in").click()
-        expect(page.get_by_role("alert")).to_contain_text("not the token")
+        expect(page.get_by_role("alert")).to_contain_text("Wrong token")
         take_it(page)
         context.close()
 
