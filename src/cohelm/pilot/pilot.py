@@ -88,7 +88,7 @@ class Pilot:
         """Kinds of recovery moves that they refused."""
         self._now = -math.inf
         self._taken = 0.0
-        self._step: Flat = step_of(settings, self.planner.route.line)
+        self._step: BoundStep = step_of(settings, self.planner.route.line)
 
     def step(
         self, now: float, pose: Pose, twist: Twist, stick: Stick | None, seen: Surroundings,
@@ -183,7 +183,7 @@ def taken(state: PilotState, made: Plan, planner: Planner, pose: Pose, twist: Tw
     return state._replace(clock=clock, awaits=False)
 
 
-Flat = Callable[
+BoundStep = Callable[
     [PilotState, Pose, Twist, Stick, Surroundings, Course, float, Floats, Floats, float],
     tuple[PilotState, Decision],
 ]
@@ -193,7 +193,7 @@ _STATE = len(names(PilotState))
 _FASTEST = names(Settings).index("fastest")
 
 
-def step_of(settings: Settings, line: Floats) -> Flat:
+def step_of(settings: Settings, line: Floats) -> BoundStep:
     """`pilot_step` with its constant arguments bound."""
     row = numbers(settings)
     outline = np.ascontiguousarray(settings.outline, dtype=np.float64)

@@ -15,7 +15,8 @@ from cohelm.robot.kinematics import arc
 
 _SPACING = 0.02  # of checked poses, along the travel of the outline's farthest corner [m]
 _NEAR_ENOUGH = 0.01  # tolerance of the end of a move [m, rad]
-_GAIN = 0.005  # in clearance that makes a move worthwhile [m]
+GAIN = 0.005
+"""In clearance, that makes a move worthwhile [m]."""
 
 
 class RecoveryMove(NamedTuple):
@@ -129,7 +130,7 @@ def _gentle_arc(
     wall, by k d^2 / 2.
     """
     clearance_now = float(swept_clearances(points, outline, np.array([pose]))[0])
-    least, most, best = min(params.least, clearance_now), clearance_now + _GAIN, None
+    least, most, best = min(params.least, clearance_now), clearance_now + GAIN, None
     sharpest = 2.0 * (clearance_now - least) / float(np.abs(outline[:, 0]).max()) ** 2
     for sign, far in ((-1.0, params.back), (1.0, 2.0 * params.forward)):
         if kind(RecoveryMove(sign, 0.0, 0.0)) & refused:

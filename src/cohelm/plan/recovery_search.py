@@ -11,7 +11,7 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.heap import pop, push
-from cohelm.plan.recovery import RecoveryMove, RecoveryParams, is_clear, kind, turns
+from cohelm.plan.recovery import GAIN, RecoveryMove, RecoveryParams, is_clear, kind, turns
 from cohelm.robot.kinematics import arc
 
 _STEP = 0.04  # along an arc [m]
@@ -20,7 +20,6 @@ _CELL, _SECTOR = 0.02, 0.04  # poses of one cell count as one [m, rad]
 _FINENESS = (1.0, 0.25)  # of all these, tried in this order
 _PLACES = 3000  # expanded at most, of each fineness
 _RADIUS = 1.0  # within which the search keeps [m]
-_GAIN = 0.005  # in clearance that makes a sequence worthwhile [m]
 _SWITCH = 0.5  # cost of going on otherwise, in steps: few long moves are better
 _TABLE = 1 << 13  # slots of the hash table of visited cells
 _PARAMS = RecoveryParams()
@@ -43,7 +42,7 @@ def search_recovery(
     clearance_now = float(swept_clearances(near, outline, np.array([pose]))[0])
     least = min(params.least, clearance_now - 1e-6)
     curvatures = np.array(params.curvatures)
-    best, most = None, clearance_now + _GAIN
+    best, most = None, clearance_now + GAIN
     for scale in _FINENESS:
         clearance, move = _search(
             pose, heading, near, outline, reach, least, scale, curvatures, refused
@@ -65,10 +64,10 @@ def _search(
         steps[2 * i, 0], steps[2 * i + 1, 0] = scale * _STEP, -scale * _STEP
         steps[2 * i, 1] = steps[2 * i + 1, 1] = curvatures[i]
     steps[-1, 2], steps[-2, 2] = scale * _TURN, -scale * _TURN
-    most = _PLACES * len(steps) + 1
-    poses, costs = np.empty((most, 3)), np.zeros(most)
-    before, by = np.full(most, -1), np.full(most, -1)  # the pose before, and the step from there
-    keys, queue, visited = np.empty(most), np.empty(most, np.int64), np.full(_TABLE, -1)
+    size = _PLACES * len(steps) + 1
+    poses, costs = np.empty((size, 3)), np.zeros(size)
+    before, by = np.full(size, -1), np.full(size, -1)  # the pose before, and the step from there
+    keys, queue, visited = np.empty(size), np.empty(size, np.int64), np.full(_TABLE, -1)
     poses[0, 0], poses[0, 1], poses[0, 2] = pose.x, pose.y, pose.psi
     n, expanded, size = 1, 0, push(keys, queue, 0, 0.0, 0)
     best, most = 0, 0.0
