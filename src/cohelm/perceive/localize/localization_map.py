@@ -13,7 +13,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.frames import placed, turned
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.match.surfaces import Surfaces, one_each, surfaces
+from cohelm.perceive.match.surfaces import Surfaces, one_each, row_at, surfaces
 from cohelm.robot.sensors import Lidar
 
 _FARTHEST = 2.0  # cap of the distances to walls [m]
@@ -310,11 +310,7 @@ def read(
 def _off(known: LocalizationMap, x: float, y: float, dx: float, dy: float, offset: float) -> float:
     """Distance of a beam's end from its surface; NaN where there is none [m]."""
     made = known.surfaces
-    u, v = (x - made.x) / made.resolution, (y - made.y) / made.resolution
-    rows, columns = made.nearest.shape
-    if not (0.0 <= u < columns and 0.0 <= v < rows):
-        return math.nan
-    k = made.nearest[int(v), int(u)]
+    k = row_at(made, x, y)
     if k >= 0 and made.normals[k, 0] * dx + made.normals[k, 1] * dy > 0.0 and len(made.back):
         k = made.back[k]  # the wall's other side
     if k < 0:

@@ -15,7 +15,7 @@ import numpy as np
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.match.surfaces import Surfaces
+from cohelm.perceive.match.surfaces import Surfaces, row_at
 
 _STEP = 0.05  # between two places [m]
 _SIGMA = 0.05  # of a point from its surface, of two submaps [m]
@@ -47,7 +47,6 @@ def shifted(
     half = math.ceil(reach / _STEP)
     count = 2 * half + 1
     likelihood = np.zeros(count)
-    rows, columns = known.nearest.shape
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     for k in range(len(points)):
         qx = pose.x + c * points[k, 0] - s * points[k, 1]
@@ -56,10 +55,7 @@ def shifted(
         ay = s * across[k, 0] + c * across[k, 1]
         for n in range(count):
             px, py = qx + (n - half) * _STEP * axis[0], qy + (n - half) * _STEP * axis[1]
-            u, v = (px - known.x) / known.resolution, (py - known.y) / known.resolution
-            if not (0.0 <= u < columns and 0.0 <= v < rows):
-                continue
-            i = known.nearest[int(v), int(u)]
+            i = row_at(known, px, py)
             if i < 0:
                 continue
             if ax * known.normals[i, 0] + ay * known.normals[i, 1] < -0.85:

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.frames import between, compose, inverse
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.scalars import wrap
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.map.place_graph import PlaceGraph, agree
 from cohelm.perceive.map.pose_graph import ROUGH, Link, into_axes, loop_link, off, spread
 from cohelm.perceive.match.odometry_covariance import inverted
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit, align
-from cohelm.perceive.match.surfaces import Surfaces
+from cohelm.perceive.match.surfaces import Surfaces, row_at
 
 _SIDE, _STEP = 0.3, math.radians(3.0)  # the fine raster of places and headings
 _NEAR = 0.25  # of a point from its surface, at that raster [m]
@@ -31,6 +31,9 @@ _BROAD = 0.55  # [m]
 _PEAKS = 24  # of the coarse raster that are refined
 BESIDE = 1.2  # a revisit is within this of an earlier path [m]
 _POINTS = 150
+_ALIGNED = 0.85  # cosine between normals of the same direction,
+_OBLIQUE = math.acos(_ALIGNED) + 1e-6  # and the angle
+_WAYS = 64  # directions told apart, one bit each, by the bounds of the coarse raster
 _STRETCH = 150  # places in one search for look-alikes
 _MEDIAN = 2.366  # of chi square, 3
 _ODDS = 99.0  # required odds of drift against a look-alike
@@ -238,39 +241,21 @@ def revisits(
     cells = np.round((trail - here[:2]) / side).astype(np.int64)[:, None] + around
     inside = side * np.hypot(*np.moveaxis(cells, 2, 0)) < reach[:, None] + 0.5 * side
     cells = np.unique(cells[inside], axis=0)
-    if len(cells) == 0:
+    if len(cells) == 0 or len(known.points) == 0:
         return []
     places = np.asarray(side * cells + here[:2], dtype=np.float64)
     steps = math.ceil(min(turn, math.pi) / step)
     headings = here.psi + step * np.arange(-steps, steps + 1, dtype=np.float64)
-    scores = _scores(known, few, sides, places, headings, _BROAD)
-    starts: list[tuple[float, Pose]] = []
-    for _ in range(_PEAKS):
-        place, heading = divmod(int(scores.argmax()), len(headings))
-        if scores[place, heading] <= 0.0:
-            break
-        near = np.hypot(*(places - places[place]).T) < _APART
-        beside = np.abs(headings - headings[heading]) < _TURNED
-        starts.append(_refine(known, few, sides, places[place], headings[heading]))
-        scores[np.ix_(near, beside)] = 0.0
-    starts.sort(key=lambda start: -start[0])
+    most = _most_hits(known, few, sides, here, _COARSE * cells, headings)
+    starts: list[tuple[int, Pose]] = []
+    for place, heading in _peaks(known, few, sides, places, headings, most):
+        least = starts[_BEST - 1][0] if len(starts) >= _BEST else -1
+        start = _refined(known, few, sides, places[place], headings[heading], least)
+        starts = sorted([*starts, start], key=lambda start: -start[0])
     params = MatchParams(reach=0.6, rounds=30)
     fits = [align(known, points, across, start, _LOOSE, params) for _, start in starts[:_BEST]]
     fits.sort(key=lambda fit: -fit.share)
     return [f for i, f in enumerate(fits) if not any(_same(f.pose, g.pose) for g in fits[:i])]
-
-
-def _refine(
-    known: Surfaces, points: Floats, across: Floats, place: Floats, heading: float
-) -> tuple[float, Pose]:
-    """The best score and pose of the fine raster around a place and heading of the coarse one."""
-    near = range(-_COARSE, _COARSE + 1)
-    places = place + _SIDE * np.array([(i, j) for i in near for j in near], dtype=np.float64)
-    headings = heading + _STEP * np.array(near, dtype=np.float64)
-    scores = _scores(known, points, across, places, headings, _NEAR)
-    k, t = divmod(int(scores.argmax()), len(headings))
-    px, py = places[k].tolist()
-    return float(scores[k, t]), Pose(px, py, wrap(float(headings[t])))
 
 
 def _same(a: Pose, b: Pose) -> bool:
@@ -278,34 +263,147 @@ def _same(a: Pose, b: Pose) -> bool:
 
 
 @jit
-def _scores(
-    known: Surfaces, points: Floats, across: Floats, places: Floats, headings: Floats, near: float,
-) -> Floats:  # fmt: skip
-    """(places, headings): share of the points as near as that [m] to a surface of the same
-    direction, and of the same side where `known` has sides."""
-    rows, columns = known.nearest.shape
-    sided = len(known.back) > 0
-    scores = np.zeros((len(places), len(headings)))
+def _turned(points: Floats, across: Floats, heading: float) -> Floats:
+    """(n, 4): points and their normals, turned."""
+    c, s = math.cos(heading), math.sin(heading)
+    out = np.empty((len(points), 4))
+    for n in range(len(points)):
+        out[n, 0] = c * points[n, 0] - s * points[n, 1]
+        out[n, 1] = s * points[n, 0] + c * points[n, 1]
+        out[n, 2] = c * across[n, 0] - s * across[n, 1]
+        out[n, 3] = s * across[n, 0] + c * across[n, 1]
+    return out
+
+
+@jit_inline
+def _hits(known: Surfaces, seen: Floats, x: float, y: float, near: float, least: int) -> int:
+    """How many points (`_turned`) seen from a place are as near as that [m] to a surface of the
+    same direction and side; if not more than `least`, any number that is not either."""
+    hits = 0
+    for n in range(len(seen)):
+        if hits + len(seen) - n <= least:
+            break
+        px, py, ax, ay = x + seen[n, 0], y + seen[n, 1], seen[n, 2], seen[n, 3]
+        i = row_at(known, px, py)
+        if i < 0:
+            continue
+        alignment = ax * known.normals[i, 0] + ay * known.normals[i, 1]
+        if alignment < -_ALIGNED and known.back[i] >= 0:
+            i, alignment = known.back[i], -alignment
+        dx, dy = px - known.points[i, 0], py - known.points[i, 1]
+        if alignment > _ALIGNED and dx * dx + dy * dy < near * near:
+            hits += 1
+    return hits
+
+
+@jit
+def _most_hits(
+    known: Surfaces, points: Floats, across: Floats, here: Pose, cells: Ints, headings: Floats
+) -> Ints:
+    """(places, headings): upper bounds of the hits on the coarse raster.
+
+    cells: (places, 2), from `here`, in squares of the fine raster. A point counts wherever in its
+    square it is.
+    """
+    margin = 1 + int(np.sqrt((points**2).sum(axis=1).max()) / _SIDE)
+    u0, v0 = cells[:, 0].min() - margin, cells[:, 1].min() - margin
+    wide = cells[:, 0].max() + margin + 1 - u0
+    high = cells[:, 1].max() + margin + 1 - v0
+    may_hit = np.zeros((high, wide), np.uint64)
+    _mark(may_hit, known, here.x + _SIDE * u0, here.y + _SIDE * v0)
+    places = ((cells[:, 1] - v0 - margin) * wide + cells[:, 0] - u0 - margin).astype(np.uint64)
+    most = np.zeros((len(headings), len(cells)), np.int64)
     for t in range(len(headings)):
-        c, s = math.cos(headings[t]), math.sin(headings[t])
-        for n in range(len(points)):
-            qx = c * points[n, 0] - s * points[n, 1] - known.x
-            qy = s * points[n, 0] + c * points[n, 1] - known.y
-            ax, ay = c * across[n, 0] - s * across[n, 1], s * across[n, 0] + c * across[n, 1]
+        seen, row = _turned(points, across, headings[t]), most[t]
+        for n in range(len(seen)):
+            u, v = math.floor(seen[n, 0] / _SIDE), math.floor(seen[n, 1] / _SIDE)
+            from_first = may_hit.ravel()[(v + margin) * wide + u + margin :]
+            way = np.uint64(_way(math.atan2(seen[n, 3], seen[n, 2])) % _WAYS)
             for k in range(len(places)):
-                u = (places[k, 0] + qx) / known.resolution
-                v = (places[k, 1] + qy) / known.resolution
-                if not (0.0 <= u < columns and 0.0 <= v < rows):
-                    continue
-                i = known.nearest[int(v), int(u)]
-                if i < 0:
-                    continue
-                alignment = ax * known.normals[i, 0] + ay * known.normals[i, 1]
-                if sided and alignment < -0.85 and known.back[i] >= 0:
-                    i, alignment = known.back[i], -alignment
-                flat = (alignment if sided else abs(alignment)) > 0.85
-                dx = places[k, 0] + qx + known.x - known.points[i, 0]
-                dy = places[k, 1] + qy + known.y - known.points[i, 1]
-                if flat and dx * dx + dy * dy < near * near:
-                    scores[k, t] += 1.0
-    return scores / max(len(points), 1)
+                row[k] += np.int64(from_first[places[k]] >> way & np.uint64(1))
+    return most.T.copy()
+
+
+@jit
+def _mark(may_hit: NDArray[np.uint64], known: Surfaces, left: float, low: float) -> None:
+    """Mark in each square of the fine raster, one bit each, the directions in which a point
+    anywhere in it may be a hit on the coarse one. (left, low): corner of the first square [m]."""
+    high, wide = may_hit.shape
+    reach = _BROAD + 1e-6
+    for k in range(2 * len(known.points)):
+        i, behind = k // 2, k % 2 == 1
+        psi = math.atan2(known.normals[i, 1], known.normals[i, 0])
+        if behind:  # there the wall's other side counts
+            i, psi = known.back[i], psi + math.pi
+        if i < 0:
+            continue
+        ways = np.uint64(0)
+        for way in range(_way(psi - _OBLIQUE), _way(psi + _OBLIQUE) + 1):
+            ways |= np.uint64(1) << np.uint64(way % _WAYS)
+        x, y = known.points[i, 0] - left, known.points[i, 1] - low
+        first, last = math.floor((x - reach) / _SIDE), math.floor((x + reach) / _SIDE)
+        for v in range(
+            max(math.floor((y - reach) / _SIDE), 0), min(math.floor((y + reach) / _SIDE) + 1, high)
+        ):
+            dy = max(v * _SIDE - y, y - (v + 1) * _SIDE, 0.0)
+            for u in range(max(first, 0), min(last + 1, wide)):
+                dx = max(u * _SIDE - x, x - (u + 1) * _SIDE, 0.0)
+                if dx * dx + dy * dy < reach * reach:
+                    may_hit[v, u] |= ways
+
+
+@jit_inline
+def _way(psi: float) -> int:
+    return math.floor(psi * (_WAYS / math.tau))
+
+
+@jit
+def _peaks(
+    known: Surfaces, points: Floats, across: Floats, places: Floats, headings: Floats, most: Ints
+) -> list[tuple[int, int]]:
+    """Numbers of place and heading of the best on the coarse raster, each apart from all better
+    ones. most: upper bounds of the hits; only those are counted that the bounds leave in question.
+    """
+    counted = np.zeros(most.shape, np.bool_)
+    best = np.array([row.max() for row in most])
+    found = [(0, 0) for _ in range(0)]
+    while len(found) < _PEAKS:
+        k = int(best.argmax())
+        t = int(most[k].argmax())
+        if best[k] <= 0:
+            break
+        if not counted[k, t]:
+            seen = _turned(points, across, headings[t])
+            most[k, t] = _hits(known, seen, places[k, 0], places[k, 1], _BROAD, -1)
+            counted[k, t] = True
+            best[k] = most[k].max()
+            continue
+        found.append((k, t))
+        for i in range(len(places)):
+            if math.hypot(places[i, 0] - places[k, 0], places[i, 1] - places[k, 1]) < _APART:
+                for j in range(len(headings)):
+                    if abs(headings[j] - headings[t]) < _TURNED:
+                        most[i, j] = 0
+                best[i] = most[i].max()
+    return found
+
+
+@jit
+def _refined(
+    known: Surfaces, points: Floats, across: Floats, place: Floats, heading: float, least: int
+) -> tuple[int, Pose]:
+    """The most hits on the fine raster around a place and heading of the coarse one, and the pose;
+    if not more than `least`, any number that is not either."""
+    headings = heading + _STEP * np.arange(-_COARSE, _COARSE + 1)
+    seen = np.empty((len(headings), len(points), 4))
+    for t in range(len(headings)):
+        seen[t] = _turned(points, across, headings[t])
+    best, pose = least, Pose(place[0], place[1], heading)
+    for i in range(-_COARSE, _COARSE + 1):
+        for j in range(-_COARSE, _COARSE + 1):
+            x, y = place[0] + _SIDE * i, place[1] + _SIDE * j
+            for t in range(len(headings)):
+                hits = _hits(known, seen[t], x, y, _NEAR, best)
+                if hits > best:
+                    best, pose = hits, Pose(x, y, wrap(headings[t]))
+    return best, pose

@@ -15,7 +15,7 @@ import numpy as np
 from cohelm.core.jit import jit
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.match.surfaces import Surfaces
+from cohelm.perceive.match.surfaces import Surfaces, row_at
 
 
 class MatchParams(NamedTuple):
@@ -105,7 +105,6 @@ def _gather(
     """
     information[:, :] = 0.0
     slope[:] = 0.0
-    rows, columns = known.nearest.shape
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     weight = 1.0 / (sigma * sigma)
     two_sided = len(known.back) > 0
@@ -114,10 +113,7 @@ def _gather(
         qx = c * points[k, 0] - s * points[k, 1]
         qy = s * points[k, 0] + c * points[k, 1]
         px, py = pose.x + qx, pose.y + qy
-        u, v = (px - known.x) / known.resolution, (py - known.y) / known.resolution
-        if not (0.0 <= u < columns and 0.0 <= v < rows):
-            continue
-        i = known.nearest[int(v), int(u)]
+        i = row_at(known, px, py)
         if i < 0:
             continue
         nx, ny = known.normals[i, 0], known.normals[i, 1]

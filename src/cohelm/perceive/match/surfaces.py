@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints, Pose
 
 _HALF = 0.15  # neighbourhood of a normal [m]
@@ -158,7 +158,6 @@ def _opposite_sides(points: Floats, across: Floats) -> Ints:
 def behind(made: Surfaces) -> Ints:
     """(n,): row of the nearest surface behind each that faces the other way, as the other side of
     a wall does; -1 where there is none. Normals face the visible side."""
-    rows, columns = made.nearest.shape
     found = np.full(len(made.points), -1, np.int64)
     for k in range(len(made.points)):
         px, py = made.points[k, 0], made.points[k, 1]
@@ -166,11 +165,7 @@ def behind(made: Surfaces) -> Ints:
         least = _THICK * _THICK
         for n in range(math.ceil(_THICK / made.resolution) + 1):
             deep = n * made.resolution
-            u = (px - deep * nx - made.x) / made.resolution
-            v = (py - deep * ny - made.y) / made.resolution
-            if not (0.0 <= u < columns and 0.0 <= v < rows):
-                continue
-            j = made.nearest[int(v), int(u)]
+            j = row_at(made, px - deep * nx, py - deep * ny)
             if j < 0 or made.normals[j, 0] * nx + made.normals[j, 1] * ny > -0.85:
                 continue
             dx, dy = made.points[j, 0] - px, made.points[j, 1] - py
@@ -189,22 +184,43 @@ def one_each(points: Floats, across: Floats, side: float) -> tuple[Floats, Float
 
 @jit
 def _spread(made: Surfaces, reach: float) -> None:
-    """Fill in the nearest surface of every cell."""
+    """Fill in the nearest surface of every cell.
+
+    Each point is compared with a block of cells of fixed width and without a branch, which the
+    processor does several cells at a time. It is wider than the reach: `square` bounds it.
+    """
     rows, columns = made.nearest.shape
     square = np.full((rows, columns), reach * reach)
     wide = math.ceil(reach / made.resolution)
+    block = min(columns, 16 * math.ceil((2 * wide + 1) / 16))
+    along = np.empty(block)
     for k in range(len(made.points)):
         u = (made.points[k, 0] - made.x) / made.resolution
         v = (made.points[k, 1] - made.y) / made.resolution
-        j0, i0 = int(u), int(v)
+        i0, first = int(v), max(min(int(u) - wide, columns - block), 0)
+        for j in range(block):
+            dx = (first + j + 0.5 - u) * made.resolution
+            along[j] = dx * dx
         for i in range(max(i0 - wide, 0), min(i0 + wide + 1, rows)):
             dy = (i + 0.5 - v) * made.resolution
-            for j in range(max(j0 - wide, 0), min(j0 + wide + 1, columns)):
-                dx = (j + 0.5 - u) * made.resolution
-                d = dx * dx + dy * dy
-                if d < square[i, j]:
-                    square[i, j] = d
-                    made.nearest[i, j] = k
+            across = dy * dy
+            least = square[i, first : first + block]
+            row = made.nearest[i, first : first + block]
+            for j in range(block):
+                d = along[j] + across
+                closer = d < least[j]
+                least[j] = d if closer else least[j]
+                row[j] = np.int32(k) if closer else row[j]
+
+
+@jit_inline
+def row_at(known: Surfaces, x: float, y: float) -> int:
+    """Row of the surface nearest to a place, -1 where there is none."""
+    rows, columns = known.nearest.shape
+    u, v = (x - known.x) / known.resolution, (y - known.y) / known.resolution
+    if not (0.0 <= u < columns and 0.0 <= v < rows):
+        return -1
+    return int(known.nearest[int(v), int(u)])
 
 
 @jit
