@@ -103,7 +103,7 @@ class LoopClosure:
             np.linalg.eigvalsh(max(factor, 1.0) * drift[:, :2, :2])[:, -1]
         )  # what drifted little so far may drift as the model says from now on
         close = reach < 2.0 * c.search
-        newest = graph.surfaces_around(range(max(0, k + 1 - c.submap), k + 1), graph.poses[k])
+        newest = graph.points_around(range(max(0, k + 1 - c.submap), k + 1), graph.poses[k])
         new: list[Link] = []
         for subset in (close, ~close):
             link, share = _search_loop(graph, k, newest, covariance, reach, subset)
@@ -124,7 +124,7 @@ class LoopClosure:
 
 
 def _search_loop(
-    graph: PlaceGraph, k: int, newest: Surfaces, covariance: Floats, reach: Floats,
+    graph: PlaceGraph, k: int, newest: tuple[Floats, Floats], covariance: Floats, reach: Floats,
     subset: NDArray[np.bool_],
 ) -> tuple[Link | None, float]:  # fmt: skip
     """The link of place k to an old place of a subset, if its submap fits uniquely there, and the
@@ -139,7 +139,7 @@ def _search_loop(
     known = graph.surfaces_around(old.tolist(), None)
     turn = 0.1 + 3.0 * math.sqrt(float(covariance[near, 2, 2].max()))
     found: list[tuple[float, ScanFit, int]] = []
-    for fit in revisits(known, newest.points, newest.normals, trail[near], reach[near], here, turn):
+    for fit in revisits(known, *newest, trail[near], reach[near], here, turn):
         a = int(old[np.hypot(trail[old, 0] - fit.pose.x, trail[old, 1] - fit.pose.y).argmin()])
         if graph.separated(a, k):
             continue
@@ -160,7 +160,7 @@ def _search_loop(
 
 
 def distinct(
-    graph: PlaceGraph, link: Link, newest: Surfaces, share: float, covariance: Floats
+    graph: PlaceGraph, link: Link, newest: tuple[Floats, Floats], share: float, covariance: Floats
 ) -> bool:
     """Whether a loop is a true revisit, and no look-alike.
 
@@ -186,7 +186,7 @@ def distinct(
         )
         reach = np.full(last - first, math.inf)
         fits = revisits(
-            known, newest.points, newest.normals, trail[first:last], reach, here, math.pi
+            known, *newest, trail[first:last], reach, here, math.pi
         )  # fmt: skip
         for fit in fits:
             counted = any(_same(fit.pose, one) for one in (there, *lookalikes))

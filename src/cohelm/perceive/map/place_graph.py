@@ -84,9 +84,12 @@ class PlaceGraph:
     ) -> Surfaces:
         """Surfaces of some places, in the frame of the map or of a pose in it, to be matched from
         so far off; each side of a wall is one."""
-        kept, sides = one_each(*self._seen_from(numbers, origin), 0.04)
-        made = surfaces(kept, sides, 0.05, reach + 0.05)
+        made = surfaces(*self.points_around(numbers, origin), 0.05, reach + 0.05)
         return made._replace(back=behind(made))
+
+    def points_around(self, numbers: Sequence[int], origin: Pose | None) -> tuple[Floats, Floats]:
+        """Points and normals of these surfaces."""
+        return one_each(*self._seen_from(numbers, origin), 0.04)
 
     def solve(self) -> None:
         """Optimize the poses by all links."""

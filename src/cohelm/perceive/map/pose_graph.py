@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -11,7 +12,7 @@ import scipy
 
 from cohelm.core.extras import missing
 from cohelm.core.frames import between, compose
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.match.odometry_covariance import inverted
 
@@ -77,7 +78,7 @@ def solved(poses: list[Pose], links: list[Link], wide: float = 1.0) -> list[Pose
     g = library()
     cauchy = g.noiseModel.mEstimator.Cauchy.Create(wide)
     graph, values = _graph(poses, links, lambda noise: g.noiseModel.Robust.Create(cauchy, noise))
-    return _poses(g.LevenbergMarquardtOptimizer(graph, values).optimize(), len(poses))
+    return _poses(g.LevenbergMarquardtOptimizer(graph, values).optimize())
 
 
 def consistent(poses: list[Pose], links: list[Link]) -> list[Link]:
@@ -104,8 +105,9 @@ def _graph(poses: list[Pose], links: list[Link], loop: Callable[[Any], Any]) -> 
     graph, values = g.NonlinearFactorGraph(), g.Values()
     fixed = g.noiseModel.Diagonal.Sigmas(np.full(3, 1e-6))
     graph.add(g.PriorFactorPose2(0, g.Pose2(*poses[0]), fixed))
-    for link in links:
-        noise = g.noiseModel.Gaussian.Information(0.5 * (link.information + link.information.T))
+    informations = np.array([link.information for link in links]).reshape(-1, 3, 3)
+    for link, information in zip(links, 0.5 * (informations + informations.mT), strict=True):
+        noise = g.noiseModel.Gaussian.Information(information)
         noise = loop(noise) if link.loop else noise
         graph.add(g.BetweenFactorPose2(link.a, link.b, g.Pose2(*link.pose), noise))
     for k, pose in enumerate(poses):
@@ -113,9 +115,8 @@ def _graph(poses: list[Pose], links: list[Link], loop: Callable[[Any], Any]) -> 
     return graph, values
 
 
-def _poses(result: Any, count: int) -> list[Pose]:
-    found = [result.atPose2(k) for k in range(count)]
-    return [Pose(float(p.x()), float(p.y()), float(p.theta())) for p in found]
+def _poses(result: Any) -> list[Pose]:
+    return [Pose(*pose) for pose in library().utilities.extractPose2(result).tolist()]
 
 
 def off(poses: Sequence[Pose], link: Link) -> Floats:
@@ -136,8 +137,8 @@ def spread(poses: Sequence[Pose], links: Sequence[Link], k: int) -> Floats:
     Covariances of x, y and heading, in the axes of the map.
     """
     n = len(poses)
-    own = np.asarray(np.linalg.inv(np.array([link.information for link in links])), np.float64)
-    ends = np.array([(link.a, link.b) for link in links], dtype=np.int64)
+    own = _covariances(np.array([link.information for link in links]))
+    ends = np.array([[link.a for link in links], [link.b for link in links]]).T
     keys, number = np.unique(ends.min(axis=1) * n + ends.max(axis=1), return_index=True)
     joined = np.divmod(keys, n)
     weights = scipy.sparse.csr_array((own[number, 2, 2], joined), shape=(n, n))
@@ -146,7 +147,23 @@ def spread(poses: Sequence[Pose], links: Sequence[Link], k: int) -> Floats:
     order = np.argsort(np.asarray(lengths, np.float64)[0])[1:].astype(np.int64)
     last = np.asarray(before, np.int64)[0, order]
     along = np.asarray(which[last, order] + which[order, last], np.int64).ravel() - 1
-    return _spread(np.array(poses, dtype=np.float64), own, ends, order, last, along)
+    trail = np.fromiter(itertools.chain.from_iterable(poses), np.float64).reshape(-1, 3)
+    return _spread(trail, own, ends, order, last, along)
+
+
+@jit
+def _covariances(informations: Floats) -> Floats:
+    """(n, 3, 3): inverses, of symmetric matrices, by their cofactors."""
+    out = np.empty_like(informations)
+    for n in range(len(informations)):
+        m, w = informations[n], out[n]
+        for i in range(3):
+            a, b = (i + 1) % 3, (i + 2) % 3
+            for j in range(3):
+                c, d = (j + 1) % 3, (j + 2) % 3
+                w[i, j] = m[c, a] * m[d, b] - m[d, a] * m[c, b]
+        w /= m[0, 0] * w[0, 0] + m[0, 1] * w[1, 0] + m[0, 2] * w[2, 0]
+    return out
 
 
 @jit
@@ -154,14 +171,23 @@ def _spread(
     poses: Floats, own: Floats, ends: Ints, order: Ints, before: Ints, along: Ints
 ) -> Floats:
     out = np.zeros((len(poses), 3, 3))
+    lever, turn = np.eye(3), np.eye(3)
     for m in range(len(order)):
         j, i = order[m], before[m]
-        lever = np.eye(3)
-        lever[0, 2] = -(poses[j, 1] - poses[i, 1])
-        lever[1, 2] = poses[j, 0] - poses[i, 0]
+        lever[0, 2], lever[1, 2] = poses[i, 1] - poses[j, 1], poses[j, 0] - poses[i, 0]
         psi = poses[ends[along[m], 1], 2]
-        turn = np.eye(3)
         turn[0, 0], turn[0, 1] = math.cos(psi), -math.sin(psi)
         turn[1, 0], turn[1, 1] = math.sin(psi), math.cos(psi)
-        out[j] = lever @ out[i] @ lever.T + turn @ own[along[m]] @ turn.T
+        _add_moved(out[j], lever, out[i])
+        _add_moved(out[j], turn, own[along[m]])
     return out
+
+
+@jit_inline
+def _add_moved(out: Floats, jacobian: Floats, covariance: Floats) -> None:
+    """Without the calls of a matrix product, which take longer than nine numbers do."""
+    for a in range(3):
+        for b in range(3):
+            for c in range(3):
+                for d in range(3):
+                    out[a, b] += jacobian[a, c] * covariance[c, d] * jacobian[b, d]

@@ -41,6 +41,7 @@ class Surfaces(NamedTuple):
 
 
 _NO_BACK: Ints = np.empty(0, np.int64)
+_BAND = 256  # rows filled in at a time
 _THICK = 0.3  # largest thickness of a wall with two sides [m]
 
 
@@ -178,8 +179,34 @@ def behind(made: Surfaces) -> Ints:
 def one_each(points: Floats, across: Floats, side: float) -> tuple[Floats, Floats]:
     """One point of each square cell for each of the four directions that it may face [m]."""
     quarter = np.floor(np.arctan2(across[:, 1], across[:, 0]) / (0.5 * math.pi) + 0.5) % 4
-    each = [thinned(points[quarter == q], across[quarter == q], side) for q in range(4)]
-    return np.vstack([p for p, _ in each]), np.vstack([a for _, a in each])
+    return _one_each(points, across, side, quarter.astype(np.int64))
+
+
+def thinned(points: Floats, across: Floats, side: float) -> tuple[Floats, Floats]:
+    """One point of each square cell: the mean of those in it with the same direction [m]."""
+    return _one_each(points, across, side, np.zeros(len(points), np.int64))
+
+
+def _one_each(points: Floats, across: Floats, side: float, group: Ints) -> tuple[Floats, Floats]:
+    keys = _keys(points, side, group)
+    n = len(points)
+    # no two are equal, so that the fastest order is as good as a stable one
+    return _means(points, across, keys, np.argsort(keys * n + np.arange(n)))
+
+
+@jit
+def _keys(points: Floats, side: float, group: Ints) -> Ints:
+    """(n,): one number for each group and square cell."""
+    n = len(points)
+    cells = np.empty((n, 2), np.int64)
+    for i in range(n):
+        cells[i, 0] = math.floor(points[i, 0] / side)
+        cells[i, 1] = math.floor(points[i, 1] / side)
+    if n == 0:
+        return group
+    u, v = cells[:, 0].min(), cells[:, 1].min()
+    wide, high = cells[:, 0].max() + 1 - u, cells[:, 1].max() + 1 - v
+    return (group * wide + cells[:, 0] - u) * high + cells[:, 1] - v
 
 
 @jit
@@ -187,30 +214,37 @@ def _spread(made: Surfaces, reach: float) -> None:
     """Fill in the nearest surface of every cell.
 
     Each point is compared with a block of cells of fixed width and without a branch, which the
-    processor does several cells at a time. It is wider than the reach: `square` bounds it.
+    processor does several cells at a time. It is wider than the reach: `square` bounds it. That
+    holds a band of rows, since the whole of a large map would take longer to be handed out than
+    to be filled in.
     """
     rows, columns = made.nearest.shape
-    square = np.full((rows, columns), reach * reach)
+    square = np.empty((min(rows, _BAND), columns))
     wide = math.ceil(reach / made.resolution)
     block = min(columns, 16 * math.ceil((2 * wide + 1) / 16))
     along = np.empty(block)
-    for k in range(len(made.points)):
-        u = (made.points[k, 0] - made.x) / made.resolution
-        v = (made.points[k, 1] - made.y) / made.resolution
-        i0, first = int(v), max(min(int(u) - wide, columns - block), 0)
-        for j in range(block):
-            dx = (first + j + 0.5 - u) * made.resolution
-            along[j] = dx * dx
-        for i in range(max(i0 - wide, 0), min(i0 + wide + 1, rows)):
-            dy = (i + 0.5 - v) * made.resolution
-            across = dy * dy
-            least = square[i, first : first + block]
-            row = made.nearest[i, first : first + block]
+    for top in range(0, rows, _BAND):
+        square[:] = reach * reach
+        for k in range(len(made.points)):
+            v = (made.points[k, 1] - made.y) / made.resolution
+            low, high = max(int(v) - wide, top), min(int(v) + wide + 1, top + _BAND, rows)
+            if low >= high:
+                continue
+            u = (made.points[k, 0] - made.x) / made.resolution
+            first = max(min(int(u) - wide, columns - block), 0)
             for j in range(block):
-                d = along[j] + across
-                closer = d < least[j]
-                least[j] = d if closer else least[j]
-                row[j] = np.int32(k) if closer else row[j]
+                dx = (first + j + 0.5 - u) * made.resolution
+                along[j] = dx * dx
+            for i in range(low, high):
+                dy = (i + 0.5 - v) * made.resolution
+                across = dy * dy
+                least = square[i - top, first : first + block]
+                row = made.nearest[i, first : first + block]
+                for j in range(block):
+                    d = along[j] + across
+                    closer = d < least[j]
+                    least[j] = d if closer else least[j]
+                    row[j] = np.int32(k) if closer else row[j]
 
 
 @jit_inline
@@ -224,15 +258,9 @@ def row_at(known: Surfaces, x: float, y: float) -> int:
 
 
 @jit
-def thinned(points: Floats, across: Floats, side: float) -> tuple[Floats, Floats]:
-    """One point of each square cell: the mean of those in it with the same direction [m]."""
+def _means(points: Floats, across: Floats, keys: Ints, order: Ints) -> tuple[Floats, Floats]:
+    """The mean of each of those with the same key and direction."""
     n = len(points)
-    keys = np.empty(n, np.int64)
-    for i in range(n):
-        u = math.floor(points[i, 0] / side) + (1 << 20)
-        v = math.floor(points[i, 1] / side) + (1 << 20)
-        keys[i] = u * (1 << 21) + v
-    order = np.argsort(keys, kind="mergesort")
     kept, out = np.empty((n, 2)), np.empty((n, 2))
     k, a = 0, 0
     while a < n:
