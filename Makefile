@@ -25,7 +25,7 @@ reproduce: $(READY) ## run the paper's three experiments and draw its figures
 
 test: $(WEB) $(GL) $(BROWSER) $(FASTDDS) ## lint, then the tests
 	@$(MAKE) --no-print-directory -j2 --output-sync=target lint warm rewritten warm-more
-	$(BIN)/pytest -n auto --dist loadgroup
+	$(BIN)/pytest -n auto --dist loadgroup $(EXAMPLES)
 
 warm: $(READY)   # compile once what every worker of the tests would compile for itself
 	@$(BIN)/python -m tests.warm
@@ -36,8 +36,9 @@ warm-more: $(READY) # and what some of them would, on the core that lint leaves
 test-quick: $(READY) ## the tests of law, gate, scenarios and API, in less than a minute
 	$(BIN)/pytest -m quick
 
+test-all: EXAMPLES = --hypothesis-profile=more
 test-all: test   ## all tests, also those that take more than a minute each
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -m slow $(EXAMPLES)
 
 test-python: $(WEB) $(GL) $(BROWSER) ## the tests on another Python that is here: PYTHON=3.13
 	UV_PROJECT_ENVIRONMENT=.venv-$(PYTHON) $(BIN)/uv sync --frozen --quiet --python $(PYTHON) --all-extras --no-extra peers

@@ -1,6 +1,7 @@
 """Which tests are quick, and Hypothesis profiles.
 
-`pytest --hypothesis-profile=thorough` digs; CI repeats its examples.
+`make test-all` tries five times as many examples, `pytest --hypothesis-profile=thorough` digs; CI
+repeats its examples.
 """
 
 import functools
@@ -20,14 +21,15 @@ from xdist.workermanage import WorkerController
 from tests.typed import cohelm as cohelm  # for all folders
 
 _calm = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
-settings.register_profile("default", max_examples=40 if numba.config.DISABLE_JIT else 100, **_calm)
-settings.register_profile("ci", max_examples=100, derandomize=True, print_blob=True, **_calm)
+settings.register_profile("default", max_examples=40 if numba.config.DISABLE_JIT else 60, **_calm)
+settings.register_profile("ci", max_examples=60, derandomize=True, print_blob=True, **_calm)
+settings.register_profile("more", max_examples=300, **_calm)
 settings.register_profile("thorough", max_examples=5000, **_calm)
 settings.load_profile("ci" if os.environ.get("CI") else "default")
 
 # A worker comes to hold millions of objects, and Python looks through them all again and again:
 # tests took up to three times as long in it as alone.
-gc.set_threshold(100_000, 20, 20)
+gc.set_threshold(300_000, 20, 20)
 
 QUICK = ("api", "core", "law", "robot/gate", "scenario")
 """Folders whose tests one runs at every change: `pytest -m quick`."""
@@ -44,6 +46,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         quick = quick and not where.endswith(NOT_QUICK)
         if quick and item.get_closest_marker("slow") is None:
             item.add_marker(pytest.mark.quick)
+
+
+def pytest_collection_finish() -> None:
+    """All tests and modules stay to the end: no need to look through them."""
+    gc.freeze()
 
 
 FIRST, SECOND = "gw0", "gw1"

@@ -5,7 +5,12 @@ runs that on the other core, when lint has ended. Where all is compiled, both ta
 
 import sys
 
+from cohelm.core.types import Pose, Twist
+from cohelm.perceive.map.mapper import Mapper
+from cohelm.perceive.map.mapping_scans import mapping_scans
+from cohelm.perceive.map.raster import raster
 from cohelm.perceive.pipeline import warm_up
+from cohelm.pilot.safety_filter import SafetyFilter
 from cohelm.robot.clock import SteppedClock
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
@@ -13,6 +18,8 @@ from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign import suites
 from cohelm.study.campaign.episode import Law, Plant
 from cohelm.study.campaign.worker import chunk
+from tests.perceive import drives
+from tests.pilot.drives import drive
 
 
 def driven(suite: str, law: Law, plant: Plant = "kinematic") -> None:
@@ -20,6 +27,18 @@ def driven(suite: str, law: Law, plant: Plant = "kinematic") -> None:
     (row,) = chunk(suites.suite(suite, 1, None, plant), law, (6,))
     if row.fault:
         raise SystemExit(row.fault)
+
+
+def mapped() -> None:
+    """A lap with a loop, which is closed."""
+    lidar = drives.LIDAR.lidar()
+    moments = list(drives.drive(*drives.along([*drives.TOUR, *drives.TOUR[:4]], 1.5)))
+    scans = {seen.number: seen for m in moments if (seen := m.readings.scan) is not None}
+    mapper = Mapper(lidar)
+    views = mapping_scans(lidar, [m.readings.odometry for m in moments], list(scans.values()))
+    for view in views:
+        mapper.add(view)
+    raster(mapper.finished().poses, [view.points for view in views], lidar.mount, 0.05)
 
 
 if __name__ == "__main__":
@@ -33,3 +52,7 @@ if __name__ == "__main__":
         driven("random", "none")
         Kinematic(robot("sally"), clock=SteppedClock()).read()
         Twin(robot("sally"), clock=SteppedClock()).picture(32, 24, kind="rays")
+        mapped()
+        driven("heights", "guard", "twin")
+        SafetyFilter(robot("sally"), 0.02)(Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), Twist(0.5, 0.0))
+        drive([[0, 0], [1, 0], [2, 0]], [(1.0, 0.1, 0.1)], [(2.0, 0.4, 2.0, 2.0)], seconds=5.0)

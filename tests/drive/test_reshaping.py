@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,9 +106,15 @@ def at_speed(change):
     return at
 
 
+@functools.cache
+def unchanged() -> Ride:
+    """To the wall with the outline of its file."""
+    return Ride(10.5, seconds=30.0)
+
+
 def test_with_an_extended_arm_the_route_ends_earlier_by_the_arm():
     """To a wall that it reaches with its arm and not with its file's outline."""
-    short, long = Ride(10.5, seconds=30.0), Ride(10.5, at_speed(longer), seconds=30.0)
+    short, long = unchanged(), Ride(10.5, at_speed(longer), seconds=30.0)
     assert short.told(RESHAPED) == 0
     assert (long.told(RESHAPED), long.told(ALONE)) == (1, 1)
     assert short.pose.x - long.pose.x > 0.7 * ARM
@@ -140,7 +147,7 @@ def test_a_shrinking_outline_is_adopted_as_late_as_a_growing_one():
         elif ride.t > 8.0 and len(ride.arm.outline) != len(ride.file):
             ride.arm.outline = ride.file
 
-    ride, short = Ride(10.5, at, seconds=30.0), Ride(10.5, seconds=30.0)
+    ride, short = Ride(10.5, at, seconds=30.0), unchanged()
     assert (ride.told(RESHAPED), ride.told(ALONE)) == (2, 2)
     assert ride.pose.x == pytest.approx(short.pose.x, abs=0.05)
 

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import urllib.request
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -47,9 +48,10 @@ def built(clone: Path, dist: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def installed(clone, tmp_path_factory) -> Path:
+def installed(clone, tmp_path_factory) -> Iterator[Path]:
     """The command, from a wheel in an environment of its own: what it depends on, as locked, and no
-    extra."""
+    extra. Its 900 MB are removed at once: pytest would keep those of three runs, and remove the
+    fourth when all tests have ended."""
     folder = tmp_path_factory.mktemp("wheel")
     with_pages = shutil.copytree(clone, folder / "clone")
     pages = Path("src/cohelm/station/static")
@@ -66,7 +68,8 @@ def installed(clone, tmp_path_factory) -> Path:
     install = (UV, "pip", "install", "--quiet", "--no-deps", "--python", python, wheel)
     subprocess.run(install, check=True)
     subprocess.run((UV, "pip", "check", "--quiet", "--python", python), check=True)
-    return environment / "bin" / "cohelm"
+    yield environment / "bin" / "cohelm"
+    shutil.rmtree(folder)
 
 
 @pytest.mark.slow

@@ -143,6 +143,7 @@ ADAPTERS: dict[str, Adapter] = {
     ),
     "twin": Adapter(lambda: Twin(sally(), START, room(), seed=3, camera="none")),
     "twin, real time": Adapter(
-        lambda: Twin(sally(), START, room(), seed=3, clock=WallClock()), real_time=True
+        lambda: Twin(sally(), START, room(), seed=3, clock=WallClock(), camera="none"),
+        real_time=True,
     ),
 }

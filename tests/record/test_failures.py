@@ -277,7 +277,7 @@ def _read_bytes(path: Path, data: bytes) -> tuple[Trace | None, bool]:
 
 
 @given(part=st.floats(0.0, 1.0))
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=25)
 def test_a_record_cut_off_anywhere_gives_the_whole_pieces_before(
     record: bytes, tmp_path_factory: pytest.TempPathFactory, part: float
 ) -> None:
@@ -291,7 +291,7 @@ def test_a_record_cut_off_anywhere_gives_the_whole_pieces_before(
 
 
 @given(part=st.floats(0.0, 1.0, exclude_max=True), flip=st.integers(1, 255))
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=25)
 def test_a_changed_byte_is_always_detected(
     record: bytes, tmp_path_factory: pytest.TempPathFactory, part: float, flip: int
 ) -> None:

@@ -169,7 +169,7 @@ def test_a_post_as_thick_as_the_gap_between_rays_is_seen_in_a_large_image():
     for far in (1.0, 3.5):
         gap = cam.gap * far
         rng = np.random.default_rng(7)
-        for y in rng.uniform(-0.3, 0.3, 4) * far:
+        for y in rng.uniform(-0.3, 0.3, 2) * far:
             box = (far, y, 0.0, far + 0.1, y + 1.001 * gap, 1.0)
             _, ranges = seen(body, room(body, [box], cam), cam=cam)
             assert np.nanmin(ranges) == pytest.approx(math.hypot(far, y), abs=0.02)
