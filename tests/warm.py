@@ -6,6 +6,8 @@ runs that on the other core, when lint has ended. Where all is compiled, both ta
 import sys
 
 from cohelm.core.types import Pose, Twist
+from cohelm.drive.factory import simulated
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.perceive.map.mapper import Mapper
 from cohelm.perceive.map.mapping_scans import mapping_scans
 from cohelm.perceive.map.raster import raster
@@ -29,6 +31,12 @@ def driven(suite: str, law: Law, plant: Plant = "kinematic") -> None:
         raise SystemExit(row.fault)
 
 
+def started() -> None:
+    """All that a drive compiles before the robot is ready."""
+    with Session(SessionConfig(simulated("lab-guard", real_time=False))) as session:
+        session.end("warm")
+
+
 def mapped() -> None:
     """A lap with a loop, which is closed."""
     lidar = drives.LIDAR.lidar()
@@ -47,6 +55,7 @@ if __name__ == "__main__":
         driven("random", "guard", "twin")
         warm_up(robot("sally-rear"), False)  # two LiDARs are other types to the compiler
     else:
+        started()
         warm_up(robot("sally"), True)
         driven("adversary", "guard")
         driven("random", "none")
