@@ -54,14 +54,14 @@ if __name__ == "__main__":
         driven("random", "guard")
         driven("random", "guard", "twin")
         warm_up(robot("sally-rear"), False)  # two LiDARs are other types to the compiler
-    else:
-        started()
-        warm_up(robot("sally"), True)
+    else:  # first what has least in common with what the other core compiles meanwhile
         driven("adversary", "guard")
         driven("random", "none")
+        drive([[0, 0], [1, 0], [2, 0]], [(1.0, 0.1, 0.1)], [(2.0, 0.4, 2.0, 2.0)], seconds=5.0)
+        SafetyFilter(robot("sally"), 0.02)(Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), Twist(0.5, 0.0))
         Kinematic(robot("sally"), clock=SteppedClock()).read()
         Twin(robot("sally"), clock=SteppedClock()).picture(32, 24, kind="rays")
+        warm_up(robot("sally"), True)
         mapped()
         driven("heights", "guard", "twin")
-        SafetyFilter(robot("sally"), 0.02)(Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), Twist(0.5, 0.0))
-        drive([[0, 0], [1, 0], [2, 0]], [(1.0, 0.1, 0.1)], [(2.0, 0.4, 2.0, 2.0)], seconds=5.0)
+        started()
