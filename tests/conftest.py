@@ -33,7 +33,10 @@ gc.set_threshold(300_000, 20, 20)
 
 QUICK = ("api", "core", "law", "robot/gate", "scenario")
 """Folders whose tests one runs at every change: `pytest -m quick`."""
-NOT_QUICK = ("test_mutants.py", "test_examples.py", "api/test_drive.py", "api/test_robot.py")
+NOT_QUICK = (
+    "test_mutants.py", "test_examples.py", "api/test_drive.py", "api/test_robot.py",
+    "core/test_jit.py",
+)  # fmt: skip
 """... but for what starts processes there, or drives in real time."""
 
 
@@ -46,11 +49,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         quick = quick and not where.endswith(NOT_QUICK)
         if quick and item.get_closest_marker("slow") is None:
             item.add_marker(pytest.mark.quick)
-
-
-def pytest_collection_finish() -> None:
-    """All tests and modules stay to the end: no need to look through them."""
-    gc.freeze()
 
 
 FIRST, SECOND = "gw0", "gw1"

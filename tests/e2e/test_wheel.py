@@ -146,7 +146,7 @@ def test_drive_answers_with_the_page_starts_the_robot_and_ends_on_ctrl_c(install
 
 def test_robot_drives_the_twin(installed, tmp_path):
     said = subprocess.run(
-        (installed, "robot", "lab-guard", "--twin", "--fast", "--for", "2", "--json"),
+        (installed, "robot", "lab-guard", "--twin", "--fast", "--for", "1", "--json"),
         cwd=tmp_path, env=CLEAN, capture_output=True, text=True,
     )  # fmt: skip
     assert said.returncode == 0, said.stderr
