@@ -41,6 +41,14 @@ def test_it_goes_round_what_stands_on_the_route_and_comes_back_onto_it(delay):
     assert beside[d.poses[:, 0] > 5.5].max() < 0.1
 
 
+@pytest.mark.parametrize("at", [(3.0, 0.05), (2.0, -0.1), (1.5, 0.1)])
+def test_a_detour_leaves_out_no_loop_of_the_route(at):
+    corners = [(0, 0), (1.5, 0), (3, 0), (4.5, 0), (4.5, 1.2), (3, 1.2), (3, 0), (3, -1.5), (3, -3)]
+    driven = drive(corners, [(*at, 0.0, 0.0, 0.2)], seconds=60.0)
+    assert driven.arrived
+    assert np.hypot(*(driven.poses[:, :2] - [4.5, 0.6]).T).min() < 0.6
+
+
 def test_a_closed_road_is_not_forced():
     d = drive(STRAIGHT, walls=[(3.0, -20.0, 3.0, 20.0)], seconds=15.0)
     assert not d.arrived

@@ -92,7 +92,7 @@ def test_it_prefers_room_to_a_shorter_way_through_a_tight_gap():
 
 
 def test_it_rejoins_the_line_at_the_horizon():
-    found = plan_path(Pose(1.0, 0.3, 0.0), NOTHING, LINE, JACKAL, PATH_PARAMS, 0, 3.0)
+    found = plan_path(Pose(1.0, 0.3, 0.0), NOTHING, LINE, JACKAL, PATH_PARAMS, 10, 3.0)
     assert LINE[found.rejoined].tolist() == pytest.approx([4.0, 0.0])
     assert found.points[-1].tolist() == pytest.approx([4.0, 0.0])
 
@@ -111,6 +111,13 @@ def test_it_does_not_go_back_behind_what_is_done():
     assert late.rejoined > 70
 
 
+def test_a_line_that_comes_back_is_not_cut_short():
+    spur = np.vstack((line(0, 0, 2, 0), line(1.9, 0, 0, 0), line(0, -0.1, 0, -4)))
+    found = plan_path(AT, circle(1.0, 0.0, 0.2), spur, JACKAL, PATH_PARAMS, 0, 4.0)
+    assert found.points[-1].tolist() == pytest.approx([2.0, 0.0])
+    assert found.rejoined < 25
+
+
 def test_it_begins_in_the_robots_direction_if_that_is_roughly_its_own():
     turned = Pose(0.0, 0.0, 0.5)
     x, y = plan_path(turned, NOTHING, LINE, JACKAL).points[1]
@@ -126,7 +133,7 @@ def test_it_can_be_left_from_a_place_tighter_than_the_clearance():
 
 
 def test_a_robot_at_the_end_has_arrived():
-    found = plan_path(Pose(8.0, 0.01, 0.0), NOTHING, LINE, JACKAL)
+    found = plan_path(Pose(8.0, 0.01, 0.0), NOTHING, LINE, JACKAL, here=len(LINE) - 1)
     assert len(found.points) == 1
 
 

@@ -76,22 +76,20 @@ class PlannedPath(NamedTuple):
 
 def plan_path(
     pose: Pose, points: Floats, line: Floats, outline: Floats,
-    path_params: PathParams = _PATH_PARAMS, begin: int = 0, horizon: float = math.inf,
+    path_params: PathParams = _PATH_PARAMS, here: int = 0, horizon: float = math.inf,
     farther: bool = True, chosen: Floats = _NONE,
 ) -> PlannedPath | None:  # fmt: skip
     """A path from the robot back onto a line, around all points; None if none is found.
 
     pose, points (p, 2), line (k, 2) with k >= 2, about `spacing` apart: world frame [m].
-    outline: (n, 2), convex, counter-clockwise. begin: the row of the line that has been passed.
-    The path ends on the line `horizon` metres after the row nearest to the robot, or farther on if
-    that can not be reached; at the latest at the line's end, or up to `beside` from it. Unknown
-    space counts as free. farther: whether to search beyond `border`, which takes longer, if there
+    outline: (n, 2), convex, counter-clockwise. here: the row of the line where the robot is.
+    The path ends where the next `horizon` metres of the line are farthest from there, so that a
+    line that comes back is not cut short, or farther on if that can not be reached; at the latest
+    at the line's end, or up to `beside` from it. Unknown space counts as free. farther: whether to search beyond `border`, which takes longer, if there
     is none nearer. chosen: (m, 2), the current path [m]; see `PathParams.loyal`.
     """
-    off = line[begin:] - np.array(pose[:2])
-    here = begin + int(np.argmin(np.hypot(off[:, 0], off[:, 1])))
-    along = distances(line[here:])
-    aim = here + min(int(np.searchsorted(along, horizon)), len(along) - 1)
+    within = int(np.searchsorted(distances(line[here:]), horizon)) + 1
+    aim = here + int(np.argmax(np.hypot(*(line[here : here + within] - line[here]).T)))
     min_clearance = inscribed_radius(outline) + path_params.clearance
     turning_clearance = float(np.hypot(outline[:, 0], outline[:, 1]).max()) + path_params.clearance
     for border in (path_params.border, 3.0 * path_params.border)[: 2 if farther else 1]:
