@@ -13,7 +13,6 @@ from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.track import track
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
-from cohelm.plan.course import nearest_row
 from cohelm.plan.path_planner import plan_path
 from cohelm.plan.recovery import RecoveryMove, RecoveryParams, recovery_move, recovery_twist, rest
 from cohelm.robot.clearance import disc_clearance
@@ -58,7 +57,7 @@ def drive(pose, world, goal_line, seconds, seen=NOTHING):
             left = NO_MOVE if left == before else left  # held up
             before = left
         if k % 20 == 0 and left == NO_MOVE:
-            here = nearest_row(goal_line, pose, 0, len(goal_line))
+            here = int(np.argmin(np.hypot(*(goal_line - pose[:2]).T)))
             found = plan_path(pose, points, goal_line, outline, here=here)
             if found is not None and len(found.points) > 2:
                 reference = through(found.points, CRUISE)

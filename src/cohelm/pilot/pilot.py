@@ -211,7 +211,7 @@ def step_of(settings: Settings, line: Floats) -> BoundStep:
         _flat(
             numbers(state), x, y, psi, v, float(twist[1]), float(stick[0]), float(stick[1]),
             *obstacles, reference.knots, reference.coeffs, reference.speed, course.poses,
-            course.paced.rate, course.row, line, outline, row, float(dt), sent, mover_history, out,
+            course.paced.rate, course.row, course.rejoins, line, outline, row, float(dt), sent, mover_history, out,
         )  # fmt: skip
         row_out = out.tolist()
         return made(PilotState, row_out), made(Decision, row_out, _STATE)
@@ -225,10 +225,12 @@ def _flat(
     stick_psi: float, discs: Floats, max_acceleration: Floats, velocity_error: Floats,
     segments: Floats, points: Floats,
     knots: Floats, coeffs: Floats, speed: float, poses: Floats, rates: Floats, back: int,
-    line: Floats, outline: Floats, settings: Floats, dt: float, sent: Floats, mover_history: Floats,
-    out: Floats,
+    rejoins: float, line: Floats, outline: Floats, settings: Floats, dt: float, sent: Floats,
+    mover_history: Floats, out: Floats,
 ) -> None:  # fmt: skip
-    course = Course(Reference(knots, coeffs, speed), poses, Profile(rates, knots[-1]), back, True)
+    course = Course(
+        Reference(knots, coeffs, speed), poses, Profile(rates, knots[-1]), back, rejoins, True
+    )
     next_state, decision = pilot_step(
         read(PilotState, state, 0), Pose(x, y, psi), Twist(v, omega), Stick(stick_x, stick_psi),
         Surroundings(discs, max_acceleration, velocity_error, segments, points), course, line,

@@ -14,7 +14,15 @@ from cohelm.law.reference import through
 from cohelm.pilot.rollout import roll_out
 from cohelm.pilot.step import MOVES, NO_MOVE, PilotState, Settings, still
 from cohelm.pilot.surface_points import surface_points
-from cohelm.plan.course import Course, Route, course, nearest_row, paced, window
+from cohelm.plan.course import (
+    ROUTE_SPACING,
+    Course,
+    Route,
+    course,
+    paced,
+    row_on_route,
+    window,
+)
 from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.elastic_band import distances
 from cohelm.plan.path_planner import PathParams, plan_path
@@ -269,13 +277,13 @@ def _detour(
     far: whether to search far afield if there is none near by.
     """
     line, pose = route.line, task.pose
-    row = nearest_row(line, pose, task.state.row, max(task.state.row + 20, task.course.row))
+    row = row_on_route(line, pose, task.state.row, task.course, task.state.clock.tau)
     now, clock = task.course, task.state.clock
     chosen = _NO_PATH
     if now.row > 0 and clock.waited <= replan_params.waits:
         chosen = now.poses[slice(*window(now, clock.tau, replan_params.known)), :2]
     for reach, farther in ((1.5, False), (3.0, True))[: 2 if far else 1]:
-        end = min(len(line), row + int(reach * replan_params.look / 0.1))
+        end = min(len(line), row + int(reach * replan_params.look / ROUTE_SPACING))
         found = plan_path(
             pose, points, line[:end], settings.outline, path_params, row, replan_params.look,
             farther, chosen,
@@ -289,15 +297,16 @@ def _detour(
     tail = line[found.rejoined + 2 : end : 2]
     last = end == len(line)
     corners = np.vstack((found.points[:-1:2], found.points[-1:]))
+    around = len(corners)
     if found.rejoined < end - 1:
         corners = np.vstack((corners, tail, line[end - 1 : end]))
     steps = np.diff(distances(corners))
     keep = np.concatenate(([True], steps > 0.02))
     if keep.sum() < 2:
         return None
-    made = course(
-        through(corners[keep], route.reference.speed), max(found.rejoined, 1), last, settings.pace
-    )
+    reference = through(corners[keep], route.reference.speed)
+    rejoins = float(reference.knots[keep[:around].sum() - 1])
+    made = course(reference, max(found.rejoined, 1), last, settings.pace, rejoins)
     made, clearance = paced(made, 0.0, replan_params.look, points, settings.outline, settings.pace)
     return Plan(made, True, None, False, clearance)
 

@@ -18,7 +18,7 @@ from cohelm.law.step import control_step, total_command
 from cohelm.law.track import track
 from cohelm.pilot.behavior import ESCAPING, EVADING, FOLLOWING, LED
 from cohelm.pilot.delay_compensation import predict_obstacles, predict_robot
-from cohelm.plan.course import Course, nearest_row
+from cohelm.plan.course import Course, row_on_route
 from cohelm.plan.evasion.evade import evade
 from cohelm.plan.evasion.params import NO_EVASION, Evasion, EvasionParams
 from cohelm.plan.recovery import RecoveryMove, kind, recovery_twist, rest
@@ -203,7 +203,7 @@ def pilot_step(
     clock = _standing(state, clock, Twist(v, omega), course, dt) if follows else clock
     left, held, refused = _recovery_progress(state, left, Twist(v, omega), clock.rate, dt)
     awaits = recovering and left == NO_MOVE and state.moves >= MOVES
-    row = nearest_row(line, pose, state.row, max(state.row + _ROWS_AHEAD, course.row))
+    row = row_on_route(line, pose, state.row, course, clock.tau)
     behavior = (
         LED
         if operator_leads
@@ -260,7 +260,6 @@ PATIENCE = 0.4
 """A recovery move held up for longer is given up [s]."""
 _STILL = 0.01  # a slower recovery move is held up [m/s, rad/s]
 _PROGRESS_RATE = 0.5  # rate of the clock above which the robot makes progress
-_ROWS_AHEAD = 20  # rows of the route searched for the nearest
 
 
 @jit_inline

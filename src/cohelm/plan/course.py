@@ -15,6 +15,10 @@ from cohelm.plan.distance_field import swept_clearances
 
 SPACING = 0.05
 """Between poses along a path [m]."""
+ROUTE_SPACING = 0.1
+"""Between rows of the route [m]."""
+_ROWS_AHEAD = 20  # rows of the route among which the robot is searched
+_NEARER = 0.3
 _LEFT_OVER = 2.0  # how far ahead of the last one the nearest point of the route is searched [m]
 
 
@@ -28,6 +32,8 @@ class Course(NamedTuple):
     """The allowed rate of the clock at each of the poses."""
     row: int
     """Row of the route at which it re-enters the route; 0 for the route itself."""
+    rejoins: float
+    """Time of its reference at which it does [s]."""
     last: bool
     """Whether it ends at the route's end, or as near to it as possible."""
 
@@ -42,7 +48,7 @@ class Route(NamedTuple):
     """(m,), when the reference is there [s]."""
 
 
-def route(reference: Reference, spacing: float = 0.1) -> Route:
+def route(reference: Reference, spacing: float = ROUTE_SPACING) -> Route:
     """The route that a reference describes, as points at most about `spacing` apart [m]."""
     poses = poses_along(reference, 0.25 * spacing)
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
@@ -68,11 +74,13 @@ def nearly_done(line: Floats, near: float) -> int:
     return max(math.floor(last - left), min(last, 1))
 
 
-def course(reference: Reference, row: int, last: bool, pace: PaceParams) -> Course:
+def course(
+    reference: Reference, row: int, last: bool, pace: PaceParams, rejoins: float = 0.0
+) -> Course:
     """The path along a reference without obstacles."""
     poses = poses_along(reference, SPACING)
     free = np.full(len(poses), math.inf)
-    return Course(reference, poses, profile(reference, free, pace), row, last)
+    return Course(reference, poses, profile(reference, free, pace), row, rejoins, last)
 
 
 def poses_along(reference: Reference, spacing: float) -> Floats:
@@ -109,7 +117,9 @@ def paced(
     for i in range(first + 1, end):  # the robot is at the first already
         least = min(least, clearances[i])
     made = profile(course.reference, clearances, pace)
-    return Course(course.reference, course.poses, made, course.row, course.last), least
+    return Course(
+        course.reference, course.poses, made, course.row, course.rejoins, course.last
+    ), least
 
 
 @jit
@@ -127,11 +137,21 @@ def window(course: Course, tau: float, far: float) -> tuple[int, int]:
 
 
 @jit
-def nearest_row(line: Floats, pose: Pose, first: int, last: int) -> int:
-    """The row of a line nearest to the robot among first ... last."""
+def row_on_route(line: Floats, pose: Pose, row: int, course: Course, tau: float) -> int:
+    """The row of the route's line where the robot is now.
+
+    row: where it was. tau: the time along the course [s]. Until the course re-enters the route, no
+    row after that is looked at. The nearest row ahead, but rows are passed over only if that brings
+    the robot nearer by `_NEARER` of their length: a route that crosses or meets itself would be cut
+    short there.
+    """
+    on_route = tau >= course.rejoins
+    first = max(row, course.row) if on_route else row
+    last = first + _ROWS_AHEAD if on_route else course.row
     best, least = first, math.inf
     for i in range(first, min(last + 1, len(line))):
-        dx, dy = line[i, 0] - pose.x, line[i, 1] - pose.y
-        if dx * dx + dy * dy < least:
-            best, least = i, dx * dx + dy * dy
+        away = math.hypot(line[i, 0] - pose.x, line[i, 1] - pose.y)
+        away += _NEARER * ROUTE_SPACING * (i - first)
+        if away < least:
+            best, least = i, away
     return best

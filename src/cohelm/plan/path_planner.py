@@ -22,6 +22,7 @@ from cohelm.plan.heap import pop, push
 
 _LEAVE = 0.4  # radius within which a start in a tight place may be left [m]
 _BLOCKED_RADIUS = 0.1  # radius blocked around a pose in collision before the next try [m]
+_BACK = 0.5  # nearer again, a line has come back, and is not only winding [m]
 _TRIES = 3  # paths whose swept outline collides, before giving up
 
 
@@ -83,13 +84,12 @@ def plan_path(
 
     pose, points (p, 2), line (k, 2) with k >= 2, about `spacing` apart: world frame [m].
     outline: (n, 2), convex, counter-clockwise. here: the row of the line where the robot is.
-    The path ends where the next `horizon` metres of the line are farthest from there, so that a
-    line that comes back is not cut short, or farther on if that can not be reached; at the latest
+    The path ends on the line `horizon` metres farther on, or before that where the line begins to
+    come back, so that it is not cut short; farther on if that can not be reached, at the latest
     at the line's end, or up to `beside` from it. Unknown space counts as free. farther: whether to search beyond `border`, which takes longer, if there
     is none nearer. chosen: (m, 2), the current path [m]; see `PathParams.loyal`.
     """
-    within = int(np.searchsorted(distances(line[here:]), horizon)) + 1
-    aim = here + int(np.argmax(np.hypot(*(line[here : here + within] - line[here]).T)))
+    aim = here + _outward(line[here:], horizon)
     min_clearance = inscribed_radius(outline) + path_params.clearance
     turning_clearance = float(np.hypot(outline[:, 0], outline[:, 1]).max()) + path_params.clearance
     for border in (path_params.border, 3.0 * path_params.border)[: 2 if farther else 1]:
@@ -125,6 +125,15 @@ def plan_path(
             for x, y, _psi in poses[clearances < path_params.clearance]:
                 field.clearance[_within(field, _cell(field, (x, y)), _BLOCKED_RADIUS)] = 0.0
     return None
+
+
+def _outward(line: Floats, horizon: float) -> int:
+    """The row of a line that is farthest from its first, before it comes back by `_BACK` or is
+    longer than `horizon` [m]."""
+    within = int(np.searchsorted(distances(line), horizon)) + 1
+    away = np.hypot(*(line[:within] - line[0]).T)
+    back = np.maximum.accumulate(away) - away > _BACK
+    return int(np.argmax(away[: int(np.argmax(back))] if back.any() else away))
 
 
 def line_costs(field: DistanceField, cells: Ints, path_params: PathParams) -> Floats:
