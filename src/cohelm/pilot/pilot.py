@@ -211,7 +211,8 @@ def step_of(settings: Settings, line: Floats) -> BoundStep:
         _flat(
             numbers(state), x, y, psi, v, float(twist[1]), float(stick[0]), float(stick[1]),
             *obstacles, reference.knots, reference.coeffs, reference.speed, course.poses,
-            course.paced.rate, course.row, course.rejoins, line, outline, row, float(dt), sent, mover_history, out,
+            course.paced.rate, course.row, course.rejoins, line, outline, row, float(dt), sent,
+            mover_history, out,
         )  # fmt: skip
         row_out = out.tolist()
         return made(PilotState, row_out), made(Decision, row_out, _STATE)

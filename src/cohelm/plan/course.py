@@ -18,7 +18,7 @@ SPACING = 0.05
 ROUTE_SPACING = 0.1
 """Between rows of the route [m]."""
 _ROWS_AHEAD = 20  # rows of the route among which the robot is searched
-_NEARER = 0.3
+_NEARER = 0.3  # a metre of the route passed over has to bring the robot so much nearer [m]
 _LEFT_OVER = 2.0  # how far ahead of the last one the nearest point of the route is searched [m]
 
 
@@ -142,16 +142,18 @@ def row_on_route(line: Floats, pose: Pose, row: int, course: Course, tau: float)
 
     row: where it was. tau: the time along the course [s]. Until the course re-enters the route, no
     row after that is looked at. The nearest row ahead, but rows are passed over only if that brings
-    the robot nearer by `_NEARER` of their length: a route that crosses or meets itself would be cut
-    short there.
+    the robot nearer by `_NEARER` of their length: else a route that crosses or meets itself would
+    be cut short there.
     """
     on_route = tau >= course.rejoins
     first = max(row, course.row) if on_route else row
     last = first + _ROWS_AHEAD if on_route else course.row
     best, least = first, math.inf
     for i in range(first, min(last + 1, len(line))):
-        away = math.hypot(line[i, 0] - pose.x, line[i, 1] - pose.y)
-        away += _NEARER * ROUTE_SPACING * (i - first)
+        passed_over = _NEARER * ROUTE_SPACING * (i - first)
+        if passed_over >= least:
+            break
+        away = passed_over + math.hypot(line[i, 0] - pose.x, line[i, 1] - pose.y)
         if away < least:
             best, least = i, away
     return best

@@ -85,9 +85,10 @@ def plan_path(
     pose, points (p, 2), line (k, 2) with k >= 2, about `spacing` apart: world frame [m].
     outline: (n, 2), convex, counter-clockwise. here: the row of the line where the robot is.
     The path ends on the line `horizon` metres farther on, or before that where the line begins to
-    come back, so that it is not cut short; farther on if that can not be reached, at the latest
-    at the line's end, or up to `beside` from it. Unknown space counts as free. farther: whether to search beyond `border`, which takes longer, if there
-    is none nearer. chosen: (m, 2), the current path [m]; see `PathParams.loyal`.
+    come back, so that it is not cut short; farther on if that can not be reached, at the latest at
+    the line's end, or up to `beside` from it. Unknown space counts as free. farther: whether to
+    search beyond `border`, which takes longer, if there is none nearer. chosen: (m, 2), the current
+    path [m]; see `PathParams.loyal`.
     """
     aim = here + _outward(line[here:], horizon)
     min_clearance = inscribed_radius(outline) + path_params.clearance

@@ -58,7 +58,7 @@ class EvasionParams(NamedTuple):
     pass_right: float = 0.0
     """Width added to movers on the robot's left, so that it passes them on the right, as the
     paper's k_CBF does [m]."""
-    sets_off_weight: float = 180.0
+    sets_off_weight: float = 90.0
     """Cost of a second beside a mover that could reach the robot before it is out of the way, if
     it turned on the robot [m/s]."""
     sets_off_acceleration: float = 1.0

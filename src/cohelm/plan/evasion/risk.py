@@ -17,6 +17,7 @@ from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 
 _ROUNDING = 1e-9  # bound of rounding errors [m]
+_TWO_OVER_PI = 2.0 / math.pi
 
 
 @jit
@@ -111,7 +112,8 @@ def risk_at(context: EvasionContext, pose: Pose, k: int, e: EvasionParams) -> tu
 
     Each mover adds (1 - clearance / d)^2 below d, `e.clearance` plus the position uncertainty by
     then; of standing ones only the nearest, as they may be points of one object. A known walker
-    adds risk where it is nearer than `_reachable_distance`.
+    adds risk where it is nearer than `_reachable_distance`, in proportion to the angle that the
+    robot fills as seen from it: it may set off in any direction.
     """
     risk, static_risk, smallest = 0.0, 0.0, 9.0
     weight = e.sets_off_weight / e.risk_weight if e.risk_weight > 0.0 else 0.0
@@ -128,7 +130,8 @@ def risk_at(context: EvasionContext, pose: Pose, k: int, e: EvasionParams) -> tu
         reachable = _reachable_distance(mover, prediction[4], 1.0 - beside, e)
         if reachable > 0.0 and clearance < reachable:
             share = 1.0 - max(clearance, 0.0) / reachable
-            risk += weight * share * share
+            width = min((context.reach + r) / max(math.hypot(dx, dy), 1e-9), 1.0)
+            risk += weight * share * share * math.asin(width) * _TWO_OVER_PI
         if e.ahead > 0.0:  # in front of a mover it is worse than behind it
             dx += mover[2] * e.ahead
             dy += mover[3] * e.ahead
