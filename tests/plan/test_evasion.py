@@ -73,17 +73,17 @@ def test_a_slow_robot_looks_far_enough_ahead_to_leave_the_way_of_a_wide_mover():
     """At 0.26 m/s; a robot that looks 3 s ahead stays where it is overtaken, and is touched."""
     waffle = robot("turtlebot3_waffle")
     limits = waffle.bounds()
-    e = EvasionParams(speed=limits.speed)
+    e = adapted(EvasionParams(speed=limits.speed), waffle.outline, limits)
     slow = SETTINGS._replace(
         outline=waffle.outline, limits=limits, gains=SETTINGS.gains._replace(u_d=0.8 * limits.speed)
     )
 
     def least(seconds):
         settings = slow._replace(evasion=e._replace(horizon=seconds))
-        overtaking = [coming(-2.5, 0.1, 0.9, 0.0, radius=0.4)]
+        overtaking = [coming(-2.5, 0.0, 0.7, 0.0, radius=0.4)]
         return drive(WAY, overtaking, seconds=20.0, settings=settings).clearances.min()
 
-    assert least(horizon(waffle.outline, limits, e)) > 0.05
+    assert least(e.horizon) > 0.05
     assert least(3.0) < 0.0
 
 
