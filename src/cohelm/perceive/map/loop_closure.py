@@ -1,7 +1,8 @@
 """Loop closure: where the newest submap fits an old part of the map, over a wide search.
 
-Places and headings are scored on a coarse raster, the best of it on a fine one, and the best of
-that are matched. A submap is used because one scan of a corridor fits many places. A loop that
+The best places and headings of a coarse raster are found by upper bounds, which leave few to be
+counted (as in Olson 2015; Hess et al. 2016), the best of a fine raster around each, and the best
+of these are matched. A submap is used because one scan of a corridor fits many places. A loop that
 moves the drive is accepted if drift explains it better than a look-alike (`distinct`); the
 magnitude of the drift is estimated from the loops of the drive.
 """
@@ -312,12 +313,12 @@ def _most_hits(
     may_hit = np.zeros((high, wide), np.uint64)
     _mark(may_hit, known, here.x + _SIDE * u0, here.y + _SIDE * v0)
     places = ((cells[:, 1] - v0 - margin) * wide + cells[:, 0] - u0 - margin).astype(np.uint64)
-    most = np.zeros((len(headings), len(cells)), np.int64)
+    flat, most = may_hit.ravel(), np.zeros((len(headings), len(cells)), np.int64)
     for t in range(len(headings)):
         seen, row = _turned(points, across, headings[t]), most[t]
         for n in range(len(seen)):
             u, v = math.floor(seen[n, 0] / _SIDE), math.floor(seen[n, 1] / _SIDE)
-            from_first = may_hit.ravel()[(v + margin) * wide + u + margin :]
+            from_first = flat[(v + margin) * wide + u + margin :]
             way = np.uint64(_way(math.atan2(seen[n, 3], seen[n, 2])) % _WAYS)
             for k in range(len(places)):
                 row[k] += np.int64(from_first[places[k]] >> way & np.uint64(1))
