@@ -53,7 +53,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 FIRST, SECOND = "gw0", "gw1"
 """The worker that runs what watches the clock; and the one that helps it at the end."""
-REALTIME, STATION = "realtime", "tests/station/"
+REALTIME, STATION, LONGEST = "realtime", "tests/station/", "wheel"
 
 
 @pytest.hookimpl(optionalhook=True)  # the mutants are run without xdist
@@ -75,7 +75,8 @@ MARKED = re.compile(rf"^@pytest\.mark\.{GROUP}\n(?:@.*\n)*def (\w+)", re.MULTILI
 
 class ByFile(LoadScopeScheduling):
     """Each file to one worker, with those of its group; tests that are marked by themselves, with
-    theirs; what watches the clock, to the first one.
+    theirs; what watches the clock, to the first one. The longest group of the others begins first:
+    nobody waits for it at the end.
 
     One after another, those that watch the clock take longer than all others: file by file (those
     of the station together, which share a robot and a browser) the second worker takes of them as
@@ -87,7 +88,11 @@ class ByFile(LoadScopeScheduling):
     def _assign_work_unit(self, node: WorkerController) -> None:
         first = node.gateway.id == FIRST
         self.workqueue.move_to_end(
-            min(self.workqueue, key=lambda unit: unit.startswith(REALTIME) != first), last=False
+            min(
+                self.workqueue,
+                key=lambda unit: (unit.startswith(REALTIME) != first, unit != LONGEST),
+            ),
+            last=False,
         )
         super()._assign_work_unit(node)
 
