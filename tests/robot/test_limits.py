@@ -77,7 +77,20 @@ def test_a_replayed_episode_is_equal_to_the_last_bit(case):
     assert achievable(reached, before, lim, dt) == reached
 
 
-@given(moving())
+@st.composite
+def near_by(draw):
+    """The same, the command about as near as the limits let it be."""
+    lim, before, _, dt = draw(moving())
+    share = st.floats(-1.0, 1.0)
+    dv = draw(share) * min(lim.acceleration, lim.wheel_acceleration, 300.0) * dt
+    domega = draw(share) * min(lim.yaw_acceleration, 300.0) * dt
+    rims = abs(dv) + lim.track / 2 * abs(domega)
+    most = lim.wheel_acceleration * dt
+    part = min(1.0, 0.999 * most / rims) if rims > 0.0 else 1.0
+    return lim, before, Twist(before.v + part * dv, before.omega + part * domega), dt
+
+
+@given(near_by())
 def test_a_command_within_the_limits_is_reached_to_the_last_bit(case):
     lim, before, command, dt = case
     assume(abs(command.v) <= lim.speed)
