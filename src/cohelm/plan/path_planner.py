@@ -133,8 +133,8 @@ def _outward(line: Floats, horizon: float) -> int:
     longer than `horizon` [m]."""
     within = int(np.searchsorted(distances(line), horizon)) + 1
     away = np.hypot(*(line[:within] - line[0]).T)
-    back = np.maximum.accumulate(away) - away > _BACK
-    return int(np.argmax(away[: int(np.argmax(back))] if back.any() else away))
+    back = int(np.argmax(np.maximum.accumulate(away) - away > _BACK))  # 0: it does not
+    return int(np.argmax(away[: back or None]))
 
 
 def line_costs(field: DistanceField, cells: Ints, path_params: PathParams) -> Floats:

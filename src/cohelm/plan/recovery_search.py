@@ -64,10 +64,10 @@ def _search(
         steps[2 * i, 0], steps[2 * i + 1, 0] = scale * _STEP, -scale * _STEP
         steps[2 * i, 1] = steps[2 * i + 1, 1] = curvatures[i]
     steps[-1, 2], steps[-2, 2] = scale * _TURN, -scale * _TURN
-    size = _PLACES * len(steps) + 1
-    poses, costs = np.empty((size, 3)), np.zeros(size)
-    before, by = np.full(size, -1), np.full(size, -1)  # the pose before, and the step from there
-    keys, queue, visited = np.empty(size), np.empty(size, np.int64), np.full(_TABLE, -1)
+    room = _PLACES * len(steps) + 1
+    poses, costs = np.empty((room, 3)), np.zeros(room)
+    before, by = np.full(room, -1), np.full(room, -1)  # the pose before, and the step from there
+    keys, queue, visited = np.empty(room), np.empty(room, np.int64), np.full(_TABLE, -1)
     poses[0, 0], poses[0, 1], poses[0, 2] = pose.x, pose.y, pose.psi
     n, expanded, size = 1, 0, push(keys, queue, 0, 0.0, 0)
     best, most = 0, 0.0

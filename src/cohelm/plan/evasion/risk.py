@@ -126,11 +126,12 @@ def risk_at(context: EvasionContext, pose: Pose, k: int, e: EvasionParams) -> tu
         near, r = prediction[5], mover[4]
         clearance = point_clearance(context.outline, c * dx + s * dy, -s * dx + c * dy) - r
         smallest = min(smallest, clearance)
-        beside = abs(c * dy - s * dx) / max(math.hypot(dx, dy), 1e-9)
+        away = max(math.hypot(dx, dy), 1e-9)
+        beside = abs(c * dy - s * dx) / away
         reachable = _reachable_distance(mover, prediction[4], 1.0 - beside, e)
         if reachable > 0.0 and clearance < reachable:
             share = 1.0 - max(clearance, 0.0) / reachable
-            width = min((context.reach + r) / max(math.hypot(dx, dy), 1e-9), 1.0)
+            width = min((context.reach + r) / away, 1.0)
             risk += weight * share * share * math.asin(width) * _TWO_OVER_PI
         if e.ahead > 0.0:  # in front of a mover it is worse than behind it
             dx += mover[2] * e.ahead
