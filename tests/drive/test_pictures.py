@@ -1,6 +1,7 @@
 """Camera pictures of the twin in records."""
 
 import io
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from PIL import Image
 
 from cohelm.core.types import Pose
-from cohelm.drive.factory import simulated
+from cohelm.drive.factory import Simulated, simulated
 from cohelm.drive.pictures import Pictures
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Mode
@@ -18,6 +19,7 @@ from cohelm.record.topics import IMAGE
 from cohelm.robot.keep.record_pipe import LARGEST
 from cohelm.robot.port import Frame
 from cohelm.robot.sensors import CameraModel
+from cohelm.sim.twin.camera import Eye
 from tests.drive.faults import CORRIDOR
 from tests.few import first
 from tests.link.ends import until
@@ -25,13 +27,16 @@ from tests.link.ends import until
 SMALL = CameraModel(width=64, height=48, rate_hz=10.0)
 
 
+def with_camera(real_time: bool = False) -> Simulated:
+    made = simulated(CORRIDOR, "twin", real_time=real_time, seed=1)
+    robot = made.model.model_copy(update={"camera": SMALL})
+    return replace(made, scenario=made.scenario.model_copy(update={"robot": robot}))
+
+
 @pytest.mark.parametrize("rate", first([5.0, 0.0]))
 def test_a_drive_of_the_twin_holds_its_pictures(rate, tmp_path):
-    made = simulated(CORRIDOR, "twin", real_time=False, seed=1)
-    robot = made.model.model_copy(update={"camera": SMALL})
-    made = replace(made, scenario=made.scenario.model_copy(update={"robot": robot}))
     record = tmp_path / "drive.mcap"
-    with Session(SessionConfig(made, record=record, pictures=rate)) as session:
+    with Session(SessionConfig(with_camera(), record=record, pictures=rate)) as session:
         end = session.loop.gated.now() + 2.0
         session.run(lambda loop: loop.gated.now() >= end, Mode.AUTOMATIC)
         assert session.loop.log.dropped == 0
@@ -49,6 +54,62 @@ def test_a_drive_of_the_twin_holds_its_pictures(rate, tmp_path):
     if frame is not None:
         assert frame.pixels.shape == (48, 64, 3)
         assert 1.0 < frame.stamp <= 1.5
+
+
+@pytest.fixture
+def drawn(monkeypatch) -> list[float]:
+    """Times of the pictures that a simulated camera has drawn."""
+    stamps: list[float] = []
+    draw = Eye._drawn
+    monkeypatch.setattr(
+        Eye, "_drawn", lambda eye, shot: stamps.append(shot.stamp) or draw(eye, shot)
+    )
+    return stamps
+
+
+@pytest.mark.parametrize(("rate", "count"), first([(5.0, 5), (0.0, 0)]))
+def test_for_a_record_pictures_are_drawn_at_its_rate(drawn, tmp_path, rate, count):
+    plan = SessionConfig(with_camera(), record=tmp_path / "drive.mcap", pictures=rate)
+    with Session(plan) as session:
+        session.run(lambda loop: loop.gated.now() >= 1.1)
+    assert len(drawn) == pytest.approx(count, abs=1)
+
+
+def test_pictures_are_drawn_only_while_somebody_looks(drawn):
+    """... and nobody who comes back sees an old one."""
+    got: list[tuple[float, float]] = []
+    with Session(SessionConfig(with_camera())) as session:
+
+        def until(t: float) -> None:
+            session.run(lambda loop: loop.gated.now() >= t)
+
+        until(1.0)
+        assert drawn == []
+        looks = True
+        session.shown = lambda packed, age: got.append((packed.stamp, age))
+        session.watched = lambda: looks
+        until(2.0)
+        assert len(got) == len(drawn) == pytest.approx(10, abs=1)
+        looks = False
+        until(4.0)
+        assert len(drawn) <= 11
+        looks = True
+        until(5.0)
+    assert len(got) == len(drawn) == pytest.approx(20, abs=2)
+    assert not [stamp for stamp, _ in got if 2.1 < stamp < 4.0]
+    assert max(age for _, age in got) < 0.11
+
+
+@pytest.mark.xdist_group("realtime")
+def test_in_the_gate_process_too_pictures_are_drawn_on_request():
+    with Session(SessionConfig(with_camera(real_time=True), patience=1.0)) as session:
+        gated, begun = session.gated, time.monotonic()
+        assert gated is not None
+        while time.monotonic() < begun + 0.5:
+            assert gated.read().frame is None
+            time.sleep(0.02)
+        gated.draw_at(10.0)
+        until(lambda: gated.read().frame is not None)
 
 
 def test_a_frame_waiting_for_compression_is_replaced_by_a_newer_one():

@@ -59,7 +59,7 @@ class OperatorRequests:
         self._course: Course | None = None
         self._detour = detour(None)
         self._health: HealthReport | None = None
-        session.shown = operator.picture
+        session.shown, session.watched = operator.picture, lambda: operator.watched
         for none in NO_ZONES:
             operator.publish(none)
         operator.publish(docks_message(session.loop.supervisor.docking.docks))

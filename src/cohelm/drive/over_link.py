@@ -57,6 +57,11 @@ class OverLink:
         """The driver's number; 0: none."""
         return self._end.driver
 
+    @property
+    def watched(self) -> bool:
+        """Whether a station shows pictures."""
+        return self._bulk.watched
+
     def picture(self, packed: Packed, age: float) -> None:
         """Send a picture, unless a newer one comes before it has left.
 

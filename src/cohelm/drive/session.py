@@ -116,7 +116,11 @@ class Session:
         """The zones as messages for stations and records."""
         self.pictures = Pictures(waits=not real_time)
         self.shown: Callable[[Packed, float], None] | None = None
-        """Called with each picture and its age [s]."""
+        """Called with each picture and its age [s]..."""
+        self.watched: Callable[[], bool] = lambda: True
+        """... while this is so."""
+        self._picture_rate, self._pictures_since = 0.0, math.inf
+        """Of pictures that somebody uses [Hz], and since when [s]."""
         self._frame: Frame | Encoded | None = None
         """The newest picture of that camera."""
         self._outline_check: OutlineCheck | None = None
@@ -219,17 +223,20 @@ class Session:
         self.loop.run(chosen, self.plan.robot.real_time)
 
     def _update_pictures(self) -> None:
-        """Encode camera frames, and pass on what is encoded. Takes no time."""
+        """Have frames drawn and encoded while they are used, and pass on what is encoded. Takes no
+        time."""
         loop, rate = self.loop, self.plan.pictures
+        shown = self.shown if self.watched() else None
+        self._draw_at(math.inf if shown is not None else rate if loop.log.wants_pictures else 0.0)
         if loop.readings is None or loop.seen is None:
             return
         frame = loop.readings.frame
         if self._camera is not None:
             self._frame = frame = self._camera(loop.gated.now()) or self._frame
-        if frame is None:
+        if frame is None or frame.stamp < self._pictures_since:
             return
         due = rate > 0.0 and loop.log.wants_pictures and frame.stamp - self._recorded > 0.9 / rate
-        if due or self.shown is not None:
+        if due or shown is not None:
             self.pictures.give(frame, loop.seen.pose)
         packed = self.pictures.take()
         if packed is None:
@@ -237,8 +244,16 @@ class Session:
         if due:
             self._recorded = packed.stamp
             loop.log(Encoded(packed.stamp, packed.number, packed.data))
-        if self.shown is not None:
-            self.shown(packed, loop.gated.now() - packed.stamp)
+        if shown is not None:
+            shown(packed, loop.gated.now() - packed.stamp)
+
+    def _draw_at(self, rate: float) -> None:
+        """So many pictures a second are used from now on [Hz]."""
+        before, self._picture_rate = self._picture_rate, rate
+        if rate != before:
+            if before == 0.0:
+                self._pictures_since = self.loop.gated.now()
+            self.loop.gated.draw_at(rate)
 
     def set_zones(self, zones: Zones, maps: tuple[ZoneMap, ...]) -> None:
         """Use other zones from now on. maps: as messages."""

@@ -131,6 +131,12 @@ class RobotBulk(IoThread):
                 station.slots[key] = message
         self._waker.wake()
 
+    @property
+    def watched(self) -> bool:
+        """Whether a station receives what is published."""
+        with self._lock:
+            return any(station.stream.up for station in self._stations)
+
     def proposed(self) -> tuple[Proposed, ...]:
         """New since the last call; from each station the newest way to check, and to drive."""
         with self._lock:
@@ -301,5 +307,7 @@ class RobotBulk(IoThread):
         _log.info("bulk to %s ended: %s", peer, why)
         with self._lock:
             self._stations.remove(station)
+            if not self._stations:  # pictures end with the last one: none shall begin with an old
+                self._published.pop(Picture, None)
         self._end_fetch(station)
         station.stream.close()

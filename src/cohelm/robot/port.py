@@ -6,7 +6,7 @@ time is only ever used to label records.
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,4 +191,13 @@ class RobotPort(Protocol):
 
     def close(self) -> None:
         """Stop, and release everything. Calls after this raise `CohelmError`."""
+        ...
+
+
+@runtime_checkable
+class DrawnCamera(Protocol):
+    """A robot whose pictures cost what others need: it draws those that somebody uses."""
+
+    def draw_at(self, rate: float) -> None:
+        """Draw at most so many pictures a second from now on; 0: none, and none is read [Hz]."""
         ...

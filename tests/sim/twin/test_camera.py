@@ -1,5 +1,6 @@
 """The camera sees the scene, whoever draws, and drawing changes nothing else."""
 
+import math
 import sys
 import time
 
@@ -9,7 +10,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Twist
 from cohelm.robot.clock import WallClock
-from cohelm.sim.twin.camera import camera
+from cohelm.sim.twin.camera import RayCamera, camera
 from cohelm.sim.twin.robot import Twin
 from tests.sim.twin.drives import disc, drive, sally, scene
 
@@ -118,6 +119,30 @@ def test_frames_come_at_their_rate_and_do_not_change_the_drive():
     assert all(abs(stamp - number / 15.0) <= 0.005 for number, stamp in frames.items())
     assert seen.truth() == blind.truth()
     assert seen.read().odometry == blind.read().odometry
+
+
+def test_pictures_are_drawn_as_often_as_requested_and_none_where_nobody_looks(monkeypatch):
+    robot, drawn = with_cone("rays"), []
+    draw = RayCamera.draw
+    monkeypatch.setattr(RayCamera, "draw", lambda *a: drawn.append(robot.now()) or draw(*a))
+
+    def in_a_second(rate: float) -> list[float]:
+        begun = robot.now()
+        robot.draw_at(rate)
+        drawn.clear()
+        stamps = set()
+        for k in range(1, 101):
+            robot.wait(begun + 0.01 * k)
+            frame = robot.read().frame
+            assert (frame is not None) <= (rate > 0.0)
+            stamps |= set() if frame is None or frame.stamp <= begun else {frame.stamp}
+        assert len(drawn) == len(stamps)
+        return sorted(stamps)
+
+    assert in_a_second(0.0) == []
+    assert np.allclose(np.diff(in_a_second(5.0)), 0.2)
+    assert len(in_a_second(math.inf)) == 15  # the camera's rate
+    assert in_a_second(0.0) == []
 
 
 @pytest.mark.xdist_group("realtime")

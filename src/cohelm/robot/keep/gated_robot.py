@@ -16,7 +16,7 @@ from cohelm.robot.keep.record_pipe import Event, RecordLine
 from cohelm.robot.keep.watch import monitors
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Monitor, Restriction, strictest
-from cohelm.robot.port import Odometry, Readings, RobotPort
+from cohelm.robot.port import DrawnCamera, Odometry, Readings, RobotPort
 
 QUIET = 1.0
 """A refusal or limit is logged again once it has been absent for this long [s]."""
@@ -38,7 +38,9 @@ def rules(model: RobotModel, period: float, watchdog: float = 0.1) -> GateRules:
 
 class LocalGatedRobot:
     """A robot and its gate in this process. In simulated time its watchdog is as good as that of a
-    separate process; in real time it can not outlive this process."""
+    separate process; in real time it can not outlive this process.
+
+    Of a camera that is drawn there is no picture before `draw_at`."""
 
     def __init__(
         self, robot: RobotPort, rules: GateRules, recorder: Callable[[Event], None] | None = None,
@@ -60,6 +62,7 @@ class LocalGatedRobot:
         self._latched_at = math.nan
         self._last_logged: dict[str, float] = {}
         """When each reason for changing a proposal last applied [s]."""
+        self.draw_at(0.0)
 
     @property
     def model(self) -> RobotModel:
@@ -98,6 +101,11 @@ class LocalGatedRobot:
             )
         self._log_standstill(readings)
         return readings
+
+    def draw_at(self, rate: float) -> None:
+        """As in `DrawnCamera`, if the robot's camera is one; any other's pictures always come."""
+        if isinstance(self._robot, DrawnCamera):
+            self._robot.draw_at(rate)
 
     def propose(self, proposal: Proposal) -> Passed:
         """Apply the monitors' restrictions and the gate, then send."""

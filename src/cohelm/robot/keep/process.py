@@ -100,6 +100,10 @@ class RemoteGatedRobot:
         further = tuple(self._further.values())
         return readings._replace(scan=self._scan, frame=self._frame, further=further)
 
+    def draw_at(self, rate: float) -> None:
+        """As `LocalGatedRobot.draw_at`."""
+        self._ask("draw", rate)
+
     def propose(self, proposal: Proposal) -> Passed:
         """Through the gate to the wheels."""
         return self._ask("propose", proposal)

@@ -117,6 +117,8 @@ def _answer(
         return memory.put(_unsent(gated.read(), *with_))
     if what == "propose":
         return gated.propose(with_)
+    if what == "draw":
+        return gated.draw_at(with_)
     if what == "stop":
         return gated.stop(with_)
     if what == "fault":

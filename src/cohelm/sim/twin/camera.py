@@ -75,9 +75,7 @@ class Eye:
         self._trouble: Exception | None = None
         self._bell = threading.Condition()
         self._done = False
-        self._thread = threading.Thread(target=self._work, name="twin's camera", daemon=True)
-        if aside:
-            self._thread.start()
+        self._thread: threading.Thread | None = None
 
     @property
     def renderer(self) -> str:
@@ -90,8 +88,16 @@ class Eye:
             self._shot = shot
             self._bell.notify()
 
+    def forget(self) -> None:
+        """What was offered and is not begun is not drawn."""
+        with self._bell:
+            self._shot = None
+
     def newest(self) -> Frame | None:
-        """The last picture. Raises what drawing raised."""
+        """The last picture; the first call begins to draw. Raises what drawing raised."""
+        if self._aside and self._thread is None:
+            self._thread = threading.Thread(target=self._work, name="twin's camera", daemon=True)
+            self._thread.start()
         if not self._aside and self._shot is not None:
             self._frame, self._shot = self._drawn(self._shot), None
         if self._trouble is not None:
@@ -103,7 +109,7 @@ class Eye:
         with self._bell:
             self._done = True
             self._bell.notify()
-        if self._aside:
+        if self._thread is not None:
             self._thread.join(timeout=5.0)
         elif self._camera is not None:
             self._camera.close()

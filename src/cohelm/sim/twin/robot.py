@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections import deque
 from typing import Any, NamedTuple
 
@@ -170,9 +171,9 @@ class Twin(ClockedRobot):
         self._trail.poses[:] = start
         self._trail.places[:] = self._discs[moving, :2]
         self._eye: Eye | None = None
-        self._frames, self._next_frame = 0, 0
+        self._frames, self._next_frame, self._frame_rate = 0, 0, 0.0
         if model.camera is not None and camera != "none":
-            size = (model.camera.width, model.camera.height)
+            size, self._frame_rate = (model.camera.width, model.camera.height), model.camera.rate_hz
             self._eye = Eye(self.mujoco, *size, camera, not isinstance(self._clock, SteppedClock))
         self._happen()
 
@@ -182,7 +183,8 @@ class Twin(ClockedRobot):
         scans = [scanner.come(int(self._state[0]["step"])) for scanner in self._scanners]
         return Readings(
             self._odometry, scans[0] if scans else None,
-            None if self._eye is None else self._eye.newest(), self._health(),
+            self._eye.newest() if self._eye is not None and self._frame_rate > 0.0 else None,
+            self._health(),
             tuple(scan for scan in scans[1:] if scan is not None),
             untouched(self._model, self.now()),
         )  # fmt: skip
@@ -251,6 +253,15 @@ class Twin(ClockedRobot):
         finally:
             artist.close()
 
+    def draw_at(self, rate: float) -> None:
+        """As in `DrawnCamera`; at most at the camera's own rate, with which it begins."""
+        self._catch_up()
+        camera = self._model.camera
+        self._frame_rate = 0.0 if camera is None else min(rate, camera.rate_hz)
+        if self._eye is not None and self._frame_rate == 0.0:
+            self._eye.forget()
+        self._next_frame = self._frame_due(int(self._state[0]["step"]))
+
     def push(self, x: float, y: float, psi: float) -> None:
         """Displaces the robot by so much [m, m, rad], in the world frame, as if carried; wheels and
         gyro notice nothing."""
@@ -315,10 +326,10 @@ class Twin(ClockedRobot):
         for scanner in self._scanners:
             if step >= scanner.next:
                 self._scan(step, scanner)
-        if self._eye is not None and self._model.camera is not None and step >= self._next_frame:
+        if self._eye is not None and step >= self._next_frame:
             self._eye.offer(self._shot())
             self._frames += 1
-            self._next_frame = next_reading_tick(step, self._model.camera.rate_hz, self._step)
+            self._next_frame = self._frame_due(step)
 
     def _scan(self, step: int, scanner: TwinScanner) -> None:
         """The scan whose last beam is measured at this step."""
@@ -338,6 +349,11 @@ class Twin(ClockedRobot):
         scanner.coming.append((step + self._steps(model.latency_s), made))
         scanner.number += 1
         scanner.next = scanner.sweep + next_reading_tick(began, model.rate_hz, self._step)
+
+    def _frame_due(self, step: int) -> int:
+        """The step of the next picture after this one."""
+        rate = self._frame_rate
+        return next_reading_tick(step, rate, self._step) if rate > 0.0 else sys.maxsize
 
     def _shot(self) -> Shot:
         return Shot(
