@@ -208,9 +208,15 @@ def turns(
 ) -> bool:
     """Whether the outline keeps `clearance` during a turn on the spot."""
     n = max(math.ceil(abs(angle) * reach / _SPACING), 1)
+    far = (reach + clearance) * (reach + clearance)
+    near, m = np.empty((len(points), 2)), 0
+    for p in range(len(points)):
+        dx, dy = points[p, 0] - pose.x, points[p, 1] - pose.y
+        if dx * dx + dy * dy < far:
+            near[m, 0], near[m, 1], m = points[p, 0], points[p, 1], m + 1
     for i in range(n + 1):
         psi = pose.psi + (angle if i == n else i * (angle / n))
-        if not is_clear(points, outline, reach, Pose(pose.x, pose.y, psi), clearance):
+        if not is_clear(near[:m], outline, reach, Pose(pose.x, pose.y, psi), clearance):
             return False
     return True
 

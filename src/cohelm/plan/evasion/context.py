@@ -97,11 +97,10 @@ def _static_clearance(context: EvasionContext, pose: Pose) -> float:
     """Clearance of the outline to static obstacles, by the grid, capped at 1 m."""
     least = 1.0
     c, s = math.cos(pose.psi), math.sin(pose.psi)
-    for i in range(len(context.edge_points)):
-        ex, ey = context.edge_points[i, 0], context.edge_points[i, 1]
-        least = min(
-            least, distance_at(context.field, pose.x + c * ex - s * ey, pose.y + s * ex + c * ey)
-        )
+    edge_points, field = context.edge_points, context.field
+    for i in range(len(edge_points)):
+        ex, ey = edge_points[i, 0], edge_points[i, 1]
+        least = min(least, distance_at(field, pose.x + c * ex - s * ey, pose.y + s * ex + c * ey))
     return least
 
 
@@ -121,9 +120,10 @@ def blocked(context: EvasionContext, pose: Pose) -> bool:
 def path_left(context: EvasionContext, pose: Pose) -> float:
     """Approximate distance from a pose to the end of the path ahead [m]."""
     least = math.inf
-    for i in range(len(context.path) - 1, -1, -1):
-        if context.path[i, 2] >= least:
+    path = context.path
+    for i in range(len(path) - 1, -1, -1):
+        if path[i, 2] >= least:
             break
-        dx, dy = context.path[i, 0] - pose.x, context.path[i, 1] - pose.y
-        least = min(least, context.path[i, 2] + 1.2 * math.sqrt(dx * dx + dy * dy))
+        dx, dy = path[i, 0] - pose.x, path[i, 1] - pose.y
+        least = min(least, path[i, 2] + 1.2 * math.sqrt(dx * dx + dy * dy))
     return least

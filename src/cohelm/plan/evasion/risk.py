@@ -118,33 +118,33 @@ def risk_at(context: EvasionContext, pose: Pose, k: int, e: EvasionParams) -> tu
     risk, static_risk, smallest = 0.0, 0.0, 9.0
     weight = e.sets_off_weight / e.risk_weight if e.risk_weight > 0.0 else 0.0
     c, s = math.cos(pose.psi), math.sin(pose.psi)
-    for i in range(len(context.movers)):
-        prediction, mover = context.ahead[k, i], context.movers[i]
-        dx, dy = prediction[0] - pose.x, prediction[1] - pose.y
-        if not dx * dx + dy * dy < prediction[6] * prediction[6]:  # nor for NaN
+    # each view of an array counts references, so none is made in the loop
+    ahead, movers, outline, reach = context.ahead, context.movers, context.outline, context.reach
+    for i in range(len(movers)):
+        dx, dy = ahead[k, i, 0] - pose.x, ahead[k, i, 1] - pose.y
+        if not dx * dx + dy * dy < ahead[k, i, 6] * ahead[k, i, 6]:  # nor for NaN
             continue
-        near, r = prediction[5], mover[4]
-        clearance = point_clearance(context.outline, c * dx + s * dy, -s * dx + c * dy) - r
+        near, r, vx, vy = ahead[k, i, 5], movers[i, 4], movers[i, 2], movers[i, 3]
+        clearance = point_clearance(outline, c * dx + s * dy, -s * dx + c * dy) - r
         smallest = min(smallest, clearance)
         away = max(math.hypot(dx, dy), 1e-9)
         beside = abs(c * dy - s * dx) / away
-        reachable = _reachable_distance(mover, prediction[4], 1.0 - beside, e)
+        reachable = _reachable_distance(movers[i], ahead[k, i, 4], 1.0 - beside, e)
         if reachable > 0.0 and clearance < reachable:
             share = 1.0 - max(clearance, 0.0) / reachable
-            width = min((context.reach + r) / away, 1.0)
+            width = min((reach + r) / away, 1.0)
             risk += weight * share * share * math.asin(width) * _TWO_OVER_PI
         if e.ahead > 0.0:  # in front of a mover it is worse than behind it
-            dx += mover[2] * e.ahead
-            dy += mover[3] * e.ahead
-            far = near + context.reach + r
+            dx += vx * e.ahead
+            dy += vy * e.ahead
+            far = near + reach + r
             if dx * dx + dy * dy < far * far:
                 clearance = min(
-                    clearance,
-                    point_clearance(context.outline, c * dx + s * dy, -s * dx + c * dy) - r,
+                    clearance, point_clearance(outline, c * dx + s * dy, -s * dx + c * dy) - r
                 )
         if clearance < near:
             share = 1.0 - max(clearance, 0.0) / near
-            if mover[2] == 0.0 and mover[3] == 0.0:
+            if vx == 0.0 and vy == 0.0:
                 static_risk = max(static_risk, share * share)
             else:
                 risk += share * share
