@@ -57,7 +57,7 @@ def approach_rows(
             return -1, math.inf
         dx, dy = x - pose.x, y - pose.y
         reached = reach + radius + far
-        if not (vx == vy == velocity_error == 0.0):
+        if abs(vx) + abs(vy) + abs(velocity_error) != 0.0:
             speed = math.sqrt(vx * vx + vy * vy) + velocity_error
             reached = reach + radius + _far(outline_speed + speed, a, dt, margin)
         if dx * dx + dy * dy < reached * reached:

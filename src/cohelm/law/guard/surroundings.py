@@ -35,8 +35,8 @@ class Surroundings(NamedTuple):
 @jit_inline
 def is_static(obstacles: Surroundings, i: int) -> bool:
     """Whether disc i stands, and will not move."""
-    still = obstacles.discs[i, VX] == 0.0 and obstacles.discs[i, VY] == 0.0
-    return still and obstacles.max_acceleration[i] == 0.0 and obstacles.velocity_error[i] == 0.0
+    speed = abs(obstacles.discs[i, VX]) + abs(obstacles.discs[i, VY])
+    return speed + abs(obstacles.max_acceleration[i]) + abs(obstacles.velocity_error[i]) == 0.0
 
 
 @jit_inline
