@@ -23,8 +23,14 @@ from tests.cli.test_bad_input import refused
 NAME = "station.example.org"
 
 
+def _usage(signs: bool) -> x509.KeyUsage:
+    """Of an authority's key, or of a server's."""
+    return x509.KeyUsage(not signs, False, False, False, False, signs, signs, False, False)
+
+
 def signed(folder: Path, password: bytes | None = None) -> tuple[Path, Path, Path]:
-    """An authority's certificate, and a certificate and key it signed for `NAME` and loopback."""
+    """An authority's certificate, and a certificate and key it signed for `NAME` and loopback; with
+    all that RFC 5280 requires, as Python 3.13 checks by default."""
     now = datetime.datetime.now(datetime.UTC)
     day = datetime.timedelta(days=1)
 
@@ -36,6 +42,11 @@ def signed(folder: Path, password: bytes | None = None) -> tuple[Path, Path, Pat
             .public_key(key).serial_number(x509.random_serial_number())
             .not_valid_before(now - day).not_valid_after(now + day)
             .add_extension(x509.BasicConstraints(ca=not names, path_length=None), critical=True)
+            .add_extension(x509.SubjectKeyIdentifier.from_public_key(key), critical=False)
+            .add_extension(
+                x509.AuthorityKeyIdentifier.from_issuer_public_key(by.public_key()), critical=False
+            )
+            .add_extension(_usage(not names), critical=True)
         )  # fmt: skip
         if names:
             builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
@@ -114,6 +125,7 @@ def test_a_custom_certificate_and_its_host_name_are_used(record, tmp_path):
         assert origin.startswith("https://127.0.0.1:")
         port = int(origin.rpartition(":")[2])
         trusting = ssl.create_default_context(cafile=authority)
+        trusting.verify_flags |= ssl.VERIFY_X509_STRICT  # by default from Python 3.13 on
         for name, status in ((NAME, 200), ("127.0.0.1", 200), ("evil.example.org", 421)):
             link = http.client.HTTPSConnection("127.0.0.1", port, context=trusting)
             shown = {"Host": f"{name}:{port}", "Origin": f"https://{name}:{port}"}

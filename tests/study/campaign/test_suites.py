@@ -201,7 +201,7 @@ def test_a_room_for_a_larger_robot_has_a_wider_way():
 )
 def test_a_robot_that_can_not_drive_a_suite_is_refused_with_the_reason(name, plant, model, words):
     with pytest.raises(CohelmError, match=words):
-        suites.suite(name, 1, DATA, plant, robot(model))
+        suites.suite(name, 1, None, plant, robot(model))
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,9 @@ def suite(
     Raises CohelmError for a name that there is not, or data that is missing or not usable, or a
     plant or robot that the suite is not driven on or by.
     """
-    made = _suite(name, seed, data)
+    if name not in NAMES:
+        hint = did_you_mean(name, NAMES)
+        raise CohelmError(f"there is no suite {name!r}: choose {', '.join(NAMES)}{hint}")
     driven_on = _DRIVEN_ON.get(name, ("kinematic",))
     plant = plant or driven_on[0]
     if plant not in PLANTS:
@@ -111,6 +113,7 @@ def suite(
         )
     if robot is not None:
         _check(robot, name, plant)
+    made = _suite(name, seed, data)
     notes = made.notes
     if data is not None and name not in _TAKES_DATA:
         notes = (*notes, f"the recordings of --data: {name} drives on none")
@@ -135,9 +138,6 @@ def _check(robot: RobotModel, name: str, plant: Plant) -> None:
 
 
 def _suite(name: str, seed: int, data: Path | None) -> Suite:
-    if name not in NAMES:
-        hint = did_you_mean(name, NAMES)
-        raise CohelmError(f"there is no suite {name!r}: choose {', '.join(NAMES)}{hint}")
     if data is not None and not data.is_dir():
         raise CohelmError(f"--data {data}: there is no such folder")
     if data is None and name in _NEEDS_DATA:
