@@ -23,8 +23,9 @@ reproduce: $(READY) ## run the paper's three experiments and draw its figures
 	$(BIN)/cohelm reproduce --out out/reproduce
 	@echo "The figures are in out/reproduce (PNG and SVG)."
 
-test: $(WEB) $(GL) $(BROWSER) $(FASTDDS) ## lint, then the tests
-	@$(MAKE) --no-print-directory -j2 --output-sync=target lint warm rewritten warm-more
+test: $(READY)   ## lint, then the tests
+	@$(MAKE) --no-print-directory -j2 --output-sync=target $(WEB) $(GL) $(BROWSER) $(FASTDDS) \
+	  lint warm rewritten warm-more
 	$(BIN)/pytest -n auto --dist loadgroup $(EXAMPLES)
 
 warm: $(READY)   # compile once what every worker of the tests would compile for itself
@@ -93,10 +94,10 @@ $(GL): $(READY) tools/system.sh # what the twin's camera draws with; without it,
 	tools/system.sh libegl1 libgl1
 	@touch $@
 
-$(BROWSER): $(READY) tools/system.sh # what the tests of the station and of the link need
+$(BROWSER): $(READY) tools/system.sh | $(GL) # one apt-get at a time: what the tests of the station and of the link need
 	tools/system.sh chromium iproute2
 	@touch $@
 
-$(FASTDDS): $(READY) tools/system.sh tools/peer.sh tests/ros/peer.cpp # what the tests of ROS 2 need
+$(FASTDDS): $(READY) tools/system.sh tools/peer.sh tests/ros/peer.cpp | $(BROWSER) # what the tests of ROS 2 need
 	tools/peer.sh
 	@touch $@

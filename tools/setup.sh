@@ -37,4 +37,4 @@ fi
 
 peers=(--no-extra peers)
 [ "${1:-}" != peers ] || peers=()
-"$uv" sync --frozen --compile-bytecode --all-extras "${peers[@]}"
+"$uv" sync --frozen --all-extras "${peers[@]}"
