@@ -17,6 +17,7 @@ from cohelm.pilot.replanning import Plan
 from cohelm.pilot.step import NO_MOVE
 from cohelm.plan.course import course
 from cohelm.plan.recovery import RecoveryMove
+from cohelm.robot.kinematics import arc
 from cohelm.scenario.law import Law, PlanModel
 from tests.pilot.drives import DT, SETTINGS, drive
 
@@ -188,3 +189,23 @@ def test_flush_along_a_wall_and_nose_first_in_a_corner_it_gets_away():
     done = drive(way, walls=walls, start=(-0.68, -3.35, -math.pi / 2), seconds=40.0)
     assert done.arrived
     assert done.clearances.min() > 0.0075
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_on_its_path_the_pose_error_is_zero_whatever_the_delay(delay):
+    done = drive(STRAIGHT, delay=delay, seconds=8.0)
+    assert max(d.e_p for d in done.decisions[200:]) < 0.005
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_turn_ends_where_the_robot_faces_its_path(sign):
+    """Though it was planned for where the move began, and would lead half a radian farther."""
+    pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
+    pilot.state = pilot.state._replace(left=RecoveryMove(0.0, 0.0, sign * 1.5))
+    pose, twist = Pose(0.0, 0.0, -sign), Twist(0.0, 0.0)
+    for k in range(150):
+        twist = Twist(*pilot.step(k * DT, pose, twist, None, NOTHING_NEAR)[:2])
+        pose = arc(pose, twist, DT)
+        assert sign * pose.psi < 0.15
+    assert abs(pose.psi) < 0.1
+    assert pilot.behavior == FOLLOWING

@@ -28,7 +28,7 @@ FIELDS = (
     ("psi_d", "f8", "[rad]"),
     ("u_d", "f8", "[m/s] desired surge speed (10)"),
     ("r_d", "f8", "[rad/s] desired yaw rate (10)"),
-    ("e_p", "f8", "E_P, pose error (51)"),
+    ("e_p", "f8", "E_P, pose error (51), when the command takes effect"),
     ("tau", "f8", "[s] time along the course; it waits for the robot"),
     ("rate", "f8", "rate at which that time advances, in [0, 1]"),
     ("course", "i8", "number of the course; 0: the reference itself"),

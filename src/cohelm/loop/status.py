@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.frames import compose
-from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law import verdict as verdicts
 from cohelm.link.messages import (
@@ -77,7 +76,7 @@ def period_fields(r: PeriodReport) -> dict[str, Any]:
         "t": r.now, "x": seen.pose.x, "y": seen.pose.y, "psi": seen.pose.psi,
         "sigma": sigma(seen.covariance), "share": seen.share, "lost": seen.lost,
         "measured_v": seen.twist.v, "measured_omega": seen.twist.omega,
-        "e_p": _e_p(d, seen.pose), "progress": r.progress,
+        "progress": r.progress,
         "limiting_x": at[0], "limiting_y": at[1], "clearance_seen": r.clearance,
         "stick_x": stick_state.stick.x, "stick_psi": stick_state.stick.psi,
         "stick_age": stick_state.age,
@@ -192,13 +191,6 @@ def hidden_reason(r: PeriodReport, nominal: Twist) -> str:
     if d.limiting >= len(seen.mobile) + len(seen.points):
         return "limited: keep-out zone"
     return "limited: unobserved space"
-
-
-def _e_p(d: Decision | None, pose: Pose) -> float:
-    """E_P, pose error (51); NaN where nothing is followed."""
-    if d is None:
-        return math.nan
-    return math.hypot(d.x_d - pose.x, d.y_d - pose.y, wrap(d.psi_d - pose.psi))
 
 
 def _localised(lost: bool, sigma: float, has_map: bool) -> Localised:

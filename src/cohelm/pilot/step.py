@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 from cohelm.core.jit import jit, jit_inline
+from cohelm.core.scalars import wrap
 from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
 from cohelm.law.barrier import Avoidance
 from cohelm.law.gains import Gains
@@ -15,7 +16,7 @@ from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.human import blend, operator_command
 from cohelm.law.reference import desired
 from cohelm.law.step import control_step, total_command
-from cohelm.law.track import track
+from cohelm.law.track import pose_error, track
 from cohelm.pilot.behavior import ESCAPING, EVADING, FOLLOWING, LED
 from cohelm.pilot.delay_compensation import predict_obstacles, predict_robot
 from cohelm.plan.course import Course, row_on_route
@@ -134,6 +135,9 @@ class Decision(NamedTuple):
     u_d: float
     r_d: float
     """The desired pose, speed and yaw rate that were tracked (7)(10)."""
+    e_p: float
+    """E_P (51) [m and rad], of the pose when the command takes effect: the desired one is for
+    then."""
 
 
 @jit
@@ -169,6 +173,8 @@ def pilot_step(
     clock, target = _reference(
         state, pose_ahead, course, operator_leads or evasion.on, recovering, s, dt
     )
+    if recovering and _faces_path(state, left, pose_ahead, target):
+        left, recovering = NO_MOVE, False
     if evasion.on:
         tau_c, left, recovering = Twist(evasion.v, evasion.omega), NO_MOVE, False
     elif recovering:
@@ -219,7 +225,7 @@ def pilot_step(
         step.authority_x, step.authority_psi, step.intent_x, step.intent_psi,
         step.I, step.J, step.h, step.verdict, step.limiting, clearance, change, behavior,
         clock.tau, clock.rate, clock.waited,
-        target.x, target.y, target.psi, target.u, target.r,
+        target.x, target.y, target.psi, target.u, target.r, pose_error(pose_ahead, target),
     )  # fmt: skip
 
 
@@ -258,6 +264,7 @@ MOVES = 3
 """Recovery moves without progress, before a sequence of them is searched for."""
 PATIENCE = 0.4
 """A recovery move held up for longer is given up [s]."""
+_FACING = 0.03  # heading error at which a turn is over [rad]
 _STILL = 0.01  # a slower recovery move is held up [m/s, rad/s]
 _PROGRESS_RATE = 0.5  # rate of the clock above which the robot makes progress
 
@@ -277,6 +284,16 @@ def _standing(
     if still(command) and clock.tau < course.reference.knots[-1]:
         return CourseClock(clock.tau, clock.rate, state.clock.waited + dt)
     return clock
+
+
+@jit_inline
+def _faces_path(
+    state: PilotState, left: RecoveryMove, pose: Pose, target: Desired
+) -> bool:  # fmt: skip
+    """Whether the robot faces its path in the turn of a single move. That was planned for where the
+    move began; from its end the path may lie in another direction."""
+    turning = left.distance == 0.0 and left.turn != 0.0 and state.moves < MOVES
+    return turning and abs(wrap(target.psi - pose.psi)) < _FACING
 
 
 @jit

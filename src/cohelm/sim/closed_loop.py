@@ -331,6 +331,7 @@ def _advance(
         row = rows[j]
         tracked = Desired(d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d)
         note(row, h[j], k * dt, pose, stick, tracked, d, robot, saturated, there)
+        row.e_p = d.e_p
         row.h = h[j].min() if len(there) > 0 else math.inf
         row.clearance = outline_clearance(
             pose, settings.outline, scene.reach, there, walls, NOWHERE

@@ -15,6 +15,7 @@ from cohelm.core.types import Desired, Floats, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.reference import evaluate, tabulate
 from cohelm.law.step import control_step
+from cohelm.law.track import pose_error
 from cohelm.pilot.behavior import FOLLOWING
 from cohelm.pilot.pilot import Planner
 from cohelm.plan.course import nearly_done, route
@@ -102,6 +103,7 @@ def _advance(
         state, saturated = moved(k, dt, state, command, stick, gains, limits, queue)
         row = rows[j]
         note(row, h[j], k * dt, pose, stick, desired, s, state, saturated, now)
+        row.e_p = pose_error(pose, desired)
         row.clearance = outline_clearance(pose, outline, reach, now, obstacles.walls, NOWHERE)
         row.clearance_seen, row.change = math.inf, 0.0
         row.behavior, row.course = FOLLOWING, 0

@@ -8,7 +8,6 @@ from cohelm.core.jit import jit_inline
 from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.gains import Gains
 from cohelm.law.human import supplied_energy
-from cohelm.law.track import pose_error
 from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
@@ -67,7 +66,6 @@ def note(
     row.x, row.y, row.psi = pose.x, pose.y, pose.psi
     row.x_d, row.y_d, row.psi_d = desired.x, desired.y, desired.psi
     row.u_d, row.r_d = desired.u, desired.r
-    row.e_p = pose_error(pose, desired)
     row.stick_x, row.stick_psi = stick.x, stick.psi
     row.safe_v, row.safe_omega = s.safe_v, s.safe_omega
     row.tracking_v, row.tracking_omega = s.tracking_v, s.tracking_omega
