@@ -11,8 +11,7 @@ from cohelm.core.types import Stick
 from cohelm.link import client, lease, operator, robot_end, station_end, wire
 from cohelm.link.messages import Command, Device, Request, RequestKind
 from cohelm.link.sticks.feel import CueRules
-from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN
-from cohelm.loop.stick_arming import ArmingParams
+from cohelm.loop.stick import BACK_WITHIN, CENTRED_WITHIN, ArmingParams
 
 PAGE = Path(__file__).parents[2] / "docs" / "link.md"
 TEXT = PAGE.read_text(encoding="utf-8")

@@ -8,7 +8,7 @@ from cohelm.core.types import Stick
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.link.operator import Scripted
-from cohelm.loop.dropout import CENTRED_WITHIN, WAITING
+from cohelm.loop.stick import CENTRED_WITHIN, WAITING
 from cohelm.robot.gate.modes import GateMode
 from tests.drive.faults import failing
 from tests.drive.test_losing import BRAKING, drive, speed

@@ -18,8 +18,7 @@ from cohelm.link import keys
 from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.link.operator import STALE
 from cohelm.link.station_end import StationEnd
-from cohelm.loop.dropout import BACK_WITHIN
-from cohelm.loop.stick_arming import ArmingParams
+from cohelm.loop.stick import BACK_WITHIN, ArmingParams
 from cohelm.record import period
 from cohelm.record.messages import messages
 from cohelm.robot.gate.modes import GateMode

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from cohelm.link import keys
-from cohelm.loop.dropout import BACK_WITHIN
+from cohelm.loop.stick import BACK_WITHIN
 from cohelm.record.messages import messages
 from tests.drive.faults import CORRIDOR, FAULTS, JUMPS, NOTICED
 

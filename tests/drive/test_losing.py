@@ -8,8 +8,8 @@ from cohelm.core.types import Stick
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Arming, Mode, RequestKind
 from cohelm.link.operator import Scripted
-from cohelm.loop.dropout import BACK_WITHIN
 from cohelm.loop.loop import LoopParams
+from cohelm.loop.stick import BACK_WITHIN
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import standing
 from tests.drive.faults import FAULTS, HELD_UP, NOTICED, REAR_FAULTS, failing

@@ -7,8 +7,7 @@ from typing import NamedTuple
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Mode, Request, RequestKind
 from cohelm.link.operator import OperatorInput
-from cohelm.loop.latency_limit import driver_lost
-from cohelm.loop.stick_arming import ArmingParams, StickState, updated
+from cohelm.loop.stick import ArmingParams, StickState, updated
 
 DT = 0.02
 
@@ -46,9 +45,7 @@ class Side:
     def step(self, heard: OperatorInput) -> Used:
         self._seen = self._seen or heard.command is not None
         self.stick_state = updated(self.stick_state, heard, self.params, DT)
-        lost = self.stick_state.lost or (
-            driver_lost(heard, self.params.silence) if self._seen else ""
-        )
+        lost = self.stick_state.lost or (self.stick_state.driver_lost if self._seen else "")
         if lost and not self.stopped:
             self.stopped = lost
         brake = bool(self.stopped)

@@ -11,9 +11,16 @@ from hypothesis import example, given, settings, strategies as st
 from cohelm.core.types import Stick
 from cohelm.link.messages import Command, Device
 from cohelm.link.operator import OperatorInput
-from cohelm.loop.dropout import BACK_WITHIN, CENTRED_WITHIN, Dropout, DropoutAction, stepped
-from cohelm.loop.latency_limit import driver_lost
-from cohelm.loop.stick_arming import ArmingParams, StickState, updated
+from cohelm.loop.stick import (
+    BACK_WITHIN,
+    CENTRED_WITHIN,
+    ArmingParams,
+    Dropout,
+    DropoutAction,
+    StickState,
+    stepped,
+    updated,
+)
 
 DT = 0.02
 SILENCE = 0.26
@@ -58,7 +65,7 @@ def lived(script: list[tuple[str, int]]) -> list[Period]:
             quiet = quiet + DT if what in ("driver_lost", "released") else 0.0
             heard = said(what, quiet + (SILENCE if quiet else 0.0))
             stick_state = updated(stick_state, heard, ArmingParams(), DT)
-            lost = stick_state.lost or driver_lost(heard, ArmingParams().silence)
+            lost = stick_state.lost or stick_state.driver_lost
             dropout, then = stepped(dropout, lost, heard, stick_state, t)
             periods.append(Period(t, what, then))
             if then is DropoutAction.STOP:

@@ -8,7 +8,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.link.messages import Arming
-from cohelm.loop.stick_arming import ArmingParams, StickState, updated
+from cohelm.loop.stick import ArmingParams, StickState, updated
 from cohelm.ros.joy import JoyOperator, JoyParams, joy_params
 from cohelm.ros.port import Received
 

@@ -21,8 +21,7 @@ from typing import NamedTuple
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from cohelm.loop.dropout import BACK_WITHIN
-from cohelm.loop.stick_arming import ArmingParams
+from cohelm.loop.stick import BACK_WITHIN, ArmingParams
 from cohelm.robot.gate.modes import GateMode
 from tests.drive.far import PORT, FarRobot
 from tests.drive.test_far import BRAKING, PERIOD, Row, rows

@@ -1,14 +1,10 @@
-"""Speed caps for a driver with latency, from the clearance, and for a lost robot; detects a lost
-driver."""
+"""Speed caps for a driver with latency, from the clearance, and for a lost robot."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-from cohelm.link.messages import Arming
-from cohelm.link.operator import OperatorInput
-from cohelm.loop.stick_arming import StickState
 from cohelm.pilot.step import Settings
 
 UNCAPPED_DELAY = 0.12
@@ -52,26 +48,6 @@ MAX_LOST_SPEED = 0.2
 """A robot that has lost its pose is never driven faster [m/s]."""
 _MIN_LOST_SPEED = 0.05  # nor slowed below this: it can leave what it stands against [m/s]
 _DECELERATION = 1.0  # of a robot that has no limit [m/s^2]
-
-
-def driver_lost(received: OperatorInput, patience: float) -> str:
-    """Why the driver counts as lost, with or without a stick; empty: not lost."""
-    if received.driver == 0:
-        return "there is no driver any more"
-    if received.command is None and not received.age <= patience:
-        since = f"for {1000.0 * received.age:.0f} ms" if math.isfinite(received.age) else "yet"
-        return f"no command {since}"
-    return ""
-
-
-def allowed_share(received: OperatorInput, scale: float) -> float:
-    """The share of the usual speed that the driver allows: the newest command counts."""
-    return received.command.speed_scale if received.command is not None else scale
-
-
-def steering_delay(received: OperatorInput, stick_state: StickState) -> float:
-    """The round trip over which a person steers [s]; NaN: nobody does, or not known."""
-    return received.round_trip if stick_state.arming == Arming.ARMED else math.nan
 
 
 def latency_cap(delay: float, clearance: float, settings: Settings) -> Cap:

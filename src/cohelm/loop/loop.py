@@ -19,7 +19,7 @@ from cohelm.loop.driver import Driver
 from cohelm.loop.latency_limit import NO_CAP, UNCAPPED_DELAY, latency_cap, lost_cap
 from cohelm.loop.sensor_watchdog import SensorWatchdog, timeouts
 from cohelm.loop.status import Reporter
-from cohelm.loop.stick_arming import ArmingParams
+from cohelm.loop.stick import ArmingParams
 from cohelm.loop.supervisor import PLANNED, Supervisor
 from cohelm.loop.timing import Timing
 from cohelm.perceive.pipeline import Perception, Seen
@@ -215,16 +215,17 @@ class Loop:
         """Set the speed limit, by the driver's scale and delay, speed zones and docking; while lost
         by the clearance."""
         driver, supervisor = self.driver, self.supervisor
+        stick = supervisor.stick_state
         caps = [NO_CAP, driver.speed_zone_cap(seen), supervisor.docking.cap]
-        if supervisor.delay > UNCAPPED_DELAY or seen.lost:
+        if stick.delay > UNCAPPED_DELAY or seen.lost:
             clearance, settings = (
                 driver.clearance(seen.pose, obstacles, seen.unobserved),
                 driver.settings,
             )
-            caps += [latency_cap(supervisor.delay, clearance, settings)]
+            caps += [latency_cap(stick.delay, clearance, settings)]
             caps += [lost_cap(clearance, driver.delay, settings)] if seen.lost else []
         self.cap = min(caps)
-        share = supervisor.allowed_share
+        share = stick.speed_scale
         allowed_speed = share * driver.settings.gains.u_d if share < 1.0 else math.inf
         driver.max_speed = min(allowed_speed, self.cap.speed)
 

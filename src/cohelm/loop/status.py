@@ -29,7 +29,7 @@ from cohelm.link.operator import Operator
 from cohelm.link.recorded_status import StatusWords
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
-from cohelm.loop.stick_arming import StickState
+from cohelm.loop.stick import StickState
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.step import Decision
 from cohelm.robot.kinematics import arc

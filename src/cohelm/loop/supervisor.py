@@ -13,9 +13,16 @@ from cohelm.loop.authorization import Authorization
 from cohelm.loop.docking import Docking, Ended
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
-from cohelm.loop.dropout import WAITING, Dropout, DropoutAction, stepped
-from cohelm.loop.latency_limit import Cap, allowed_share, driver_lost, steering_delay
-from cohelm.loop.stick_arming import ArmingParams, StickState, updated
+from cohelm.loop.latency_limit import Cap
+from cohelm.loop.stick import (
+    WAITING,
+    ArmingParams,
+    Dropout,
+    DropoutAction,
+    StickState,
+    stepped,
+    updated,
+)
 from cohelm.perceive.pipeline import Seen
 from cohelm.robot.gate.modes import GateMode, driving, latched
 from cohelm.robot.keep.process import GatedRobot
@@ -52,10 +59,6 @@ class Supervisor:
         self.driver_client = (0, "")
         """The driver's client number, 0: none; and its name."""
         self.rights = Authorization()
-        self.allowed_share = 1.0
-        """Share of the robot's speed that the driver allows."""
-        self.delay = math.nan
-        """Of the driver's stick [s]."""
         self.problem = ""
         """What is wrong with the readings; empty: nothing."""
         self.seen: Seen | None = None
@@ -73,13 +76,11 @@ class Supervisor:
         """Take the operator's command and requests; update lease, stick and dropout."""
         received = self.operator.receive()
         self.driver_client = (received.driver, received.name)
-        self.allowed_share = allowed_share(received, self.allowed_share)
         self._follow_lease(received)
         self._answer_requests(received)
         stopped = latched(self.gated.gate.mode)
         self.stick_state = updated(self.stick_state, received, self._arming, self._period, stopped)
         self._watch_operator(now, received)
-        self.delay = steering_delay(received, self.stick_state)
 
     def choose(self, mode: Mode) -> str:
         """Set the mode; returns why not, or "". A person's request is checked in `_mode`."""
@@ -181,7 +182,7 @@ class Supervisor:
         if not driving(self.gated.gate.mode):
             self._forget_dropout()
         stick = self.stick_state.lost if self.gated.gate.mode == GateMode.SHARED else ""
-        quiet = driver_lost(received, self._arming.silence) if self._operator_chose else ""
+        quiet = self.stick_state.driver_lost if self._operator_chose else ""
         if self.stick_state.arming == Arming.ARMED:
             self.alarms.off("stick")
         if not quiet:

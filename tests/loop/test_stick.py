@@ -1,4 +1,4 @@
-"""Arming of the stick: centred first, and a lost stick is not a centred one."""
+"""The stick: centred first, and a lost stick is not a centred one; loss of the driver."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Command, Device
 from cohelm.link.operator import NO_INPUT, OperatorInput
-from cohelm.loop.stick_arming import ArmingParams, StickState, updated
+from cohelm.loop.stick import ArmingParams, StickState, updated
 
 M = ArmingParams()
 
@@ -96,3 +96,35 @@ def test_while_the_robot_is_stopped_a_stick_counts_only_as_long_as_it_is_centred
     assert after(*[received(0.8)] * 20, start=held).stick == CENTRED
     centred = updated(held, received(0.0), M, 0.02, stopped=True)
     assert after(received(0.8), start=centred).arming == Arming.ARMED
+
+
+def heard(age=0.02, driver=1, fresh=True, scale=1.0, round_trip=0.0):
+    command = Command(CENTRED, False, False, Device.NONE, scale, ())
+    return OperatorInput(driver, "anna", command if fresh else None, age, round_trip, ())
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        (heard(), ""),
+        (heard(0.29, fresh=False), ""),
+        (heard(0.31, fresh=False), "no command for 310 ms"),
+        (heard(math.nan, fresh=False), "no command yet"),
+        (heard(driver=0), "there is no driver any more"),
+    ],
+)
+def test_a_driver_is_lost_after_the_watchdog_whether_there_was_a_stick_or_not(said, why):
+    assert after(said).driver_lost == why
+
+
+def test_the_newest_speed_scale_applies():
+    slow = after(heard(scale=0.25))
+    assert slow.speed_scale == 0.25
+    assert after(heard(fresh=False), start=slow).speed_scale == 0.25
+
+
+def test_only_the_round_trip_of_a_stick_that_steers_counts():
+    far = received()._replace(round_trip=0.6)
+    assert after(far).delay == 0.6
+    assert math.isnan(after(far._replace(command=None)).delay)
+    assert math.isnan(after(heard(round_trip=0.6)).delay)

@@ -1,0 +1,209 @@
+"""The operator's stick: whether its deflection is used, and what follows when it is lost.
+
+A lost stick is not a centred stick: with the authority exp(-V_h) of (48), centred means that the
+controller leads. So validity is transmitted beside the deflection, a stick steers only after it was
+seen centred, and the deflection in use is rate-limited.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import NamedTuple
+
+from cohelm.core.types import CENTRED, Stick
+from cohelm.link.messages import Arming, Command, Device, is_centred
+from cohelm.link.operator import OperatorInput
+
+
+class ArmingParams(NamedTuple):
+    """Parameters of arming."""
+
+    max_rate: float = 8.0
+    """Rate limit of the deflection in use [1/s]."""
+    silence: float = 0.3
+    """A driver without a command for this long is lost, also without a stick [s]."""
+
+
+class StickState(NamedTuple):
+    """The stick as of the last period."""
+
+    arming: Arming = Arming.ABSENT
+    stick: Stick = CENTRED
+    """The deflection in use."""
+    age: float = math.nan
+    """Of the newest command [s]."""
+    driver: int = 0
+    """The client it belongs to."""
+    lost: str = ""
+    """Why the stick, armed a period ago, is no longer valid; else empty."""
+    driver_lost: str = "there is no driver any more"
+    """Why the driver counts as lost, with or without a stick; empty: not lost."""
+    speed_scale: float = 1.0
+    """Share of the usual speed that the driver allows: the newest command counts."""
+    delay: float = math.nan
+    """The round trip over which a person steers [s]; NaN: nobody does, or not known."""
+
+
+def updated(
+    stick_state: StickState,
+    received: OperatorInput,
+    params: ArmingParams,
+    dt: float,
+    stopped: bool = False,
+) -> StickState:
+    """The stick's state a period of `dt` [s] later.
+
+    stopped: the robot is latched; a stick that is held meanwhile must be centred again, or the
+    robot would set off with the next mode.
+    """
+    command, why = _valid_command(received, params)
+    arming, goal, lost = Arming.ABSENT, CENTRED, ""
+    if command is not None:
+        same = received.driver == stick_state.driver  # another driver's stick must be centred again
+        keeps = stick_state.arming == Arming.ARMED and same and not stopped
+        if keeps or is_centred(command.stick):
+            arming, goal = Arming.ARMED, command.stick
+        else:
+            arming = Arming.WAITING
+    elif stick_state.arming == Arming.ARMED:
+        lost = why
+    newest = received.command
+    return StickState(
+        arming, _rate_limited(stick_state.stick, goal, params.max_rate * dt), received.age,
+        received.driver, lost, _driver_lost(received, params.silence),
+        stick_state.speed_scale if newest is None else newest.speed_scale,
+        received.round_trip if arming == Arming.ARMED else math.nan,
+    )  # fmt: skip
+
+
+def _valid_command(received: OperatorInput, params: ArmingParams) -> tuple[Command | None, str]:
+    """The command, or why there is no valid one."""
+    command = received.command
+    if command is None:
+        silent = received.driver != 0 and math.isfinite(received.age)
+        reason = (
+            f"no command for {1000.0 * received.age:.0f} ms"
+            if silent
+            else "there is no driver any more"
+        )
+        return None, received.why or reason
+    if not received.age <= params.silence:  # the link passes on none older than `STALE`
+        return None, f"the newest command is {1000.0 * received.age:.0f} ms old"
+    if not (command.valid and math.isfinite(command.stick.x + command.stick.psi)):
+        return None, received.why or "no valid stick input"
+    if not command.armed:
+        return None, "the stick was disarmed"
+    return command, ""
+
+
+def _driver_lost(received: OperatorInput, patience: float) -> str:
+    """See `StickState.driver_lost`."""
+    if received.driver == 0:
+        return "there is no driver any more"
+    if received.command is None and not received.age <= patience:
+        since = f"for {1000.0 * received.age:.0f} ms" if math.isfinite(received.age) else "yet"
+        return f"no command {since}"
+    return ""
+
+
+def _rate_limited(now: Stick, goal: Stick, max_change: float) -> Stick:
+    """Both axes moved towards their goal, by at most `max_change`."""
+    return Stick(
+        now.x + min(max(goal.x - now.x, -max_change), max_change),
+        now.psi + min(max(goal.psi - now.psi, -max_change), max_change),
+    )
+
+
+# Dropouts: the operator's commands stop for a moment. The robot stands, and may continue.
+#
+# A short involuntary loss brakes the robot but keeps its mode, if the same driver's same device
+# returns soon and is seen centred. A longer one, and any deliberate act (disarming the stick,
+# another device, releasing the lease), is a loss and latches a stop.
+
+
+BACK_WITHIN = 1.0
+"""Since the last command before it: a longer dropout is a loss [s]."""
+CENTRED_WITHIN = 3.0
+"""Since the stick is back [s]: time to release it. Road design gives a driver 2.5 s to perceive and
+react."""
+WAITING = "waiting for your stick to be centred"
+
+
+class DropoutAction(Enum):
+    """What the supervisor does."""
+
+    NOTHING = 0
+    STAND = 1
+    """A dropout begins: brake and stand in the present mode."""
+    GO_ON = 2
+    """It is over."""
+    STOP = 3
+    """It was a loss: latch a stop."""
+
+
+class Dropout(NamedTuple):
+    """The stick that is watched, and its dropout, if any."""
+
+    why: str = ""
+    """What is lost; empty: nothing."""
+    since: float = math.nan
+    """When the last command before it came [s]."""
+    back: float = math.nan
+    """Since when the stick is back [s]; NaN: it is not."""
+    driver: int = 0
+    device: Device = Device.NONE
+    """The device that was used before it."""
+
+    @property
+    def cleared(self) -> Dropout:
+        """The same stick without a dropout."""
+        return Dropout(driver=self.driver, device=self.device)
+
+
+def stepped(
+    dropout: Dropout, lost: str, received: OperatorInput, stick_state: StickState, now: float
+) -> tuple[Dropout, DropoutAction]:
+    """The dropout a period later, and what the supervisor does.
+
+    lost: why the stick in use, or the driver, is lost; empty: nothing new is lost. stick_state: of
+    this period; a stick that was lost is `ARMED` again only after it was centred.
+    """
+    if dropout.why:
+        return _continued(dropout, received, stick_state, now)
+    if not lost:
+        return _remembered(dropout, received), DropoutAction.NOTHING
+    silent = received.command is None or not received.command.valid
+    same = received.driver == dropout.driver != 0 and dropout.device != Device.NONE
+    since = now - max(received.age, 0.0) if math.isfinite(received.age) else now
+    if not (silent and same) or now - since > BACK_WITHIN:
+        return dropout.cleared, DropoutAction.STOP
+    return dropout._replace(why=lost, since=since), DropoutAction.STAND
+
+
+def _remembered(dropout: Dropout, received: OperatorInput) -> Dropout:
+    """Remember the driver and the device."""
+    command = received.command
+    if command is not None and command.valid and command.armed:
+        return Dropout(driver=received.driver, device=command.device)
+    return dropout if received.driver == dropout.driver else Dropout()
+
+
+def _continued(
+    dropout: Dropout, received: OperatorInput, stick_state: StickState, now: float
+) -> tuple[Dropout, DropoutAction]:  # fmt: skip
+    command = received.command
+    if received.driver != dropout.driver:
+        return Dropout(), DropoutAction.STOP
+    if command is None or not command.valid:
+        if now - dropout.since > BACK_WITHIN:
+            return dropout.cleared, DropoutAction.STOP
+        return dropout._replace(back=math.nan), DropoutAction.NOTHING
+    if command.device != dropout.device:
+        return dropout.cleared, DropoutAction.STOP
+    if stick_state.arming == Arming.ARMED:
+        return dropout.cleared, DropoutAction.GO_ON
+    back = dropout.back if math.isfinite(dropout.back) else now
+    if now - back > CENTRED_WITHIN:
+        return dropout.cleared, DropoutAction.STOP
+    return dropout._replace(back=back), DropoutAction.NOTHING
