@@ -9,7 +9,7 @@ import pytest
 
 from cohelm.core.types import Stick
 from cohelm.link import client, lease, operator, robot_end, station_end, wire
-from cohelm.link.messages import Command, Device, Request, RequestKind
+from cohelm.link.messages import Command, Device, Request, RequestKind, Uplink
 from cohelm.link.sticks.feel import CueRules
 from cohelm.loop.stick import BACK_WITHIN, CENTRED_WITHIN, ArmingParams
 
@@ -27,8 +27,9 @@ def test_every_message_is_on_the_page_with_its_kind_and_largest_size():
 
 
 def test_the_bytes_of_a_command_are_where_the_page_documents():
-    command = Command(
-        Stick(0.5, -0.5), True, False, Device.TOUCH, 0.75, (Request(7, RequestKind.MODE, 2, 1.5),)
+    command = Uplink(
+        Command(Stick(0.5, -0.5), True, False, Device.TOUCH, 0.75),
+        (Request(7, RequestKind.MODE, 2, 1.5),),
     )
     data = wire.encode(wire.Header(0x0102030405060708, 9, 2.5, 1.5, 0.25), command)
     rows = dict(re.findall(r"^\| (\d+) \| (?:u8|u32|u64|f|d) \| (.+?) \|$", TEXT, re.MULTILINE))

@@ -19,7 +19,7 @@ from cohelm.link import robot_bulk
 from cohelm.link.bulk_messages import Waypoints
 from cohelm.link.keys import pair_here
 from cohelm.link.listener import Guest
-from cohelm.link.messages import Command, Device, Request, RequestKind
+from cohelm.link.messages import Command, Device, Request, RequestKind, Uplink
 from cohelm.link.robot_bulk import RobotBulk, _Station
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.wire import Header, encode
@@ -116,10 +116,8 @@ class Station:
         if self.silent:
             return
         self.pending = [r for r in self.pending if r.number not in self.answers]
-        command = Command(
-            self.stick, self.valid, self.armed, Device.SCRIPT, 1.0, tuple(self.pending)
-        )
-        data = encode(self._header(), command)
+        command = Command(self.stick, self.valid, self.armed, Device.SCRIPT)
+        data = encode(self._header(), Uplink(command, tuple(self.pending)))
         self.link.later(self.delay, lambda: self.hand_over(data))
 
     def hand_over(self, data: bytes) -> None:

@@ -14,7 +14,7 @@ from tests.drive.faults import failing
 from tests.drive.test_losing import BRAKING, drive, speed
 from tests.few import first
 
-GONE = Command(Stick(0.0, 0.0), False, False, Device.NONE, 1.0, ())
+GONE = Command(Stick(0.0, 0.0), False, False, Device.NONE, 1.0)
 """What a station says for a page that says nothing."""
 
 
@@ -28,7 +28,7 @@ class Anna(Scripted):
 
     def receive(self):
         said = super().receive()
-        command = Command(self.stick, True, self.armed, self.device, 1.0, ())
+        command = Command(self.stick, True, self.armed, self.device, 1.0)
         command = GONE if self.gone else command
         self.dark += 0.02 if self.dark else 0.0
         late = self.dark > 0.25

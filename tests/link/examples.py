@@ -52,8 +52,9 @@ answers = st.builds(m.Answer, long, st.booleans(), texts(64))
 requests = st.builds(m.Request, long, st.sampled_from(m.RequestKind), short, clock)
 commands = st.builds(
     m.Command, st.builds(Stick, deflection, deflection), st.booleans(), st.booleans(),
-    st.sampled_from(m.Device), st.floats(0.0, 1.0, width=32), listed(requests, 8),
+    st.sampled_from(m.Device), st.floats(0.0, 1.0, width=32),
 )  # fmt: skip
+uplinks = st.builds(m.Uplink, commands, listed(requests, 8))
 statuses = st.builds(
     m.Status,
     st.builds(m.Lease, short, short, texts(24), short, texts(24), single),

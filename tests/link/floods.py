@@ -27,7 +27,7 @@ from cohelm.core.types import Stick
 from cohelm.link.bulk_messages import Fetch, Waypoints
 from cohelm.link.dtls import Channel, HandshakeRefused, context, stream_context
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Command, Device, Request, RequestKind
+from cohelm.link.messages import Command, Device, Request, RequestKind, Uplink
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.stream import Stream
 from cohelm.link.wire import Header, encode
@@ -174,8 +174,8 @@ class Flood:
         self.number += 1
         now = time.monotonic()  # both ends read the same clock here
         header = Header(self.session, self.number, now, now - 1e-4, 1e-4)
-        stick = Command(Stick(-1.0, 1.0), True, True, Device.SCRIPT, 1.0, requests)
-        return encode(header, stick)
+        stick = Command(Stick(-1.0, 1.0), True, True, Device.SCRIPT)
+        return encode(header, Uplink(stick, requests))
 
     def asks(self, *whats: RequestKind) -> None:
         now = time.monotonic()

@@ -22,7 +22,7 @@ from cohelm.core.types import Stick
 from cohelm.link.bulk_messages import Fetch, Waypoints
 from cohelm.link.dtls import Channel, HandshakeRefused, context, stream_context
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Command, Device, Request, RequestKind
+from cohelm.link.messages import Command, Device, Request, RequestKind, Uplink
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.station_end import StationEnd
 from cohelm.link.stream import Stream
@@ -222,9 +222,9 @@ class _Inside:
             )
             # Taking the lease is not hostile: somebody who is let in may ask for it.
             requests = tuple(r for r in requests if r.what is not RequestKind.TAKE)
-            command = Command(Stick(-1.0, 1.0), True, True, Device.SCRIPT, 1.0, requests)
+            command = Command(Stick(-1.0, 1.0), True, True, Device.SCRIPT)
             header = Header(self.session, self.number, now, rng.choice([now, 0.0, 1e300]), 0.0)
-            data = encode(header, command)
+            data = encode(header, Uplink(command, requests))
             if rng.random() < 0.9:
                 data = mutated(data, rng)
                 if len(data) > 35 and any(data[35:]) and _asks_for_the_lease(data):
@@ -256,9 +256,7 @@ def _asks_for_the_lease(data: bytes) -> bool:
         message = from_operator(data)[1]
     except Malformed:
         return False
-    return isinstance(message, Command) and any(
-        r.what is RequestKind.TAKE for r in message.requests
-    )
+    return isinstance(message, Uplink) and any(r.what is RequestKind.TAKE for r in message.requests)
 
 
 def main(seconds: float, seed: int, memory: Path | None = None) -> list[str]:

@@ -20,7 +20,7 @@ from cohelm.link.client import (
 )
 from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.keys import Keys, pair_here
-from cohelm.link.messages import Command, Device, Request, RequestKind
+from cohelm.link.messages import Command, Device, Request, RequestKind, Uplink
 from cohelm.link.robot_end import TAKEOVER_AFTER, RobotEnd
 from cohelm.link.station_end import StationEnd
 from cohelm.link.wire import Header, encode, from_operator, may_stop
@@ -43,7 +43,7 @@ def robot(keys):
 
 def command(number: int, *requests: Request, session: int = 7) -> bytes:
     now = time.monotonic()
-    stick = Command(CENTRED, True, True, Device.SCRIPT, 1.0, requests)
+    stick = Uplink(Command(CENTRED, True, True, Device.SCRIPT), requests)
     return encode(Header(session, number, now, now - 1e-3, 1e-3), stick)
 
 

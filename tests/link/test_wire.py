@@ -23,9 +23,10 @@ from tests.link.ends import STATUS
 
 HEADER = Header(7, 1, 2.0, 1.5, 0.1)
 HEADER_BYTES = 34
-COMMAND = m.Command(Stick(0.5, -0.25), True, True, m.Device.GAMEPAD, 0.75, ())
+COMMAND = m.Command(Stick(0.5, -0.25), True, True, m.Device.GAMEPAD, 0.75)
+UPLINK = m.Uplink(COMMAND)
 UP_AND_DOWN = [
-    (ex.commands, from_operator, False),
+    (ex.uplinks, from_operator, False),
     (ex.bulk_up, from_operator, True),
     (ex.datagrams_down, from_robot, False),
     (ex.bulk_down, from_robot, True),
@@ -69,7 +70,7 @@ def test_damaged_messages_are_refused_or_are_messages(data, messages, reader, bu
 
 @given(cut=st.integers(0, 10_000))
 def test_truncated_messages_and_trailing_bytes_are_refused(cut):
-    whole = encode(HEADER, COMMAND)
+    whole = encode(HEADER, UPLINK)
     with pytest.raises(Malformed, match="bytes"):
         from_operator(whole[: cut % len(whole)])
     with pytest.raises(Malformed, match="1 bytes too many"):
@@ -98,7 +99,7 @@ def test_a_count_larger_than_the_message_costs_no_memory():
 
 
 def test_each_direction_accepts_only_its_own_messages():
-    command = encode(HEADER, COMMAND)
+    command = encode(HEADER, UPLINK)
     health = encode(HEADER, b.HealthReport(0.5, ()))
     for data, reader, bulk in (
         (command, from_robot, False), (command, from_operator, True),
@@ -110,14 +111,14 @@ def test_each_direction_accepts_only_its_own_messages():
 
 def test_another_protocol_version_is_reported():
     with pytest.raises(Malformed, match="version 9"):
-        from_operator(b"\x09" + encode(HEADER, COMMAND)[1:])
+        from_operator(b"\x09" + encode(HEADER, UPLINK)[1:])
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf"), 1.0001, -2.0])
 def test_an_invalid_deflection_can_be_neither_sent_nor_received(number):
     with pytest.raises(ValueError, match="not a number in"):
-        encode(HEADER, COMMAND._replace(stick=Stick(number, 0.0)))
-    raw = bytearray(encode(HEADER, COMMAND))
+        encode(HEADER, m.Uplink(COMMAND._replace(stick=Stick(number, 0.0))))
+    raw = bytearray(encode(HEADER, UPLINK))
     raw[HEADER_BYTES : HEADER_BYTES + 4] = np.float32(number).tobytes()
     with pytest.raises(Malformed, match="not a number in"):
         from_operator(bytes(raw))

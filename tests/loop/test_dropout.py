@@ -40,7 +40,7 @@ def said(what: str, age: float) -> OperatorInput:
     x = 0.8 if what == "deflected" else 0.0
     device = {"gone": Device.NONE, "other device": Device.TOUCH}.get(what, Device.GAMEPAD)
     good = what != "gone"
-    command = Command(Stick(x, 0.0), good, good and what != "disarmed", device, 1.0, ())
+    command = Command(Stick(x, 0.0), good, good and what != "disarmed", device, 1.0)
     return OperatorInput(driver, "anna", command, 0.02, 0.0, ())
 
 

@@ -13,7 +13,7 @@ M = ArmingParams()
 
 
 def received(x=0.0, psi=0.0, valid=True, armed=True, age=0.02):
-    command = Command(Stick(x, psi), valid, armed, Device.GAMEPAD, 1.0, ())
+    command = Command(Stick(x, psi), valid, armed, Device.GAMEPAD, 1.0)
     return OperatorInput(1, "anna", command, age, 0.0, ())
 
 
@@ -99,7 +99,7 @@ def test_while_the_robot_is_stopped_a_stick_counts_only_as_long_as_it_is_centred
 
 
 def heard(age=0.02, driver=1, fresh=True, scale=1.0, round_trip=0.0):
-    command = Command(CENTRED, False, False, Device.NONE, scale, ())
+    command = Command(CENTRED, False, False, Device.NONE, scale)
     return OperatorInput(driver, "anna", command if fresh else None, age, round_trip, ())
 
 

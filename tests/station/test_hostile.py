@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from typing import Any
 
 import pytest
 from starlette.websockets import WebSocket
@@ -29,9 +30,11 @@ from tests.station.servers import Robot, served
 
 pytestmark = pytest.mark.xdist_group("realtime")
 WITHIN = 60.0
-STICK = {
-    "type": "stick", "n": 1, "echo_ms": 0.0, "x": 0.5, "psi": 0.5, "valid": True, "armed": True,
-    "device": "gamepad", "speed_scale": 1.0,
+STICK: dict[str, Any] = {
+    "type": "steer", "n": 1, "echo_ms": 0.0,
+    "command": {
+        "stick": [0.5, 0.5], "valid": True, "armed": True, "device": "gamepad", "speed_scale": 1.0,
+    },
 }  # fmt: skip
 SAID = [
     STICK,
@@ -65,6 +68,8 @@ def nonsense(rng: random.Random) -> str | bytes:
     how = rng.randrange(6)
     if how == 0:
         return rng.randbytes(rng.randrange(400))
+    if "command" in said and rng.random() < 0.5:
+        said["command"][rng.choice(list(said["command"]))] = rng.choice(ODD)
     if how == 1:
         said[rng.choice(list(said))] = rng.choice(ODD)
     elif how == 2:
@@ -146,7 +151,8 @@ def driven(server: Server, robot: Robot) -> Iterator[None]:
                     n += 1
                     status = robot.status()
                     turns = status is not None and status.mode == Mode.MANUAL and armed.is_set()
-                    tell(**STICK | {"n": n, "echo_ms": beat[0], "x": 0.0, "psi": 1.0 * turns})
+                    command = STICK["command"] | {"stick": [0.0, 1.0 * turns]}
+                    tell(**STICK | {"n": n, "echo_ms": beat[0], "command": command})
 
         armed = threading.Event()
         threads = [threading.Thread(target=hear), threading.Thread(target=steer)]

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from cohelm.core.types import Pose
+from cohelm.core.types import Pose, Stick
 from cohelm.link.bulk_messages import LineKind, Polyline
-from cohelm.link.messages import Localised, Mode, RequestKind
+from cohelm.link.messages import Command, Device, Localised, Mode, RequestKind
 from cohelm.station import typescript, view
-from cohelm.station.messages import Do, Request, Stick, from_page
+from cohelm.station.messages import Do, Request, Steer, from_page
 from tests.link.ends import STATUS
 
 WEB = Path(__file__).parents[2] / "src" / "cohelm" / "station" / "web" / "src"
@@ -25,7 +25,7 @@ def test_the_pages_types_are_those_of_the_server() -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "", "[]", "null", "{}", '{"type":"stick"}',
+        "", "[]", "null", "{}", '{"type":"steer"}',
         '{"type":"dance"}', '{"type":"do","what":"fly"}',
         '{"type":"do","what":"give","value":-1}', '{"type":"do","what":"give","value":1.5}',
         '{"type":"waypoints","points":[],"only_check":true}',
@@ -39,13 +39,31 @@ def test_malformed_messages_are_refused(text: str) -> None:
         from_page(text)
 
 
-def test_a_deflection_beyond_the_stick_is_refused() -> None:
-    good = Stick(n=1, echo_ms=0.0, x=1.0, psi=-1.0, valid=True, armed=True, device="touch",
-                 speed_scale=1.0)  # fmt: skip
-    assert from_page(good.model_dump_json()) == good
-    for x in ("1.001", "-2", "NaN", "Infinity", "1e400", '"1"', "null"):
-        with pytest.raises(ValidationError):
-            from_page(good.model_dump_json().replace('"x":1.0', f'"x":{x}'))
+STEER = (
+    '{"type":"steer","n":1,"echo_ms":0.0,"command":{"stick":[1.0,-1.0],"valid":true,"armed":true,'
+    '"device":"touch","speed_scale":0.5}}'
+)
+
+
+def test_a_pages_command_is_the_links() -> None:
+    message = from_page(STEER)
+    assert isinstance(message, Steer)
+    assert message.command == Command(Stick(1.0, -1.0), True, True, Device.TOUCH, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad"),
+    [
+        *[("[1.0,", f"[{x},") for x in ("1.001", "-2", "NaN", "Infinity", "1e400", '"1"', "null")],
+        ("[1.0,-1.0]", "[1.0]"), ("[1.0,-1.0]", "[1.0,-1.0,0.0]"), ("0.5", "1.5"),
+        ('"valid":true', '"valid":1'), ('"valid":true,', ""), ('"valid"', '"requests":[],"valid"'),
+        ('"touch"', '"hand"'), ('"touch"', "null"),
+    ],
+)  # fmt: skip
+def test_a_command_that_the_link_does_not_have_is_refused(good: str, bad: str) -> None:
+    assert good in STEER
+    with pytest.raises(ValidationError):
+        from_page(STEER.replace(good, bad))
 
 
 def test_what_is_not_known_is_null_for_the_page() -> None:

@@ -44,10 +44,10 @@ def asked():
 def test_a_stick_is_armed_only_after_it_was_centred(asked) -> None:
     assert asked(
         "input/stick.ts",
-        "m.arm('absent', true, 0.5, 0, 0.1)", "m.arm('waiting', true, 0.2, 0, 0.1)",
-        "m.arm('waiting', true, 0.1, -0.04, 0.1)", "m.arm('armed', true, 1, 1, 0.1)",
-        "m.arm('armed', false, 0, 0, 0.1)", "m.arm('armed', true, NaN, 0, 0.1)",
-        "m.arm('absent', true, 0, 0, 0.1)",
+        "m.arm('absent', [0.5, 0], 0.1)", "m.arm('waiting', [0.2, 0], 0.1)",
+        "m.arm('waiting', [0.1, -0.04], 0.1)", "m.arm('armed', [1, 1], 0.1)",
+        "m.arm('armed', 'unplugged', 0.1)", "m.arm('armed', [NaN, 0], 0.1)",
+        "m.arm('absent', [0, 0], 0.1)",
     ) == ["waiting", "waiting", "armed", "armed", "absent", "absent", "armed"]  # fmt: skip
 
 

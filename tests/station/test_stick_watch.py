@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from cohelm.core.types import Stick
 from cohelm.link.messages import Command, Device
 from cohelm.station import messages as page
 from cohelm.station.operator import PageOperator
@@ -28,9 +29,8 @@ def test_no_deflection_is_repeated_beyond_its_maximum_age(on_the_way):
     now = time.monotonic()
     heard = 1e3 * (now - on_the_way)  # the beat that the page had heard when it sent this
     operator._on_message(
-        page.Stick(n=1, echo_ms=heard, x=0.5, psi=0.0, valid=True, armed=True,
-                   device="gamepad", speed_scale=1.0)
-    )  # fmt: skip
+        page.Steer(n=1, echo_ms=heard, command=Command(Stick(0.5, 0.0), True, True, Device.GAMEPAD))
+    )
     assert link.steered[-1].valid
     operator.watch(now - on_the_way + STALE - 0.01)
     assert link.steered[-1].valid

@@ -12,7 +12,6 @@ from cohelm.core.types import Pose
 from cohelm.link.codec import UpTo, array, blob, checked, reported, text, whole
 from cohelm.link.messages import (
     Answer,
-    Command,
     Discs,
     Long,
     Name,
@@ -20,6 +19,7 @@ from cohelm.link.messages import (
     Short,
     Status,
     Time,
+    Uplink,
     Words,
 )
 
@@ -213,7 +213,7 @@ class Fetch(NamedTuple):
     """Number of bytes; 0: request size and hash."""
 
 
-FromOperator: TypeAlias = Command | Waypoints | Fetch
+FromOperator: TypeAlias = Uplink | Waypoints | Fetch
 FromRobot: TypeAlias = (
     Status | ScanPart | Discs | Hello | Polyline | Map | ZoneMap | Docks | HealthReport | Picture
     | Records | Piece | Digest | Checked

@@ -1,6 +1,6 @@
 """Messages between operator and robot: types, whose annotations define their bytes.
 
-Two transports. *Datagrams*, at most `wire.LARGEST` bytes, newest wins: `Command` up; `Status`,
+Two transports. *Datagrams*, at most `wire.LARGEST` bytes, newest wins: `Uplink` up; `Status`,
 `ScanPart` and `Discs` down. *Bulk*, over a reliable stream that never delays a datagram: see
 `bulk_messages`. Down, NaN means "not known"; up, every number is finite and in its range.
 
@@ -59,6 +59,11 @@ class Device(IntEnum):
     TOUCH = 3
     FORCE_STICK = 4
     SCRIPT = 5
+
+    @classmethod
+    def _missing_(cls, value: object) -> Device | None:
+        """The device of a name, as pages write it."""
+        return cls.__members__.get(value.upper()) if isinstance(value, str) else None
 
 
 CENTRE = 0.1
@@ -119,16 +124,24 @@ class Request(NamedTuple):
 
 
 class Command(NamedTuple):
-    """Up, at 50 Hz: the operator's command."""
+    """The operator's command: the same from the page, or the stick's driver, to the loop."""
 
     stick: Annotated[Stick, record(Stick, _DEFLECTION, _DEFLECTION)]
+    """Fore-aft and left-right, forward and left positive."""
     valid: bool
-    """The deflection was just read from a working device; else it is ignored."""
+    """The deflection was just read from a working device; else it is ignored. A lost stick is not
+    a centred one."""
     armed: bool
     """The station's part of arming: the operator chose this device and it was centred."""
     device: Device
     speed_scale: Annotated[float, real("f", 0.0, 1.0)] = 1.0
     """Share of the robot's speed that the operator allows, in [0, 1]."""
+
+
+class Uplink(NamedTuple):
+    """Up, at 50 Hz: the operator's command and requests."""
+
+    command: Command
     requests: Annotated[tuple[Request, ...], UpTo(8)] = ()
     """Those not answered yet, oldest first, at most 8."""
 

@@ -102,7 +102,7 @@ class Scripted(NullOperator):
         requests, self._requests = tuple(self._requests), []
         stick = self._script(self._clock())
         deflection = Stick(0.0, 0.0) if stick is None else stick
-        command = Command(deflection, stick is not None, True, Device.SCRIPT, 1.0, ())
+        command = Command(deflection, stick is not None, True, Device.SCRIPT)
         return OperatorInput(1, "script", command, 0.0, 0.0, requests)
 
     def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:

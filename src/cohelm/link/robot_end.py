@@ -26,13 +26,13 @@ from cohelm.link.keys import Keys
 from cohelm.link.listener import Guest, Listener
 from cohelm.link.messages import (
     Answer,
-    Command,
     Discs,
     Lease,
     Request,
     RequestKind,
     ScanPart,
     Status,
+    Uplink,
 )
 from cohelm.link.operator import STALE, ClientRequest, OperatorInput
 from cohelm.link.rate import Coalesced
@@ -240,7 +240,7 @@ class RobotEnd(IoThread):
                 client, f"invalid message from {client.name}: {malformed}", logging.WARNING
             )
             return
-        if not isinstance(message, Command):  # datagrams up are nothing else
+        if not isinstance(message, Uplink):  # datagrams up are nothing else
             return
         with self._lock:
             known = self._known(client, header, now)
@@ -257,7 +257,7 @@ class RobotEnd(IoThread):
                 unknown = math.isnan(client.path.offset)
                 self._not_used(client, "clocks not compared" if unknown else "too old")
                 return self._requests(client, message, now, stops_only=True)
-            client.command, client.stamp = message, header.stamp
+            client.command, client.stamp = message.command, header.stamp
             self._requests(client, message, now, stops_only=False)
 
     def _known(self, client: Client, header: Header, now: float) -> Client | None:
@@ -292,9 +292,9 @@ class RobotEnd(IoThread):
         client.dropped += 1
         self.counts[why] += 1
 
-    def _requests(self, client: Client, command: Command, now: float, stops_only: bool) -> None:
+    def _requests(self, client: Client, message: Uplink, now: float, stops_only: bool) -> None:
         """Take each request once, in order; of a command that is not used, only a stop."""
-        for request in command.requests:
+        for request in message.requests:
             stop = request.what is RequestKind.STOP
             if request.number <= client.done or (stops_only and not stop):
                 continue

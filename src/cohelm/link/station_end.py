@@ -35,6 +35,7 @@ from cohelm.link.messages import (
     RequestKind,
     ScanPart,
     Status,
+    Uplink,
 )
 from cohelm.link.scans import Scans, WholeScan
 from cohelm.link.wire import Header, encode, from_robot
@@ -349,7 +350,7 @@ class StationEnd(IoThread):
             if not new and not (gone and now - self._sent_at >= _BEAT):
                 return
             command = NO_STICK if gone else self._steered
-            command = command._replace(requests=tuple(self._requests))
+            message = Uplink(command, tuple(self._requests))
             self._sent_at = now
             connection = self._connection
             if connection is None:
@@ -358,7 +359,7 @@ class StationEnd(IoThread):
             echo, hold = self._path.echo(now)
             header = Header(self.session, self._sequence, now, echo, hold)
         try:
-            datagrams = connection.channel.seal(encode(header, command))
+            datagrams = connection.channel.seal(encode(header, message))
         except HandshakeRefused as refused:
             self._failed(connection, str(refused))
             return

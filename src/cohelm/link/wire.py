@@ -26,7 +26,7 @@ from cohelm.link.bulk_messages import (
     ZoneMap,
 )
 from cohelm.link.codec import Malformed, Reader, WireField, layout, reported
-from cohelm.link.messages import Command, Discs, Long, RequestKind, ScanPart, Status, Time
+from cohelm.link.messages import Discs, Long, RequestKind, ScanPart, Status, Time, Uplink
 
 VERSION = 8
 LARGEST = 1150
@@ -51,7 +51,7 @@ class Header(NamedTuple):
     """Time since it was received [s]; NaN with it."""
 
 
-_UP: Mapping[int, type[Any]] = {1: Command, 2: Waypoints, 4: Fetch}
+_UP: Mapping[int, type[Any]] = {1: Uplink, 2: Waypoints, 4: Fetch}
 _DOWN: Mapping[int, type[Any]] = {
     64: Status, 65: ScanPart, 66: Discs,
     96: Hello, 97: Polyline, 98: Map, 99: HealthReport, 100: Picture, 102: Records, 103: Piece,
@@ -62,7 +62,7 @@ _LAYOUTS: Mapping[int, tuple[type[Any], WireField[Any]]] = {
 }
 _HEADER: WireField[Header] = layout(Header)
 _KINDS = {of: kind for kind, (of, _) in _LAYOUTS.items()}
-DATAGRAMS = (Command, Status, ScanPart, Discs)
+DATAGRAMS = (Uplink, Status, ScanPart, Discs)
 """Messages sent as datagrams."""
 _DATAGRAM_KINDS = frozenset(_KINDS[of] for of in DATAGRAMS)
 

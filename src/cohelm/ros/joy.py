@@ -109,7 +109,7 @@ class JoyOperator(NullOperator):
         reading = self._read()
         stick = CENTRED if isinstance(reading, str) else reading
         valid = not isinstance(reading, str)
-        command = Command(stick, valid, True, Device.GAMEPAD, 1.0, ())
+        command = Command(stick, valid, True, Device.GAMEPAD)
         why = "" if valid else f"{self.topic}: {reading}"
         return OperatorInput(1, self.topic, command, age, 0.0, (), why=why)
 

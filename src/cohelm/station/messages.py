@@ -1,7 +1,8 @@
 """Messages between page and server; `typescript.py` generates the page's types from them.
 
 Text messages are JSON objects with a `type`. The robot's are those of the link, field by field, as
-`view.shown` writes them; large and frequent ones (map, scan, picture) are binary.
+`view.shown` writes them, and so is the command to it; large and frequent ones (map, scan, picture)
+are binary.
 SI units and radians, world frame, unless a name says otherwise; None for unknown or infinite
 numbers.
 """
@@ -10,53 +11,45 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, TypeAdapter
+from pydantic import AfterValidator, Field, TypeAdapter
 
 from cohelm.core.schema import Coordinate, Schema
-from cohelm.core.types import Stick as Deflections
 from cohelm.link.bulk_messages import Docks, HealthReport, Hello, Polyline, Records
-from cohelm.link.messages import Command, Device, Discs, Mode, RequestKind, Status
+from cohelm.link.codec import layout
+from cohelm.link.messages import Command, Discs, Mode, RequestKind, Status
 from cohelm.link.station_end import LinkState
 from cohelm.station.robot_link import PlaybackPosition
 
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Deflection = Annotated[float, Field(ge=-1.0, le=1.0)]
 Point = tuple[Coordinate, Coordinate]
 Count = Annotated[int, Field(ge=0, lt=2**53)]
 
 # --- from the page ------------------------------------------------------------------------------
 
-DeviceName = Literal["none", "keyboard", "gamepad", "touch"]
 Request = Literal[
     "stop", "reset", "take", "give", "refuse", "acknowledge", "record", "record_stop",
     "hold", "shared", "automatic", "manual", "dock", "undock",
 ]  # fmt: skip
 
 
-class Stick(Schema):
-    """State of the stick. Sent at 50 Hz while a page is open; also the page's heartbeat."""
+_COMMAND = layout(Command)
 
-    type: Literal["stick"] = "stick"
+
+def _sendable(command: Command) -> Command:
+    """The command, if the link can encode it: every number is finite and in its range."""
+    _COMMAND.write(bytearray(), command)
+    return command
+
+
+class Steer(Schema):
+    """The operator's command. Sent at 50 Hz while a page is open; also the page's heartbeat."""
+
+    type: Literal["steer"] = "steer"
     n: Count
     """Sequence number; one that is not newer than the last is dropped."""
     echo_ms: Annotated[float, Field(ge=0.0, le=1e15)]
     """`at_ms` of the newest beat received: bounds the age of this message."""
-    x: Deflection
-    """Fore-aft, forward positive."""
-    psi: Deflection
-    """Left-right, left positive."""
-    valid: bool
-    """False if there is no stick: gamepad disconnected, tab hidden. Not the same as centred."""
-    armed: bool
-    """The operator chose this device, and it was centred since."""
-    device: DeviceName
-    speed_scale: Share
-    """Share of the robot's speed that the operator allows."""
-
-    def command(self) -> Command:
-        """The command to the robot, still without its requests."""
-        stick, device = Deflections(self.x, self.psi), Device[self.device.upper()]
-        return Command(stick, self.valid, self.armed, device, self.speed_scale)
+    command: Annotated[Command, AfterValidator(_sendable)]
+    """Not valid if there is no stick: gamepad disconnected, tab hidden."""
 
 
 class Do(Schema):
@@ -104,7 +97,7 @@ class Play(Schema):
     seek_s: Annotated[float, Field(ge=0.0, le=1e7)] | None = None
 
 
-FromPage = Annotated[Stick | Do | Waypoints | Got | Play, Field(discriminator="type")]
+FromPage = Annotated[Steer | Do | Waypoints | Got | Play, Field(discriminator="type")]
 """All messages from a page."""
 
 _FROM_PAGE: TypeAdapter[FromPage] = TypeAdapter(FromPage)

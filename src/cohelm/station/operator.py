@@ -164,8 +164,8 @@ class PageOperator:
 
     def _on_message(self, message: page.FromPage) -> None:
         match message:
-            case page.Stick():
-                self._stick(message)
+            case page.Steer():
+                self._on_steer(message)
             case page.Do():
                 what, value = message.request()
                 made = None if message.echo_ms is None else message.echo_ms / 1e3
@@ -184,15 +184,15 @@ class PageOperator:
                 if isinstance(self.link, ReplayLink):
                     self.link.play(message.playing, message.speed, message.seek_s)
 
-    def _stick(self, stick: page.Stick) -> None:
+    def _on_steer(self, message: page.Steer) -> None:
         now = time.monotonic()
-        age = now - stick.echo_ms / 1e3
-        if stick.n <= self._stick_n or not -BEAT <= age <= self.stale:
+        age = now - message.echo_ms / 1e3
+        if message.n <= self._stick_n or not -BEAT <= age <= self.stale:
             return  # `watch` declares it lost, if nothing newer comes
-        self._stick_n, self._stick_at = stick.n, now - max(age, 0.0)
+        self._stick_n, self._stick_at = message.n, now - max(age, 0.0)
         before = self._page_ms
         self._page_ms = age * 1e3 if before is None else 0.9 * before + 0.1 * age * 1e3
-        self._steered = stick.command()
+        self._steered = message.command
         self._steer(now)
 
     def _steer(self, now: float) -> None:

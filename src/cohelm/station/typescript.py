@@ -9,7 +9,7 @@ import ast
 import inspect
 import types
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from enum import IntEnum
 from itertools import pairwise
 from textwrap import dedent
@@ -38,7 +38,9 @@ def text() -> str:
     """The whole of messages.ts."""
     from_page, own = _members(messages.FromPage), _members(messages.ToPage)
     robots = messages.FROM_ROBOT
-    blocks = [HEAD, *map(_interface, (*_inner(robots), *from_page, *own, *robots)), _STAMPED]
+    up = [_interface(model, known=True) for model in _inner(from_page)]
+    down = map(_interface, (*_inner(robots), *from_page, *own, *robots))
+    blocks = [HEAD, *up, *down, _STAMPED]
     names = [model.__name__ for model in (*own, *robots)]
     for name, members in (("FromPage", [m.__name__ for m in from_page]), ("ToPage", names)):
         blocks.append(f"export type {name} = {' | '.join(members)}\n")
@@ -51,7 +53,7 @@ def _members(union: Any) -> list[type[Schema]]:
     return list(get_args(union))
 
 
-def _inner(of: tuple[type[Any], ...]) -> list[type[Any]]:
+def _inner(of: Sequence[type[Any]]) -> list[type[Any]]:
     """The named tuples within these messages that are no rows of numbers."""
     found: dict[type[Any], None] = {}
 
@@ -65,7 +67,8 @@ def _inner(of: tuple[type[Any], ...]) -> list[type[Any]]:
                 found[hint] = None
 
     for message in of:
-        visit(message)
+        for part in _parts(message):
+            visit(part)
     return list(found)
 
 
@@ -84,7 +87,8 @@ def _may_be_unknown(hint: Any) -> bool:
     return hint is float or _is_row(hint) or set(get_args(hint)) == {float}
 
 
-def _interface(model: type[Any]) -> str:
+def _interface(model: type[Any], known: bool = False) -> str:
+    """known: whether all its numbers are."""
     name = "StatusFields" if model.__name__ == "Status" else model.__name__
     lines = [f"/** {_line(model.__doc__ or '')} */", f"export interface {name} {{"]
     if model in messages.FROM_ROBOT:
@@ -94,8 +98,8 @@ def _interface(model: type[Any]) -> str:
     for field, hint in hints.items():
         if described.get(field):
             lines.append(f"  /** {_line(described[field])} */")
-        unknown = " | null" if hasattr(model, "_fields") and _may_be_unknown(hint) else ""
-        lines.append(f"  {field}: {_type(hint)}{unknown}")
+        unknown = not known and hasattr(model, "_fields") and _may_be_unknown(hint)
+        lines.append(f"  {field}: {_type(hint)}{' | null' if unknown else ''}")
     return "\n".join([*lines, "}\n"])
 
 

@@ -1,6 +1,19 @@
 // Made from station/messages.py and link/; a test holds them equal. To make it:
 // python -m cohelm.station.typescript > src/cohelm/station/web/src/messages.ts
 
+/** The operator's command: the same from the page, or the stick's driver, to the loop. */
+export interface Command {
+  /** Fore-aft and left-right, forward and left positive. */
+  stick: [number, number]
+  /** The deflection was just read from a working device; else it is ignored. A lost stick is not a centred one. */
+  valid: boolean
+  /** The station's part of arming: the operator chose this device and it was centred. */
+  armed: boolean
+  device: 'none' | 'keyboard' | 'gamepad' | 'touch' | 'force_stick' | 'script'
+  /** Share of the robot's speed that the operator allows, in [0, 1]. */
+  speed_scale: number
+}
+
 /** Who drives. */
 export interface Lease {
   /** This client's number, > 0. */
@@ -79,24 +92,15 @@ export interface RecordInfo {
   started: number | null
 }
 
-/** State of the stick. Sent at 50 Hz while a page is open; also the page's heartbeat. */
-export interface Stick {
-  type: 'stick'
+/** The operator's command. Sent at 50 Hz while a page is open; also the page's heartbeat. */
+export interface Steer {
+  type: 'steer'
   /** Sequence number; one that is not newer than the last is dropped. */
   n: number
   /** `at_ms` of the newest beat received: bounds the age of this message. */
   echo_ms: number
-  /** Fore-aft, forward positive. */
-  x: number
-  /** Left-right, left positive. */
-  psi: number
-  /** False if there is no stick: gamepad disconnected, tab hidden. Not the same as centred. */
-  valid: boolean
-  /** The operator chose this device, and it was centred since. */
-  armed: boolean
-  device: 'none' | 'keyboard' | 'gamepad' | 'touch'
-  /** Share of the robot's speed that the operator allows. */
-  speed_scale: number
+  /** Not valid if there is no stick: gamepad disconnected, tab hidden. */
+  command: Command
 }
 
 /** A request to do something once. */
@@ -317,6 +321,6 @@ export interface Status extends StatusFields {
   age: number
 }
 
-export type FromPage = Stick | Do | Waypoints | Got | Play
+export type FromPage = Steer | Do | Waypoints | Got | Play
 
 export type ToPage = Beat | Welcome | Who | Checked | Refused | Hello | Status | Discs | Polyline | Docks | Records | HealthReport | LinkState | PlaybackPosition

@@ -5,30 +5,26 @@ import * as s from '../state'
 import { padResumes, padStops, readPad, resumeButtonName, rumble } from './gamepad'
 import { due, hint, next, NO_PRESS, pressed } from './resume'
 import { keysHeld, listenToKeys, readKeys, releaseKeys, typing } from './keyboard'
-import type { Do } from '../messages'
+import type { Command, Do } from '../messages'
 import { modeName } from '../panels/format'
-import { arm, centred, needed, type Arming, type Device, type Reading } from './stick'
+import { arm, centred, CENTRED, needed, type Arming, type Device, type Reading, type Stick } from './stick'
 import { readTouch, releasePads, touched } from './touch'
 
 const PERIOD_MS = 20
 const IN_USE = 0.1
 
-export interface StickState extends Reading {
-  device: Device
-  arming: Arming
-  /** Why it is not armed, in words; empty when it is. */
-  why: string
-}
-
-export const stick = signal<StickState>({
-  device: 'none', present: false, x: 0, psi: 0, arming: 'absent', why: 'no stick in use',
-})
+/** The device that is selected, and its deflection, whether it is used or not. */
+export const device = signal<Device>('none')
+export const stick = signal<Stick>(CENTRED)
 export const speedScale = signal(1)
+/** What is sent. */
+const command = signal<Command>({ stick: CENTRED, valid: false, armed: false, device: 'none', speed_scale: 1 })
+/** Why the stick is not armed here, in words; empty when it is. */
+const unarmed = signal('no stick in use')
 
 /** Why the stick is not armed; empty: armed here and, if we drive, on the robot. */
 export const notArmedReason = computed(() => {
-  const { arming, why } = stick.value
-  if (arming !== 'armed') return why
+  if (!command.value.armed) return unarmed.value
   if (!s.youDrive.value) return ''
   // only the newest command is used: the robot may have missed the centred one
   switch (s.state.value?.arming) {
@@ -41,7 +37,7 @@ export const notArmedReason = computed(() => {
 /** Why the stick's present deflection has no effect; empty: it has, or there is none. */
 export const noEffectReason = computed(() => {
   const state = s.state.value
-  if (state === null || !stick.value.present || !deflected(stick.value)) return ''
+  if (state === null || !command.value.valid || !deflected(stick.value)) return ''
   return needed(s.youDrive.value, state.stopped !== '', state.mode)
 })
 
@@ -49,7 +45,6 @@ export const noEffectReason = computed(() => {
 export const resumeHint = signal('')
 
 let n = 0
-let device: Device = 'none'
 let arming: Arming = 'absent'
 let drove = false
 let press = NO_PRESS
@@ -69,7 +64,7 @@ export function startDriving(): void {
   })
   // a browser reports a gamepad when one of its buttons is pressed: the operator wants to use it
   addEventListener('gamepadconnected', () => {
-    if (stick.value.present && deflected(stick.value)) return
+    if (command.value.valid && deflected(stick.value)) return
     choose('gamepad')
   })
   setInterval(() => poll(performance.now()), PERIOD_MS)
@@ -92,36 +87,36 @@ export function stop(): void {
 
 /** Take this device; it must be centred before it steers. */
 export function choose(which: Device): void {
-  device = which
+  device.value = which
   arming = 'absent'
 }
 
 function poll(now: number): void {
   const readings: Record<Device, Reading> = {
-    none: { present: false, x: 0, psi: 0 },
+    none: 'no stick in use',
     keyboard: readKeys(now),
     gamepad: readPad(now),
     touch: readTouch(),
   }
   if (padStops()) stop()
   pick(readings)
-  const reading = readings[device]
+  const reading = readings[device.value]
   const inactive = inactiveReason()
   const drives = s.youDrive.value
   // a new driver starts from the centre, whatever was held before
   if (drives && !drove) arming = 'absent'
   drove = drives
-  const present = reading.present && inactive === ''
-  arming = arm(arming, present, reading.x, reading.psi, centre())
-  const why = device === 'none' ? 'no stick in use' : inactive || reason(reading)
-  stick.value = { ...reading, present, device, arming, why }
-  send({
-    type: 'stick', n: ++n, echo_ms: newestBeatMs, x: present ? reading.x : 0,
-    psi: present ? reading.psi : 0, valid: present, armed: arming === 'armed',
-    device, speed_scale: speedScale.value,
-  })
+  const used = device.value === 'none' || inactive === '' ? reading : inactive
+  arming = arm(arming, used, centre())
+  unarmed.value = typeof used === 'string' ? used : arming === 'waiting' ? 'release it to the centre first' : ''
+  stick.value = typeof reading === 'string' ? CENTRED : reading
+  command.value = {
+    stick: typeof used === 'string' ? CENTRED : used, valid: typeof used !== 'string', armed: arming === 'armed',
+    device: device.value, speed_scale: speedScale.value,
+  }
+  send({ type: 'steer', n: ++n, echo_ms: newestBeatMs, command: command.value })
   resumeFromPad(drives, now)
-  const leads = drives && device === 'gamepad' && deflected(stick.value)
+  const leads = drives && device.value === 'gamepad' && deflected(stick.value)
   if (leads) rumble(s.state.value?.guarding.clearance ?? null, now)
 }
 
@@ -131,18 +126,13 @@ function resumeFromPad(drives: boolean, now: number): void {
   const { mode, stopped } = state ?? { mode: 'hold', stopped: '' }
   if (!drives) lastMode = ''
   else if (stopped === '' && mode !== 'hold') lastMode = mode
-  const held = stick.value.device === 'gamepad' && stick.value.arming === 'armed' && centred(stick.value.x, stick.value.psi, centre())
+  const held = device.value === 'gamepad' && command.value.armed && centred(stick.value, centre())
   const what = held && state !== null ? next(drives, stopped !== '', mode, lastMode) : ''
   const down = padResumes()
   const wanted = due(press, what, down, now)
   press = pressed(press, what, down, now)
   if (wanted !== '') send({ type: 'do', what: wanted as Do['what'], value: 0 })
   resumeHint.value = hint(press, resumeButtonName(), what === 'reset' ? 'resets the stop' : `continues in ${modeName(what)}`)
-}
-
-function reason(reading: Reading): string {
-  if (!reading.present) return reading.why || (device === 'gamepad' ? 'the gamepad is disconnected' : 'disconnected')
-  return arming === 'waiting' ? 'release it to the centre first' : ''
 }
 
 /** The robot's threshold for a centred stick; 0 without a station, so none is armed. */
@@ -160,27 +150,26 @@ function inactiveReason(): string {
 
 /** Select the device that the operator began to use; the present one is kept while deflected. */
 function pick(readings: Record<Device, Reading>): void {
-  const now = readings[device]
-  if (now.present && deflected(now)) return
+  if (deflected(readings[device.value])) return
   if (keysHeld()) begin('keyboard')
   else if (deflected(touched.value)) begin('touch')
-  else if (readings.gamepad.present && deflected(readings.gamepad)) begin('gamepad')
-  else if (device === 'none') begin(first(readings))
+  else if (deflected(readings.gamepad)) begin('gamepad')
+  else if (device.value === 'none') begin(first(readings))
 }
 
 /** The default device, before any is used. */
 function first(readings: Record<Device, Reading>): Device {
-  if (readings.gamepad.present) return 'gamepad'
+  if (typeof readings.gamepad !== 'string') return 'gamepad'
   return matchMedia('(pointer: coarse)').matches ? 'touch' : 'keyboard'
 }
 
 function begin(which: Device): void {
-  if (which === device) return
+  if (which === device.value) return
   // keys and touch pads were centred until they were used: they are armed at once
   arming = which === 'gamepad' ? 'absent' : 'armed'
-  device = which
+  device.value = which
 }
 
-function deflected(reading: { x: number; psi: number }): boolean {
-  return Math.abs(reading.x) > IN_USE || Math.abs(reading.psi) > IN_USE
+function deflected(reading: Reading): boolean {
+  return typeof reading !== 'string' && reading.some((axis) => Math.abs(axis) > IN_USE)
 }

@@ -18,14 +18,12 @@ export function readPad(now: number): Reading {
   const fore = one?.axes[set.foreAft]
   const left = one?.axes[set.leftRight]
   changed = lastChange(changed, one, now)
-  if (one === null || fore === undefined || left === undefined) {
-    return { present: false, x: 0, psi: 0 }
-  }
+  if (one === null || fore === undefined || left === undefined) return 'the gamepad is disconnected'
   const x = shaped(set.foreAftTurned ? -fore : fore, set)
   const psi = shaped(set.leftRightTurned ? -left : left, set)
   const silent = silentFor(changed, x !== 0 ? fore : 0, psi !== 0 ? left : 0, now)
-  const why = silent > 0 ? `the gamepad has sent nothing new for ${silent} s: centre its stick` : ''
-  return { present: Number.isFinite(fore) && Number.isFinite(left) && why === '', x, psi, why }
+  if (silent > 0) return `the gamepad has sent nothing new for ${silent} s: centre its stick`
+  return Number.isFinite(fore) && Number.isFinite(left) ? [x, psi] : 'the gamepad is disconnected'
 }
 
 /** Whether the gamepad's stop button was pressed since the last call. */

@@ -1,6 +1,6 @@
 // Arrow keys or WASD as a stick that moves at a finite speed.
 import { settings } from './settings'
-import { towards, type Reading } from './stick'
+import { towards, type Stick } from './stick'
 
 const KEYS: Record<string, 'fore' | 'aft' | 'left' | 'right'> = {
   ArrowUp: 'fore', KeyW: 'fore', ArrowDown: 'aft', KeyS: 'aft',
@@ -47,14 +47,14 @@ function direction(plus: string, minus: string): number {
   return Math.sign(sum)
 }
 
-export function readKeys(now: number): Reading {
+export function readKeys(now: number): Stick {
   const step = Math.min((now - before) / 1000, 0.1) / settings.value.ramp
   before = now
   // returns to the centre faster than it leaves it, as with a spring
   const to = (value: number, goal: number) => towards(value, goal, goal === 0 ? 2 * step : step)
   x = to(x, direction('fore', 'aft'))
   psi = to(psi, direction('left', 'right'))
-  return { present: true, x, psi }
+  return [x, psi]
 }
 
 export function keysHeld(): boolean {

@@ -1,16 +1,13 @@
 // A stick: its reading, the shape of its deflection, whether it still sends, and whether it is armed. Pure, so that
 // it can be tested.
+import type { Command } from '../messages'
 
-export interface Reading {
-  /** False if the device is disconnected; not the same as centred. */
-  present: boolean
-  /** Fore-aft, forward positive, [-1, 1]. */
-  x: number
-  /** Left-right, left positive, [-1, 1]. */
-  psi: number
-  /** Why it is not present, if the device knows. */
-  why?: string
-}
+/** Deflection fore-aft and left-right, forward and left positive, [-1, 1]. */
+export type Stick = Command['stick']
+/** What a device gives: its deflection, or why there is none, which is not the same as centred. */
+export type Reading = Stick | string
+
+export const CENTRED: Stick = [0, 0]
 
 export type Device = 'none' | 'keyboard' | 'gamepad' | 'touch'
 
@@ -99,15 +96,15 @@ export function silentFor(changed: LastChange, fore: number, left: number, now: 
 
 export type Arming = 'absent' | 'waiting' | 'armed'
 
-/** The next state, from the device's presence and deflection. centre: threshold of a centred stick. */
-export function arm(before: Arming, present: boolean, x: number, psi: number, centre: number): Arming {
-  if (!present || !Number.isFinite(x) || !Number.isFinite(psi)) return 'absent'
+/** The next state, from the device's reading. centre: threshold of a centred stick. */
+export function arm(before: Arming, reading: Reading, centre: number): Arming {
+  if (typeof reading === 'string' || !reading.every(Number.isFinite)) return 'absent'
   if (before === 'armed') return 'armed'
-  return centred(x, psi, centre) ? 'armed' : 'waiting'
+  return centred(reading, centre) ? 'armed' : 'waiting'
 }
 
-export function centred(x: number, psi: number, centre: number): boolean {
-  return Math.abs(x) <= centre && Math.abs(psi) <= centre
+export function centred(stick: Stick, centre: number): boolean {
+  return stick.every((axis) => Math.abs(axis) <= centre)
 }
 
 /** What the operator must do first for a deflected stick to steer; empty: nothing. */

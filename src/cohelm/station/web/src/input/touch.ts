@@ -1,18 +1,20 @@
 // Two touch pads for the thumbs, one for each axis; released, they are centred.
 import { signal } from '@preact/signals'
-import type { Reading } from './stick'
+import { CENTRED, type Reading, type Stick } from './stick'
 
-export const touched = signal<{ x: number; psi: number }>({ x: 0, psi: 0 })
+export const touched = signal<Stick>(CENTRED)
 
 export function readTouch(): Reading {
-  return { present: navigator.maxTouchPoints > 0 || everTouched, ...touched.value }
+  return navigator.maxTouchPoints > 0 || everTouched ? touched.value : 'disconnected'
 }
 
 let everTouched = false
 
-export function touch(part: { x?: number; psi?: number }): void {
+/** axis: 0 fore-aft, 1 left-right. */
+export function touch(axis: 0 | 1, deflection: number): void {
   everTouched = true
-  touched.value = { ...touched.value, ...part }
+  const [x, psi] = touched.value
+  touched.value = axis === 0 ? [deflection, psi] : [x, deflection]
 }
 
 /** Count of `releasePads`: a finger that was down before does not count afterwards. */
@@ -21,5 +23,5 @@ export let releases = 0
 /** As if no finger were down. */
 export function releasePads(): void {
   releases += 1
-  touched.value = { x: 0, psi: 0 }
+  touched.value = CENTRED
 }

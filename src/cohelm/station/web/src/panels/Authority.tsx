@@ -1,7 +1,7 @@
 // Authority of operator and controller, nominal and applied command, and why they differ.
 import { useEffect, useRef } from 'preact/hooks'
 import * as colour from '../colours'
-import { stick, notArmedReason } from '../input/drive'
+import { device, stick, notArmedReason } from '../input/drive'
 import { DEVICE_NAMES } from '../input/stick'
 import { points } from '../map/points'
 import { clearances, SECTORS } from '../map/ring'
@@ -54,7 +54,7 @@ function near(clearance: number | null): string {
 function Stick() {
   return (
     <p class="device">
-      {DEVICE_NAMES[stick.value.device]}: <b>{notArmedReason.value || 'ready'}</b>
+      {DEVICE_NAMES[device.value]}: <b>{notArmedReason.value || 'ready'}</b>
     </p>
   )
 }
@@ -105,8 +105,7 @@ function drawDial(canvas: HTMLCanvasElement): void {
   ctx.moveTo(0, -80)
   ctx.lineTo(0, 80)
   ctx.stroke()
-  const h = stick.value
-  const [x, psi] = s.isReplay.value ? (state?.stick ?? [0, 0]) : [h.x, h.psi]
+  const [x, psi] = s.isReplay.value ? (state?.stick ?? [0, 0]) : stick.value
   ctx.beginPath()
   ctx.arc(-psi * 80, -x * 80, 14, 0, 2 * Math.PI)
   ctx.lineWidth = 5

@@ -1,6 +1,6 @@
 // Mode, speed and stick settings.
 import { signal } from '@preact/signals'
-import { choose, speedScale, stick } from '../input/drive'
+import { choose, device, speedScale } from '../input/drive'
 import { pad } from '../input/gamepad'
 import { change, DEFAULTS, settings } from '../input/settings'
 import { DEVICE_NAMES, type Device } from '../input/stick'
@@ -103,7 +103,7 @@ function StickSettings() {
   return (
     <div class="settings" role="dialog" aria-label="Stick settings">
       <label>device
-        <select value={stick.value.device} onChange={(e) => choose(e.currentTarget.value as Device)}>
+        <select value={device.value} onChange={(e) => choose(e.currentTarget.value as Device)}>
           {(['keyboard', 'gamepad', 'touch'] as const).map((d) => <option key={d} value={d}>{DEVICE_NAMES[d]}</option>)}
         </select>
       </label>
