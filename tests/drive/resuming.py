@@ -225,7 +225,7 @@ class Drive:
         known = map_from_geometry(scenario.walls(), made.start)
         self.link = SimulatedLink(coarse, folder)
         self.session = Session(
-            SessionConfig(made, known=known, loop=ways or LoopParams()), self.link
+            SessionConfig(made, known=known, loop=ways or LoopParams()), self.link.end
         )
         self.gated, self.loop = self.session.loop.gated, self.session.loop
         self.link.clock = self.gated.now

@@ -192,7 +192,7 @@ def test_carry_on_applies_to_a_lost_driver_and_not_to_a_released_lease(tmp_path,
             anna.leave()
             drive.rule = Lenient(drive.rule)
         yield from waits(60)
-        assert drive.link.driver == 0
+        assert drive.link.end.driver == 0
         assert (speed(drive) > 0.3) is (ends == "lost")
         bert = drive.station("bert")
         yield from waits(5)

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
-from cohelm.drive.pending_link import PendingLink
 from cohelm.drive.playback import Playback
 from cohelm.drive.replayed import Replaying
 from cohelm.scenario import build, load
 from cohelm.station import app
+from cohelm.station.robot_link import StartingLink
 from cohelm.station.serve import Server
 from cohelm.study import single
 from tests.station.person import (
@@ -46,7 +46,7 @@ def test_while_the_robot_starts_the_page_reports_that_and_shows_no_unknown_value
     context: BrowserContext,
 ) -> None:
     starting = "starting the robot in lab-guard (5 s)"
-    with served(lambda _: PendingLink(lambda: None, lambda: starting)) as server:
+    with served(lambda _: StartingLink(lambda: None, lambda: starting)) as server:
         page = context.new_page()
         page.goto(server.address)
         expect(alarms(page)).to_contain_text(f"Not connected to a robot yet: {starting}.")

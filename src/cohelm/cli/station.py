@@ -156,13 +156,12 @@ def drive(
     """
     from cohelm.core.errors import CohelmError
     from cohelm.drive.operate import DriveOptions, map_and_zones, robot_factory
-    from cohelm.drive.pending_link import PendingLink
     from cohelm.drive.robot_process import RobotProcess
     from cohelm.drive.teleop_server import TeleopConfig
     from cohelm.link import keys
     from cohelm.link.local_credentials import shared_credentials
     from cohelm.station.app import pages
-    from cohelm.station.robot_link import Linked
+    from cohelm.station.robot_link import Linked, RobotLink, StartingLink
 
     files = _encryption(host, tls, tls_cert, tls_key, without_tls)
     if records.exists() and not records.is_dir():
@@ -196,8 +195,8 @@ def drive(
             say("the robot is ready; to join it with a stick of this machine: cohelm stick --drive")
             shown_at(view)
 
-        def connect(_: str) -> PendingLink:
-            return PendingLink(linked, lambda: robot.over or begun.text())
+        def connect(_: str) -> RobotLink:
+            return linked() or StartingLink(linked, lambda: robot.over or begun.text())
 
         robot.when_ready(ready)
         serve(connect, host, port, files, robot.afterwards)

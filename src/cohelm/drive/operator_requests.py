@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from cohelm.drive.jobs import InlineJobs, Jobs, ThreadJobs
-from cohelm.drive.over_link import OverLink
 from cohelm.drive.path_check import PathChecker
 from cohelm.drive.path_check_process import Checking, InlineChecking, RemoteChecking
+from cohelm.drive.publisher import Publisher
 from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
 from cohelm.drive.rerouting import PathRequests, Rerouting, checker_of
@@ -40,29 +40,29 @@ class OperatorRequests:
     """The requests of one session. `close` after it."""
 
     def __init__(
-        self, session: Session, operator: OverLink, records: Path,
+        self, session: Session, publisher: Publisher, records: Path,
         beside: Callable[[PathChecker, bool], SessionJobs] = SessionJobs,
         path_requests: Sequence[PathRequests] = (),
     ) -> None:  # fmt: skip
-        """records: the folder for records. path_requests: of others than the operator."""
-        self._session, self._operator = session, operator
+        """records: the folder for records. path_requests: of others than the stations."""
+        self._session, self._publisher = session, publisher
         robot = session.plan.robot
         self._jobs = beside(checker_of(session.plan, session.known), robot.real_time)
-        sources = (operator, *path_requests)
+        sources = (publisher, *path_requests)
         self._rerouting = Rerouting(
             session, sources, self._jobs.checking, self._jobs.paths, self._on_adopted
         )
         self._records = RecordSwitch(
-            session, operator, records, self._jobs.records, lambda: self._drawn, self._jobs.make
+            session, publisher, records, self._jobs.records, lambda: self._drawn, self._jobs.make
         )
         self._drawn: tuple[Map | ZoneMap | Polyline, ...] = ()
         self._course: Course | None = None
         self._detour = detour(None)
         self._health: HealthReport | None = None
-        session.shown, session.watched = operator.picture, lambda: operator.watched
+        session.shown, session.watched = publisher.picture, lambda: publisher.watched
         for none in NO_ZONES:
-            operator.publish(none)
-        operator.publish(docks_message(session.loop.supervisor.docking.docks))
+            publisher.publish(none)
+        publisher.publish(docks_message(session.loop.supervisor.docking.docks))
         self._zones, self._outline = session.zone_maps, session.loop.outline
         self._map = () if session.known is None else (map_message(session.known),)
         self._lines = reference_lines(robot.scenario.reference.spline())
@@ -75,7 +75,7 @@ class OperatorRequests:
         reshaped = loop.outline is not self._outline
         if reshaped:
             self._outline = loop.outline
-            self._operator.reshape(self._outline)
+            self._publisher.reshape(self._outline)
         if self._session.zone_maps is not self._zones or reshaped:
             self._zones = self._session.zone_maps
             self._show(*self._map, *self._zones, *self._lines)
@@ -95,14 +95,14 @@ class OperatorRequests:
             self._course, line = course, detour(course)
             if len(line.points) or len(self._detour.points):
                 self._detour = line
-                self._operator.publish(line)
+                self._publisher.publish(line)
                 loop.log.show(line)
         reported = None if loop.readings is None else loop.readings.health
         if reported is not None:
             health = HealthReport(round(reported.battery, 2), reported.faults)
             if str(health) != str(self._health):  # a NaN is not itself
                 self._health = health
-                self._operator.publish(health)
+                self._publisher.publish(health)
 
     def _on_adopted(self, lines: tuple[Polyline, ...]) -> None:
         """The robot follows another path: publish it."""
@@ -113,4 +113,4 @@ class OperatorRequests:
         """Publish now, and to records that begin later."""
         self._drawn = all_
         for one in all_:
-            self._operator.publish(one)
+            self._publisher.publish(one)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose
-from cohelm.drive.over_link import hello
+from cohelm.drive.publisher import hello
 from cohelm.drive.shown import docks_message
 from cohelm.law import verdict as verdicts
 from cohelm.link import bulk_messages as b, messages as m

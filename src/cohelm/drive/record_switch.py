@@ -14,7 +14,7 @@ from pathlib import Path
 
 from cohelm.core.errors import CohelmError
 from cohelm.drive.jobs import Jobs
-from cohelm.drive.over_link import OverLink
+from cohelm.drive.publisher import Publisher
 from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session
 from cohelm.link.bulk_messages import Map, Polyline, ZoneMap
@@ -36,18 +36,18 @@ class RecordSwitch:
     """The records of one session; called from the loop's thread."""
 
     def __init__(
-        self, session: Session, operator: OverLink, folder: Path, jobs: Jobs,
+        self, session: Session, publisher: Publisher, folder: Path, jobs: Jobs,
         drawn: Callable[[], Iterable[Map | ZoneMap | Polyline]], make: Make = Recording,
     ) -> None:  # fmt: skip
         """folder: for the records. drawn: what each record has to begin with."""
-        self._session, self._operator, self._folder = session, operator, folder
+        self._session, self._publisher, self._folder = session, publisher, folder
         self._jobs, self._drawn, self._make = jobs, drawn, make
         self._wanted = self._busy = False
         self._made: Recording | None = None
         """The present recording."""
         self._attached = False
         """Whether loop and gate process send to it."""
-        operator.record = self.request
+        publisher.end.record = self.request
 
     def request(self, on: bool) -> str:
         """Start or end a record; returns why not, or ""."""
@@ -111,7 +111,7 @@ class RecordSwitch:
             if not made.close(within):
                 _log.warning("%s is still being written", made.path)
             made.path.rename(made.path.with_suffix(".mcap"))
-            self._operator.list_records()
+            self._publisher.list_records()
         except OSError as error:
             _log.warning("the record stays %s: %s", made.path, error)
         finally:

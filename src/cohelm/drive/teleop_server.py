@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from cohelm.drive.foxglove_teleop import Joined
 from cohelm.drive.operator_requests import OperatorRequests
-from cohelm.drive.over_link import OverLink
+from cohelm.drive.publisher import Publisher
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.keys import Keys, with_local_station
 from cohelm.link.operator import STALE
@@ -52,7 +52,7 @@ def serve(
     if live is not None and live.teleop:
         admitted, own = with_local_station(config.keys, "foxglove")
     end, bulk = both_ends(admitted, config.host, config.port, config.records, STALE + plan.patience)
-    operator = OverLink(
+    publisher = Publisher(
         end, bulk, plan.robot.model, config.records,
         plan.robot.kind != "kinematic" and not (topics is not None and topics.blind),
     )  # fmt: skip
@@ -61,20 +61,20 @@ def serve(
         here = "::1" if here == "::" else here
         site = plan.robot.scenario
         gains = by_hand(site.law.gains(site.reference.speed_mps))
-        joined = Joined(own, here, int(operator.address[1]), gains)
+        joined = Joined(own, here, int(end.address[1]), gains)
         plan = replace(plan, live=replace(live, joined=joined))
     try:
-        with Session(plan, operator, None if topics is None else topics.camera) as session:
+        with Session(plan, end, None if topics is None else topics.camera) as session:
             if session.known is None:
                 _log.warning("no map or walls to localize on: the robot uses its odometry")
             path_requests = () if topics is None else (topics,)
             if topics is not None:
                 topics.attend(session)
             requests = OperatorRequests(
-                session, operator, config.records, path_requests=path_requests
+                session, publisher, config.records, path_requests=path_requests
             )
             try:
-                ready(operator.address)
+                ready(end.address)
                 reason = ""
 
                 def until(loop: Loop) -> bool:
@@ -92,4 +92,4 @@ def serve(
                 requests.close()
         return summary | session.record_summary()
     finally:
-        operator.close()
+        publisher.close()

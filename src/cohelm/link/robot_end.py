@@ -77,6 +77,8 @@ class RobotEnd(IoThread):
         self._pending = Pending()
         self._lines = Coalesced()
         self._outbox: dict[object, Status | ScanPart | Discs] = {}
+        self.record: Callable[[bool], str] = lambda on: "this robot does not record"
+        """Starts or ends a record, as the driver requests; returns why not, or ""."""
         self.counts: Counter[str] = Counter()
         """Messages that were not used, by reason; `refused_counts` has those not let in."""
         self._start()

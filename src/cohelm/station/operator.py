@@ -19,7 +19,7 @@ from cohelm.link import bulk_messages as bulk, messages as robot
 from cohelm.link.rate import TokenBucket
 from cohelm.link.scans import WholeScan
 from cohelm.station import messages as page, view
-from cohelm.station.robot_link import Connect, News, ReplayLink
+from cohelm.station.robot_link import Connect, News, ReplayLink, StartingLink
 
 BEAT = 0.04
 """Between two beats to a page [s]."""
@@ -76,6 +76,8 @@ class PageOperator:
             del self._requested[number]
             if not answer.granted:
                 self._send(page.Refused(what=what.replace("_", " "), why=answer.reason))
+        if isinstance(self.link, StartingLink):
+            self.link = self.link.ready() or self.link
 
     def _on_news(self, news: News) -> None:
         message, stamp, age = news

@@ -127,7 +127,7 @@ class Linked:
 
 
 class RefusingLink(RobotLink):
-    """A link that refuses every request, with a reason; a record, or a robot that still starts."""
+    """A link that refuses every request, with a reason."""
 
     def __init__(self, reason: str) -> None:
         self._reason = reason
@@ -154,6 +154,23 @@ class RefusingLink(RobotLink):
         """The refused proposals since the last call."""
         refused, self._refused = self._refused, []
         return refused
+
+
+class StartingLink(RefusingLink):
+    """In place of the link to a robot that still starts, so that the page is served before.
+
+    What was requested before is refused, not stored: a robot that has just started executes new
+    requests only.
+    """
+
+    def __init__(self, ready: Callable[[], RobotLink | None], starting: Callable[[], str]) -> None:
+        """ready: the link, or None while there is no robot yet. starting: what it is doing."""
+        super().__init__("the robot is not started yet")
+        self.ready, self._starting = ready, starting
+
+    def state(self) -> LinkState:
+        """Not connected, and why."""
+        return LinkState(False, "the robot beside it", self._starting())
 
 
 class PlaybackPosition(NamedTuple):

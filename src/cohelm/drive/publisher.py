@@ -1,9 +1,8 @@
-"""The loop's operator over the link, and what is published to the stations."""
+"""What a drive publishes to the stations, and the paths that they propose."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +17,8 @@ from cohelm.link.robot_records import listed
 from cohelm.robot.model import RobotModel
 
 
-class OverLink:
-    """A `link.operator.Operator`. Its calls return at once."""
+class Publisher:
+    """Publishes over both ends of the link. Its calls return at once."""
 
     def __init__(
         self, end: RobotEnd, bulk: RobotBulk, model: RobotModel, records: Path, camera: bool
@@ -27,14 +26,9 @@ class OverLink:
         """end, bulk: of the link; this object closes them. records: folder whose
         files can be fetched. camera: whether there will be pictures.
         """
-        self._end, self._bulk = end, bulk
-        self.address = end.address
-        self.receive, self.answer = end.receive, end.answer
-        self.send_status, self.show = end.send_status, end.show
+        self.end, self._bulk = end, bulk
         self.publish, self.reply = bulk.publish, bulk.reply
         self._records = records
-        self.record: Callable[[bool], str] = lambda on: "this robot does not record"
-        """Starts or ends a record; returns why not, or ""."""
         shown = model if camera else model.model_copy(update={"camera": None})
         self._hello = hello(shown)
         self.publish(self._hello)
@@ -53,11 +47,6 @@ class OverLink:
         return tuple(PathRequest(one.client, *one.what) for one in self._bulk.proposed())
 
     @property
-    def driver(self) -> int:
-        """The driver's number; 0: none."""
-        return self._end.driver
-
-    @property
     def watched(self) -> bool:
         """Whether a station shows pictures."""
         return self._bulk.watched
@@ -67,13 +56,13 @@ class OverLink:
 
         age: of the picture now [s]; on the link its stamp is of the link's clock, not the robot's.
         """
-        taken = self._end.clock() - age
+        taken = self.end.clock() - age
         self.publish(Picture(packed.number, taken, packed.pose, packed.data))
 
     def close(self) -> None:
         """Close the link."""
         self._bulk.close()
-        self._end.close()
+        self.end.close()
 
 
 def hello(model: RobotModel) -> Hello:

@@ -1,0 +1,35 @@
+"""The robot's process, from its start: ended at any time, and whatever is wrong is reported."""
+
+import time
+
+from cohelm.drive.operate import DriveOptions
+from cohelm.drive.robot_process import RobotProcess
+from cohelm.drive.teleop_server import TeleopConfig
+from cohelm.link import keys
+
+LAB = DriveOptions("lab-guard", "lab-guard", "twin", True, None, [])
+NOWHERE = LAB._replace(name="no-such-place", kind="kinematic")
+
+
+def test_a_robot_that_still_starts_is_ended_at_once(tmp_path):
+    own, _ = keys.pair_here()
+    robot = RobotProcess(LAB, TeleopConfig(own, "127.0.0.1", 0, tmp_path))
+    assert not robot.ready.is_set()
+    begun = time.monotonic()
+    robot.close()
+    assert time.monotonic() - begun < 10.0
+    assert robot.over == ""
+
+
+def test_a_robot_that_can_not_be_started_is_reported_and_the_callback_runs(tmp_path):
+    own, _ = keys.pair_here()
+    robot = RobotProcess(NOWHERE, TeleopConfig(own, "127.0.0.1", 0, tmp_path))
+    called: list[str] = []
+    robot.afterwards(lambda: called.append(robot.over))
+    until = time.monotonic() + 60.0
+    while not called:
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    robot.close()
+    assert "no-such-place" in called[0]
+    assert not robot.ready.is_set()
