@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Stick
 from cohelm.drive.factory import Kind, OwnRobot, RobotFactory, mapped, own_robot, simulated
 from cohelm.link.messages import Mode
 from cohelm.link.operator import NullOperator, Scripted
@@ -20,7 +19,7 @@ from cohelm.robot.model import SHIPPED
 from cohelm.scenario import build, load
 from cohelm.scenario.stick import StickNone, StickOperator
 from cohelm.scenario.zones import masked, read_zones
-from cohelm.sim.operator_model import replayed
+from cohelm.sim.operator_model import Replay, replayed
 
 if TYPE_CHECKING:
     from cohelm.perceive.localize.localization_map import LocalizationMap
@@ -163,10 +162,12 @@ def _on_ros2(where: Ros2Config, site: str, model: str | None, changes: list[str]
 class ScenarioStick(Scripted):
     """The scenario's stick, played in the robot's time; or none."""
 
-    def __init__(self, script: Callable[[float], Stick | None], present: bool) -> None:
+    def __init__(self, table: Replay | None) -> None:
         self._watch: Callable[[], float] = lambda: 0.0
-        super().__init__(script, lambda: self._watch())
-        self._present = present
+        super().__init__(
+            lambda t: None if table is None else replayed(table, t), lambda: self._watch()
+        )
+        self._present = table is not None
 
     def watches(self, clock: Callable[[], float]) -> None:
         """Start the script now."""
@@ -174,23 +175,18 @@ class ScenarioStick(Scripted):
         self._watch = lambda: clock() - begun
 
     def receive(self) -> Any:
-        """The stick by the script; absent without a script."""
+        """The stick as it is then; absent without one."""
         return super().receive() if self._present else NullOperator().receive()
 
 
 def mode_and_stick(made: RobotFactory, mode: str) -> tuple[Mode, ScenarioStick]:
     """The mode to drive in, and the stick. Raises CohelmError for an unknown mode."""
-    stick = made.scenario.stick
-    present = not isinstance(stick, (StickNone, StickOperator))
-    table = build.setup(made.scenario).recorded_stick if present else None
-
-    def script(t: float) -> Stick | None:
-        return None if table is None else replayed(table, t)
-
+    present = not isinstance(made.scenario.stick, (StickNone, StickOperator))
+    stick = ScenarioStick(build.setup(made.scenario).recorded_stick if present else None)
     if not mode:
-        return (Mode.SHARED if present else Mode.AUTOMATIC), ScenarioStick(script, present)
+        return (Mode.SHARED if present else Mode.AUTOMATIC), stick
     try:
-        return Mode[mode.upper()], ScenarioStick(script, present)
+        return Mode[mode.upper()], stick
     except KeyError as error:
         names = ", ".join(m.name.lower() for m in Mode)
         raise CohelmError(f"--mode: there is no mode {mode!r}; there are {names}") from error

@@ -7,8 +7,8 @@ import { due, hint, next, NO_PRESS, pressed } from './resume'
 import { keysHeld, listenToKeys, readKeys, releaseKeys, typing } from './keyboard'
 import type { Command, Do } from '../messages'
 import { modeName } from '../panels/format'
+import { readTouch, releasePads, touched } from '../panels/TouchPads'
 import { arm, centred, CENTRED, needed, type Arming, type Device, type Reading, type Stick } from './stick'
-import { readTouch, releasePads, touched } from './touch'
 
 const PERIOD_MS = 20
 const IN_USE = 0.1

@@ -1,8 +1,30 @@
-// Two touch pads: the left one for fore-aft, the right one for left-right.
+// Two touch pads for the thumbs: the left one for fore-aft, the right one for left-right; released, they are centred.
+import { signal } from '@preact/signals'
 import { useEffect, useRef } from 'preact/hooks'
-import { releasePads, releases, touch, touched } from '../input/touch'
-import { clamp } from '../input/stick'
+import { CENTRED, clamp, type Reading, type Stick } from '../input/stick'
 import * as s from '../state'
+
+export const touched = signal<Stick>(CENTRED)
+let everTouched = false
+/** Count of `releasePads`: a finger that was down before does not count afterwards. */
+let releases = 0
+
+export function readTouch(): Reading {
+  return navigator.maxTouchPoints > 0 || everTouched ? touched.value : 'disconnected'
+}
+
+/** As if no finger were down. */
+export function releasePads(): void {
+  releases += 1
+  touched.value = CENTRED
+}
+
+/** axis: 0 fore-aft, 1 left-right. */
+function touch(axis: 0 | 1, deflection: number): void {
+  everTouched = true
+  const [x, psi] = touched.value
+  touched.value = axis === 0 ? [deflection, psi] : [x, deflection]
+}
 
 function Pad({ axis, label }: { axis: 0 | 1; label: string }) {
   const upright = axis === 0
