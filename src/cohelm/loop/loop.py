@@ -7,10 +7,10 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from cohelm.core.types import CENTRED, Floats, Twist
+from cohelm.core.types import Floats, Twist
 from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import Verdict
-from cohelm.link.messages import Mode, Severity
+from cohelm.link.messages import Severity
 from cohelm.link.operator import Operator
 from cohelm.loop.alarms import ActiveAlarms
 from cohelm.loop.docking import Docking
@@ -27,7 +27,7 @@ from cohelm.pilot.reshaping import Shape
 from cohelm.pilot.step import Decision
 from cohelm.plan.docks import Dock
 from cohelm.robot.gate.gate import STANDING, Passed, Proposal
-from cohelm.robot.gate.modes import GateMode, driving, latched
+from cohelm.robot.gate.modes import driving, latched
 from cohelm.robot.keep.garbage import Sweeper
 from cohelm.robot.keep.gated_robot import standing
 from cohelm.robot.keep.process import GatedRobot
@@ -198,18 +198,7 @@ class Loop:
     def _decide(self, now: float, seen: Seen) -> Decision:
         obstacles = self.driver.obstacles(seen)
         self._limit_speed(seen, obstacles)
-        supervisor, docking = self.supervisor, self.supervisor.docking
-        if docking.on:
-            return self.driver.follow_course(
-                docking.pilot, now, seen.pose, obstacles, docking.backwards
-            )
-        by_stick = self.gated.gate.mode == GateMode.SHARED
-        stick = supervisor.stick_state.stick if by_stick else CENTRED
-        if supervisor.mode == Mode.MANUAL:
-            return self.driver.by_hand(now, seen.pose, stick, obstacles, gently=False)
-        if seen.lost or self.driver.pilot is None:
-            return self.driver.by_hand(now, seen.pose, stick, obstacles, gently=True)
-        return self.driver.follow(now, seen.pose, stick, obstacles)
+        return self.supervisor.decide(now, seen, obstacles)
 
     def _limit_speed(self, seen: Seen, obstacles: Surroundings) -> None:
         """Set the speed limit, by the driver's scale and delay, speed zones and docking; while lost

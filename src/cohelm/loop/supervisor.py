@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from cohelm.core.types import CENTRED
+from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.messages import Arming, Mode, Request, RequestKind, Severity
 from cohelm.link.operator import ClientRequest, Operator, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
@@ -24,6 +26,7 @@ from cohelm.loop.stick import (
     updated,
 )
 from cohelm.perceive.pipeline import Seen
+from cohelm.pilot.step import Decision
 from cohelm.robot.gate.modes import GateMode, driving, latched
 from cohelm.robot.keep.process import GatedRobot
 
@@ -176,6 +179,19 @@ class Supervisor:
     def may_drive(self) -> bool:
         """Whether it may drive now."""
         return driving(self.gated.gate.mode) and not self.problem and not self._pauses
+
+    def decide(self, now: float, seen: Seen, obstacles: Surroundings) -> Decision:
+        """The driver's decision in the present mode."""
+        driver, docking, pose = self.driver, self.docking, seen.pose
+        if docking.on:
+            return driver.follow_course(docking.pilot, now, pose, obstacles, docking.backwards)
+        by_stick = self.gated.gate.mode == GateMode.SHARED
+        stick = self.stick_state.stick if by_stick else CENTRED
+        if self.mode == Mode.MANUAL:
+            return driver.by_hand(now, pose, stick, obstacles, gently=False)
+        if seen.lost or driver.pilot is None:
+            return driver.by_hand(now, pose, stick, obstacles, gently=True)
+        return driver.follow(now, pose, stick, obstacles)
 
     def _watch_operator(self, now: float, received: OperatorInput) -> None:
         """Detect a lost stick or driver; pause, resume, stop or carry on alone."""
