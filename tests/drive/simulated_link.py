@@ -14,7 +14,7 @@ from unittest import mock
 import numpy as np
 
 from cohelm.core.types import Stick
-from cohelm.drive.publisher import Publisher
+from cohelm.drive.station_publisher import StationPublisher
 from cohelm.link import robot_bulk
 from cohelm.link.bulk_messages import Waypoints
 from cohelm.link.keys import pair_here
@@ -135,7 +135,7 @@ class Station:
         return self.link.end._clients.get(self.number) is self.client
 
 
-class SimulatedLink(Publisher):
+class SimulatedLink(StationPublisher):
     def __init__(self, model, records: Path) -> None:
         self.clock = lambda: 0.0
         self.log: list[tuple] = []

@@ -12,12 +12,12 @@ from pathlib import Path
 from cohelm.drive.jobs import InlineJobs, Jobs, ThreadJobs
 from cohelm.drive.path_check import PathChecker
 from cohelm.drive.path_check_process import Checking, InlineChecking, RemoteChecking
-from cohelm.drive.publisher import Publisher
 from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
 from cohelm.drive.rerouting import PathRequests, Rerouting, checker_of
 from cohelm.drive.session import Session
 from cohelm.drive.shown import NO_ZONES, detour, docks_message, map_message, reference_lines
+from cohelm.drive.station_publisher import StationPublisher
 from cohelm.link.bulk_messages import HealthReport, Map, Polyline, ZoneMap
 from cohelm.loop.loop import Loop
 from cohelm.plan.course import Course
@@ -40,7 +40,7 @@ class OperatorRequests:
     """The requests of one session. `close` after it."""
 
     def __init__(
-        self, session: Session, publisher: Publisher, records: Path,
+        self, session: Session, publisher: StationPublisher, records: Path,
         beside: Callable[[PathChecker, bool], SessionJobs] = SessionJobs,
         path_requests: Sequence[PathRequests] = (),
     ) -> None:  # fmt: skip

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose
-from cohelm.drive.publisher import hello
 from cohelm.drive.shown import docks_message
+from cohelm.drive.station_publisher import hello
 from cohelm.law import verdict as verdicts
 from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.recorded_status import StatusWords

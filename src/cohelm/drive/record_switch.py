@@ -14,9 +14,9 @@ from pathlib import Path
 
 from cohelm.core.errors import CohelmError
 from cohelm.drive.jobs import Jobs
-from cohelm.drive.publisher import Publisher
 from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session
+from cohelm.drive.station_publisher import StationPublisher
 from cohelm.link.bulk_messages import Map, Polyline, ZoneMap
 from cohelm.loop.loop import Loop
 from cohelm.robot.keep.record_pipe import RecordLine
@@ -36,7 +36,7 @@ class RecordSwitch:
     """The records of one session; called from the loop's thread."""
 
     def __init__(
-        self, session: Session, publisher: Publisher, folder: Path, jobs: Jobs,
+        self, session: Session, publisher: StationPublisher, folder: Path, jobs: Jobs,
         drawn: Callable[[], Iterable[Map | ZoneMap | Polyline]], make: Make = Recording,
     ) -> None:  # fmt: skip
         """folder: for the records. drawn: what each record has to begin with."""

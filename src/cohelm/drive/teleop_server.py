@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from cohelm.drive.foxglove_teleop import Joined
 from cohelm.drive.operator_requests import OperatorRequests
-from cohelm.drive.publisher import Publisher
 from cohelm.drive.session import Session, SessionConfig
+from cohelm.drive.station_publisher import StationPublisher
 from cohelm.link.keys import Keys, with_local_station
 from cohelm.link.operator import STALE
 from cohelm.link.robot_bulk import both_ends
@@ -52,7 +52,7 @@ def serve(
     if live is not None and live.teleop:
         admitted, own = with_local_station(config.keys, "foxglove")
     end, bulk = both_ends(admitted, config.host, config.port, config.records, STALE + plan.patience)
-    publisher = Publisher(
+    publisher = StationPublisher(
         end, bulk, plan.robot.model, config.records,
         plan.robot.kind != "kinematic" and not (topics is not None and topics.blind),
     )  # fmt: skip

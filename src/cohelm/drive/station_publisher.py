@@ -17,7 +17,7 @@ from cohelm.link.robot_records import listed
 from cohelm.robot.model import RobotModel
 
 
-class Publisher:
+class StationPublisher:
     """Publishes over both ends of the link. Its calls return at once."""
 
     def __init__(
