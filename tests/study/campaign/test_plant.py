@@ -132,7 +132,10 @@ def test_visibility_before_a_contact_is_computed_from_the_true_scene():
 
 def test_suites_not_available_on_the_twin_are_reported():
     for plan, words in (
-        (CampaignConfig("barn", ("guard",), 1, plant="twin"), "needs|drives on data"),
+        (
+            CampaignConfig("barn", ("guard",), 1, plant="twin"),
+            "barn is not driven with --plant twin",
+        ),
         (CampaignConfig("random", ("guard",), 1, plant="twinn"), "no plant 'twinn'"),
         (CampaignConfig("random", ("rvo",), 1, plant="twin"), "rvo does not drive"),
         (CampaignConfig("adversary", ("paper",), 1, plant="twin"), "choose guard"),
