@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from functools import partial
 from types import SimpleNamespace
@@ -537,7 +538,9 @@ def test_a_clock_beside_stamps_of_the_wall_or_far_from_them_is_not_theirs():
 def test_a_simulator_without_clock_and_one_that_is_too_fast_are_refused():
     assert "/clock does not carry its time: bridge it" in refused(ENDS, simulated())
     fast = clock(*(99.9 + 0.001 * k for k in range(100)))
-    assert "2.0 times as fast as the wall" in refused(ENDS, [*fast, *simulated()])
+    said = re.search(r"([0-9.]+) times as fast as the wall", refused(ENDS, [*fast, *simulated()]))
+    assert said is not None
+    assert 1.1 < float(said[1]) <= 2.0  # 2 if giving a hundred messages takes no time
 
 
 def test_a_camera_that_does_not_show_the_floor_it_is_to_watch_is_refused():
