@@ -37,4 +37,5 @@ fi
 
 peers=(--no-extra peers)
 [ "${1:-}" != peers ] || peers=()
-"$uv" sync --frozen --all-extras "${peers[@]}"
+# compiled here once: where PYTHONDONTWRITEBYTECODE is set, each process would compile all it imports
+"$uv" sync --frozen --compile-bytecode --all-extras "${peers[@]}"
