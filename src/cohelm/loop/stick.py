@@ -25,6 +25,9 @@ class ArmingParams(NamedTuple):
     """A driver without a command for this long is lost, also without a stick [s]."""
 
 
+_NO_DRIVER = "there is no driver any more"
+
+
 class StickState(NamedTuple):
     """The stick as of the last period."""
 
@@ -37,7 +40,7 @@ class StickState(NamedTuple):
     """The client it belongs to."""
     lost: str = ""
     """Why the stick, armed a period ago, is no longer valid; else empty."""
-    driver_lost: str = "there is no driver any more"
+    driver_lost: str = _NO_DRIVER
     """Why the driver counts as lost, with or without a stick; empty: not lost."""
     speed_scale: float = 1.0
     """Share of the usual speed that the driver allows: the newest command counts."""
@@ -82,12 +85,7 @@ def _valid_command(received: OperatorInput, params: ArmingParams) -> tuple[Comma
     command = received.command
     if command is None:
         silent = received.driver != 0 and math.isfinite(received.age)
-        reason = (
-            f"no command for {1000.0 * received.age:.0f} ms"
-            if silent
-            else "there is no driver any more"
-        )
-        return None, received.why or reason
+        return None, received.why or (_silent_for(received.age) if silent else _NO_DRIVER)
     if not received.age <= params.silence:  # the link passes on none older than `STALE`
         return None, f"the newest command is {1000.0 * received.age:.0f} ms old"
     if not (command.valid and math.isfinite(command.stick.x + command.stick.psi)):
@@ -100,11 +98,14 @@ def _valid_command(received: OperatorInput, params: ArmingParams) -> tuple[Comma
 def _driver_lost(received: OperatorInput, patience: float) -> str:
     """See `StickState.driver_lost`."""
     if received.driver == 0:
-        return "there is no driver any more"
+        return _NO_DRIVER
     if received.command is None and not received.age <= patience:
-        since = f"for {1000.0 * received.age:.0f} ms" if math.isfinite(received.age) else "yet"
-        return f"no command {since}"
+        return _silent_for(received.age) if math.isfinite(received.age) else "no command yet"
     return ""
+
+
+def _silent_for(age: float) -> str:
+    return f"no command for {1000.0 * age:.0f} ms"
 
 
 def _rate_limited(now: Stick, goal: Stick, max_change: float) -> Stick:

@@ -287,9 +287,7 @@ def _standing(
 
 
 @jit_inline
-def _faces_path(
-    state: PilotState, left: RecoveryMove, pose: Pose, target: Desired
-) -> bool:  # fmt: skip
+def _faces_path(state: PilotState, left: RecoveryMove, pose: Pose, target: Desired) -> bool:
     """Whether the robot faces its path in the turn of a single move. That was planned for where the
     move began; from its end the path may lie in another direction."""
     turning = left.distance == 0.0 and left.turn != 0.0 and state.moves < MOVES
