@@ -55,7 +55,7 @@ def test_every_request_is_on_the_page(ask):
 def test_the_numbers_are_those_of_the_code():
     for said, value in {
         "an age of | 250 ms": operator.STALE,
-        "commands for | 300 ms": ArmingParams().silence,
+        "commands for | 250 ms": ArmingParams().stale,
         "`steer` for 100 ms": station_end.FRESH,
         "longer ago than | 1 s": robot_end.REQUEST_LIFE,
         "without asking | 2 s": robot_end.TAKEOVER_AFTER,

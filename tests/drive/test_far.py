@@ -142,7 +142,7 @@ def test_no_old_command_is_used_and_after_a_long_interruption_driving_continues(
     assert len(ages) > 100
     assert max(ages) <= STALE + 0.05  # by a clock both share; the robot can not know better
     latched = next(r.at for r in all_ if r.at > dark and r.mode == GateMode.STOPPED)
-    noticed = ArmingParams().silence + ON_THE_WAY + PERIOD + 0.1
+    noticed = ArmingParams().stale + ON_THE_WAY + PERIOD + 0.1
     # it brakes at once, and latches when nobody has come back within a second
     standing = next(r.at for r in all_ if r.at > dark and abs(r.v) < 0.02)
     assert standing - dark < noticed + BRAKING + PERIOD + 0.1

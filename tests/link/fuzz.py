@@ -27,6 +27,7 @@ from cohelm.link.robot_bulk import both_ends
 from cohelm.link.station_end import StationEnd
 from cohelm.link.stream import Stream
 from cohelm.link.wire import Header, encode
+from cohelm.loop.stick import ArmingParams, current
 from tests.link.ends import STATUS, until
 
 HERE = "127.0.0.1"
@@ -94,7 +95,7 @@ class Attack:
             self.driver.steer(Command(STICK, True, True, Device.SCRIPT))
             time.sleep(0.02)
             self.robot.send_status(STATUS)
-            heard = self.robot.receive()
+            heard = current(self.robot.receive(), ArmingParams())
             if heard.command is not None:
                 self.ages[round(1e3 * heard.age)] += 1
                 # a beat that says "no stick" is the driver's own, when this machine was busy
@@ -121,8 +122,9 @@ class Attack:
                     with memory.open("a") as file:
                         print(round(time.monotonic() - began), resident(), self.sent.total(),
                               file=file)  # fmt: skip
-        lost = self.robot.receive().command is None
-        until(lambda: self.robot.receive().command, within=5.0)
+        used = lambda: current(self.robot.receive(), ArmingParams()).command  # noqa: E731
+        lost = used() is None
+        until(used, within=5.0)
         if lost:
             self.sent["driver was lost for a moment at the end"] += 1
 

@@ -70,13 +70,22 @@ def test_stick_and_status_are_exchanged(both):
     assert both.heard.command.valid
     assert both.heard.command.armed
     assert 0.0 <= both.heard.age < 0.25
-    until(lambda: not math.isnan(one.status().status.timing.command_age), turn=both.turn)
     told = one.status()
     assert told.status.pose == STATUS.pose
     assert told.status.lease.driver == told.status.lease.you
     assert one.state().connected
     assert one.state().round_trip < 0.5
     assert abs(one.state().offset) < 0.1  # here both ends read the same clock
+
+
+def test_only_the_driver_is_told_how_old_its_command_is(both):
+    one, two = both.stations
+    both.ask(one, RequestKind.TAKE)
+    timing = STATUS.timing._replace(command_age=0.0625)
+    both.robot.send_status(STATUS._replace(timing=timing))
+    until(lambda: one.status().status.timing.command_age == 0.0625)
+    until(lambda: two.status().status.lease.driver)
+    assert math.isnan(two.status().status.timing.command_age)
 
 
 def test_only_the_driver_steers_and_the_lease_is_handed_over_on_request(both):
@@ -142,6 +151,22 @@ def test_a_station_that_no_longer_steers_sends_no_stick(both):
     until(lambda: both.heard.command and both.heard.command.valid, turn=both.turn)
     until(lambda: (heard := both.robot.receive()).command and not heard.command.valid, within=1.0)
     assert both.robot.receive().command.stick == CENTRED
+
+
+def test_a_deflection_is_repeated_until_it_is_lost_and_then_there_is_no_stick(both):
+    one = both.stations[0]
+    both.ask(one, RequestKind.TAKE)
+    began = time.monotonic()
+    one.steer(Command(Stick(1.0, 0.0), True, True, Device.SCRIPT), began + 1.0)
+
+    def repeated() -> bool:
+        heard = both.robot.receive()
+        late = time.monotonic() - began > 0.4
+        return late and heard.age < 0.2 and heard.command.valid
+
+    until(repeated, within=1.0)
+    until(lambda: not both.robot.receive().command.valid, within=2.0)
+    assert time.monotonic() - began >= 1.0
 
 
 @pytest.mark.parametrize("stick", [Stick(math.nan, 0.0), Stick(0.0, 1.5), Stick(math.inf, 0.0)])

@@ -7,7 +7,7 @@ import pytest
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Command, Device
 from cohelm.link.operator import NO_INPUT, OperatorInput
-from cohelm.loop.stick import ArmingParams, StickState, updated
+from cohelm.loop.stick import ArmingParams, StickState, current, updated
 
 M = ArmingParams()
 
@@ -20,7 +20,7 @@ def received(x=0.0, psi=0.0, valid=True, armed=True, age=0.02):
 def after(*said, start=StickState(), dt=0.02):  # noqa: B008
     stick_state = start
     for one in said:
-        stick_state = updated(stick_state, one, M, dt)
+        stick_state = updated(stick_state, current(one, M), M, dt)
     return stick_state
 
 
@@ -55,8 +55,9 @@ def test_the_deflection_in_use_is_rate_limited():
         (received(valid=False), "no valid stick input"),
         (received(x=math.nan), "no valid stick input"),
         (received(armed=False), "the stick was disarmed"),
-        (received(age=0.31), "the newest command is 310 ms old"),
-        (received(age=math.nan), "the newest command is nan ms old"),
+        (received(age=0.26), "no command for 260 ms"),
+        (received(age=0.31), "no command for 310 ms"),
+        (received(age=math.nan), "there is no driver any more"),
         (OperatorInput(1, "anna", None, 0.4, 0.0, ()), "no command for 400 ms"),
         (NO_INPUT, "there is no driver any more"),
     ],
@@ -107,8 +108,8 @@ def heard(age=0.02, driver=1, fresh=True, scale=1.0, round_trip=0.0):
     ("said", "why"),
     [
         (heard(), ""),
-        (heard(0.29, fresh=False), ""),
-        (heard(0.31, fresh=False), "no command for 310 ms"),
+        (heard(0.24, fresh=False), ""),
+        (heard(0.26, fresh=False), "no command for 260 ms"),
         (heard(math.nan, fresh=False), "no command yet"),
         (heard(driver=0), "there is no driver any more"),
     ],

@@ -8,7 +8,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Stick
 from cohelm.link.messages import Arming
-from cohelm.loop.stick import ArmingParams, StickState, updated
+from cohelm.loop.stick import ArmingParams, StickState, current, updated
 from cohelm.ros.joy import JoyOperator, JoyParams, joy_params
 from cohelm.ros.port import Received
 
@@ -38,9 +38,13 @@ class Topic:
             pressed[5] = int(held)
         self._heard(Received(SimpleNamespace(axes=given, buttons=pressed), self.now))
 
+    def heard(self):
+        """As the loop takes it."""
+        return current(self.operator.receive(), ArmingParams())
+
     @property
     def stick(self):
-        heard = self.operator.receive()
+        heard = self.heard()
         return heard.command.stick if heard.command and heard.command.valid else None
 
 
@@ -76,7 +80,7 @@ def test_silent_it_is_no_centred_stick_but_none():
     joy.now += 0.25
     assert joy.stick is not None
     joy.now += 0.05
-    heard = joy.operator.receive()
+    heard = joy.heard()
     assert (heard.driver, heard.command) == (1, None)
     assert heard.age == pytest.approx(0.3)
     assert joy.operator.problem() == "/joy: silent for 0.3 s"
@@ -125,15 +129,15 @@ def test_a_deflection_that_nothing_changes_is_of_no_hand(x, patience):
 def test_the_reason_of_a_lost_stick_comes_from_its_topic():
     joy, dt = Topic(), 0.02
     joy.say()
-    state = updated(StickState(), joy.operator.receive(), ArmingParams(), dt)
+    state = updated(StickState(), joy.heard(), ArmingParams(), dt)
     joy.say(0.5)
-    state = updated(state, joy.operator.receive(), ArmingParams(), dt)
+    state = updated(state, joy.heard(), ArmingParams(), dt)
     assert (state.arming, state.lost) == (Arming.ARMED, "")
     joy.say(axes=4)
-    lost = updated(state, joy.operator.receive(), ArmingParams(), dt).lost
+    lost = updated(state, joy.heard(), ArmingParams(), dt).lost
     assert lost.startswith("/joy: it has 4 axes, and axis_linear.x is 5: choose it with")
     joy.now += 1.0
-    lost = updated(state, joy.operator.receive(), ArmingParams(), dt).lost
+    lost = updated(state, joy.heard(), ArmingParams(), dt).lost
     assert lost == "/joy: silent for 1.0 s"
 
 

@@ -44,7 +44,7 @@ class Robot:
 
     def connect(self, _: str) -> Linked:
         """One more operator's link."""
-        return Linked(self.keys, self._made.host, self._made.port, fresh=PATIENCE)
+        return Linked(self.keys, self._made.host, self._made.port)
 
     def status(self) -> Status | None:
         """What it tells now."""

@@ -226,7 +226,7 @@ def judged(all_: list[Row], dark: Dark) -> bool:
         f"{name}: stood {1e3 * (standing - dark.since):.0f} ms after the first, "
         f"latched after {1e3 * (latched - dark.since):.0f} ms"
     )
-    noticed = ArmingParams().silence + PERIOD + HELD_UP
+    noticed = ArmingParams().stale + PERIOD + HELD_UP
     assert standing - dark.since < noticed + BRAKING + PERIOD + 0.1, name
     assert latched - dark.since < BACK_WITHIN + noticed, name
     assert all(row.given == 0.0 for row in all_ if row.at > standing + 0.3), name

@@ -21,7 +21,7 @@ class Robot(RefusingLink):
         super().__init__("no")
         self.reached: list[object] = []
 
-    def steer(self, command: Command) -> None:
+    def steer(self, command: Command, until: float | None = None) -> None:
         self.reached.append(command)
 
     def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:
@@ -75,12 +75,3 @@ def test_no_request_from_before_the_robot_was_ready_reaches_it() -> None:
     assert {message["type"] for message in told(operator)} == {"refused", "checked"}
     operator._on_message(page.Do(what="reset"))
     assert there[0].reached == [RequestKind.RESET]
-
-
-def test_a_page_that_has_left_opens_no_link_when_the_robot_is_ready() -> None:
-    operator, there = awaited()
-    operator.link.close()
-    there.append(Robot())
-    operator.watch(1e9)
-    assert there[0].reached == []
-    assert not operator.link.state().connected

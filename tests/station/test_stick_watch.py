@@ -16,24 +16,36 @@ STALE = 0.25
 
 class Link:
     def __init__(self) -> None:
-        self.steered: list[Command] = []
+        self.steered: list[tuple[Command, float | None]] = []
 
-    def steer(self, command: Command) -> None:
-        self.steered.append(command)
+    def steer(self, command: Command, until: float | None = None) -> None:
+        self.steered.append((command, until))
+
+
+def said(operator: PageOperator, n: int, beat: float) -> None:
+    """A page's stick, by the beat that it had heard [s]."""
+    command = Command(Stick(0.5, 0.0), True, True, Device.GAMEPAD)
+    operator._on_message(page.Steer(n=n, echo_ms=1e3 * beat, command=command))
 
 
 @pytest.mark.parametrize("on_the_way", [0.0, 0.1, 0.2])
-def test_no_deflection_is_repeated_beyond_its_maximum_age(on_the_way):
+def test_a_deflection_is_lost_at_its_maximum_age_since_the_beat_that_it_echoes(on_the_way):
+    link = Link()
+    operator = PageOperator("key", "anna", lambda _: link, STALE)
+    beat = time.monotonic() - on_the_way
+    said(operator, 1, beat)
+    [(command, until)] = link.steered
+    assert command.valid
+    assert until == pytest.approx(beat + STALE, abs=1e-3)
+
+
+def test_a_deflection_that_is_too_old_at_its_arrival_or_came_before_is_not_sent():
     link = Link()
     operator = PageOperator("key", "anna", lambda _: link, STALE)
     now = time.monotonic()
-    heard = 1e3 * (now - on_the_way)  # the beat that the page had heard when it sent this
-    operator._on_message(
-        page.Steer(n=1, echo_ms=heard, command=Command(Stick(0.5, 0.0), True, True, Device.GAMEPAD))
-    )
-    assert link.steered[-1].valid
-    operator.watch(now - on_the_way + STALE - 0.01)
-    assert link.steered[-1].valid
-    operator.watch(now - on_the_way + STALE + 0.06)
-    assert not link.steered[-1].valid
-    assert link.steered[-1].device is Device.NONE
+    said(operator, 5, now)
+    said(operator, 5, now)
+    said(operator, 4, now)
+    said(operator, 6, now - STALE - 0.01)
+    said(operator, 7, now + 10.0)
+    assert len(link.steered) == 1

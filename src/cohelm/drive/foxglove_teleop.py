@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from cohelm.core.types import CENTRED, Stick, Twist
 from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
-from cohelm.link.operator import STALE
+from cohelm.link.operator import is_current
 
 if TYPE_CHECKING:
     from cohelm.law.gains import Gains
@@ -125,7 +125,7 @@ class FoxgloveTeleop:
             while not self._over.wait(_PERIOD):
                 with self._lock:
                     now = time.monotonic()
-                    twist = self._twist if now - self._received <= STALE else None
+                    twist = self._twist if is_current(now - self._received) else None
                     alive, silent = now - self._answered <= ALIVE, now - self._received
                     if silent > RELEASE_AFTER or not alive:
                         self._owner, self._thread, self._answered = None, None, -math.inf

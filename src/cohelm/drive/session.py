@@ -375,7 +375,7 @@ def _line(listener: EventSink | None, real_time: bool) -> RecordLine:
 
 def _loop_params(plan: SessionConfig) -> LoopParams:
     arming = plan.loop.arming
-    patient = arming._replace(silence=arming.silence + plan.patience)
+    patient = arming._replace(stale=arming.stale + plan.patience)
     return plan.loop._replace(period=plan.period, arming=patient, patience=plan.patience)
 
 

@@ -11,7 +11,7 @@ from cohelm.link.clock import Path
 from cohelm.link.dtls import Channel
 from cohelm.link.listener import Guest
 from cohelm.link.messages import Answer, Command, RequestKind
-from cohelm.link.operator import ClientRequest
+from cohelm.link.operator import AHEAD, ClientRequest
 from cohelm.link.rate import TokenBucket
 
 DATAGRAMS = 200.0
@@ -23,8 +23,6 @@ DECRYPTED = 2000.0
 REQUESTS = 20.0
 """Of one client, executed per second, except stops."""
 REQUEST_BURST = 40.0
-AHEAD = 0.05
-"""Messages stamped further ahead of now are not used [s]."""
 MAX_CLIENTS = 16
 MAX_CLIENTS_PER_KEY = 12
 """Clients with one certificate: the pages of one station, and a few places for others."""
@@ -49,7 +47,6 @@ class Client:
         self.sequence = 0
         self.command: Command | None = None
         self.stamp = math.nan
-        self.used_age = math.nan
         self.dropped = 0
         self.done = 0
         """Number of the last request processed."""

@@ -249,7 +249,7 @@ class TimingReport(NamedTuple):
     overruns: Long
     """Steps that took longer than a period, since the start."""
     command_age: float
-    """Age of the command at its last use [s]."""
+    """Age of this client's newest command, if it drives [s]; else NaN."""
     round_trip: float
     """[s]"""
     lost: float

@@ -10,7 +10,16 @@ from cohelm.core.types import Stick
 from cohelm.link.messages import Command, Device, Discs, Request, RequestKind, ScanPart, Status
 
 STALE = 0.25
-"""A stick without a command for this long is lost [s]: an older command is not used."""
+"""A driver without a command for this long is lost, with or without a stick [s]: no older one is
+used."""
+AHEAD = 0.05
+"""Messages stamped further ahead of now are not used [s]."""
+
+
+def is_current(age: float, stale: float = STALE) -> bool:
+    """Whether a command or stick of this age is used [s]. stale: the oldest that is [s]; NaN, an
+    age that is not known, is not."""
+    return -AHEAD <= age <= stale
 
 
 class ClientRequest(NamedTuple):
@@ -30,9 +39,9 @@ class OperatorInput(NamedTuple):
     """Client number; 0: nobody drives."""
     name: str
     command: Command | None
-    """The driver's newest, if it is not stale."""
+    """The driver's newest, however old: `loop.stick` judges that. None: there is none."""
     age: float
-    """Of that command [s]; without one, the time since the last one that was used; or NaN."""
+    """Of that command [s]; NaN: not known."""
     round_trip: float
     """To the driver [s]; NaN: not known."""
     requests: tuple[ClientRequest, ...]

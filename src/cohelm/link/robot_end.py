@@ -1,9 +1,9 @@
 """The robot's end of the link: several stations, one driver.
 
 An I/O thread moves the datagrams. The control loop exchanges the newest status and command with it
-and never waits. A command older than `STALE` is not used, neither at arrival nor later. Only
-requests are queued, few of each client; stops are kept apart, and the cost of each client
-is bounded (`client`), so that none delays another.
+and never waits. A command that is older than `STALE` at its arrival is not used; later the loop
+judges it by its age. Only requests are queued, few of each client; stops are kept apart, and the
+cost of each client is bounded (`client`), so that none delays another.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class RobotEnd(IoThread):
         self, keys: Keys, host: str = "0.0.0.0", port: int = udp.PORT,
         clock: Callable[[], float] = time.monotonic, stale: float = STALE,
     ) -> None:  # fmt: skip
-        """host, port: where to listen; port 0 takes a free one. stale: an older command is not
-        used [s]. Raises CohelmError."""
+        """host, port: where to listen; port 0 takes a free one. stale: a command that is older at
+        its arrival is not used [s]. Raises CohelmError."""
         self.clock, self._stale = clock, stale
         self._listener = Listener(context(keys, server=True), host, port, clock)
         self.address = self._listener.address
@@ -99,12 +99,9 @@ class RobotEnd(IoThread):
                     self._held.driver, "", None, math.nan, math.nan, requests, self._term
                 )
             age = client.path.max_age(client.stamp, now)
-            fresh = client.command is not None and client.in_time(client.stamp, now, self._stale)
-            if fresh:
-                client.used_age = age
             return OperatorInput(
-                client.number, client.channel.name, client.command if fresh else None, age,
-                client.path.round_trip, requests, self._term,
+                client.number, client.channel.name, client.command, age, client.path.round_trip,
+                requests, self._term,
             )  # fmt: skip
 
     def answer(self, client: int, number: int, granted: bool, reason: str = "") -> None:
@@ -409,7 +406,8 @@ class RobotEnd(IoThread):
                 ),
                 answers=tuple(client.answers),
                 timing=status.timing._replace(
-                    command_age=client.used_age, round_trip=path.round_trip, lost=path.lost,
-                    dropped=client.dropped,
+                    command_age=status.timing.command_age if held.driver == client.number
+                    else math.nan,
+                    round_trip=path.round_trip, lost=path.lost, dropped=client.dropped,
                 ),
             )  # fmt: skip

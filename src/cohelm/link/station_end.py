@@ -1,8 +1,8 @@
 """The station's end of the link: one robot.
 
 An I/O thread moves the datagrams, and reconnects by itself. `steer` sends at once, and must be
-called periodically: the link never repeats a deflection, so that a station without its browser does
-not look alive. Without `steer`, "no stick" is sent.
+called periodically: a deflection is repeated until it is lost, and then "no stick" is sent, so that
+a station without its browser does not look alive.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from cohelm.link.scans import Scans, WholeScan
 from cohelm.link.wire import Header, encode, from_robot
 
 FRESH = 0.1
-"""Without `steer` for this long, "no stick" is sent [s]."""
+"""Without `steer` for this long a stick of this process is lost [s]."""
 _BEAT = 0.05  # [s], between messages when there is nothing to say
 _LOST = 2.0  # [s], of silence, until a new connection is tried beside the old one
 _PATIENCE = 5.0  # [s], for a handshake without any answer
@@ -101,13 +101,10 @@ class StationEnd(IoThread):
 
     def __init__(
         self, keys: Keys, host: str, port: int = udp.PORT,
-        clock: Callable[[], float] = time.monotonic, fresh: float = FRESH,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
-        """fresh: how long what was steered counts [s].
-
-        Raises CohelmError where there is no such host; else it tries for ever.
-        """
-        self.clock, self._fresh, self._name = clock, fresh, f"{host}:{port}"
+        """Raises CohelmError where there is no such host; else it tries for ever."""
+        self.clock, self._name = clock, f"{host}:{port}"
         self._context = context(keys, server=False)
         self._family, self._to = udp.resolved(host, port, socket.SOCK_DGRAM)
         self.session = secrets.randbits(64)
@@ -121,7 +118,7 @@ class StationEnd(IoThread):
         self._why = "not connected yet"
         self._sequence = 0
         self._steered = NO_STICK
-        self._steered_at = self._sent_at = -math.inf
+        self._steered_at = self._lost_at = self._sent_at = -math.inf
         self._requests: deque[Request] = deque()
         self._number = 0
         self._answers: dict[int, Answer] = {}
@@ -133,9 +130,10 @@ class StationEnd(IoThread):
 
     # ---- for the station ---------------------------------------------------------------
 
-    def steer(self, command: Command) -> None:
+    def steer(self, command: Command, until: float | None = None) -> None:
         """Send the operator's command now, with the requests made here. To be called at 50 Hz.
 
+        until: when it is lost, if no other comes, by this end's clock; None: `FRESH` from now [s].
         A deflection that is not in [-1, 1], or no number, is sent as a stick that is not valid.
         """
         if not all(-1.0 <= axis <= 1.0 for axis in command.stick):
@@ -143,7 +141,8 @@ class StationEnd(IoThread):
         if not 0.0 <= command.speed_scale <= 1.0:
             command = command._replace(speed_scale=0.0)
         with self._lock:
-            self._steered, self._steered_at = command, self.clock()
+            now = self._steered_at = self.clock()
+            self._steered, self._lost_at = command, now + FRESH if until is None else until
         self._waker.wake()
 
     def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:
@@ -345,11 +344,11 @@ class StationEnd(IoThread):
             for request in list(self._requests):
                 if request.what is not RequestKind.STOP and now - request.made > _REQUEST_LIFE:
                     self._expire(request, "the robot did not answer in time")
-            new = self._steered_at > self._sent_at
-            gone = now - self._steered_at > self._fresh
-            if not new and not (gone and now - self._sent_at >= _BEAT):
+            lost = now > self._lost_at
+            new = self._sent_at < (self._lost_at if lost else self._steered_at)
+            if not new and now - self._sent_at < _BEAT:
                 return
-            command = NO_STICK if gone else self._steered
+            command = NO_STICK if lost else self._steered
             message = Uplink(command, tuple(self._requests))
             self._sent_at = now
             connection = self._connection

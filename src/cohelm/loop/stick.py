@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Command, Device, is_centred
-from cohelm.link.operator import OperatorInput
+from cohelm.link.operator import STALE, OperatorInput, is_current
 
 
 class ArmingParams(NamedTuple):
@@ -21,7 +21,7 @@ class ArmingParams(NamedTuple):
 
     max_rate: float = 8.0
     """Rate limit of the deflection in use [1/s]."""
-    silence: float = 0.3
+    stale: float = STALE
     """A driver without a command for this long is lost, also without a stick [s]."""
 
 
@@ -48,6 +48,11 @@ class StickState(NamedTuple):
     """The round trip over which a person steers [s]; NaN: nobody does, or not known."""
 
 
+def current(received: OperatorInput, params: ArmingParams) -> OperatorInput:
+    """The input without a command that is too old. Here alone the loop judges that."""
+    return received if is_current(received.age, params.stale) else received._replace(command=None)
+
+
 def updated(
     stick_state: StickState,
     received: OperatorInput,
@@ -55,12 +60,12 @@ def updated(
     dt: float,
     stopped: bool = False,
 ) -> StickState:
-    """The stick's state a period of `dt` [s] later.
+    """The stick's state a period of `dt` [s] later. received: as `current` leaves it.
 
     stopped: the robot is latched; a stick that is held meanwhile must be centred again, or the
     robot would set off with the next mode.
     """
-    command, why = _valid_command(received, params)
+    command, why = _valid_command(received)
     arming, goal, lost = Arming.ABSENT, CENTRED, ""
     if command is not None:
         same = received.driver == stick_state.driver  # another driver's stick must be centred again
@@ -74,20 +79,18 @@ def updated(
     newest = received.command
     return StickState(
         arming, _rate_limited(stick_state.stick, goal, params.max_rate * dt), received.age,
-        received.driver, lost, _driver_lost(received, params.silence),
+        received.driver, lost, _driver_lost(received, params.stale),
         stick_state.speed_scale if newest is None else newest.speed_scale,
         received.round_trip if arming == Arming.ARMED else math.nan,
     )  # fmt: skip
 
 
-def _valid_command(received: OperatorInput, params: ArmingParams) -> tuple[Command | None, str]:
+def _valid_command(received: OperatorInput) -> tuple[Command | None, str]:
     """The command, or why there is no valid one."""
     command = received.command
     if command is None:
         silent = received.driver != 0 and math.isfinite(received.age)
         return None, received.why or (_silent_for(received.age) if silent else _NO_DRIVER)
-    if not received.age <= params.silence:  # the link passes on none older than `STALE`
-        return None, f"the newest command is {1000.0 * received.age:.0f} ms old"
     if not (command.valid and math.isfinite(command.stick.x + command.stick.psi)):
         return None, received.why or "no valid stick input"
     if not command.armed:
@@ -95,11 +98,11 @@ def _valid_command(received: OperatorInput, params: ArmingParams) -> tuple[Comma
     return command, ""
 
 
-def _driver_lost(received: OperatorInput, patience: float) -> str:
+def _driver_lost(received: OperatorInput, stale: float) -> str:
     """See `StickState.driver_lost`."""
     if received.driver == 0:
         return _NO_DRIVER
-    if received.command is None and not received.age <= patience:
+    if not is_current(received.age, stale):
         return _silent_for(received.age) if math.isfinite(received.age) else "no command yet"
     return ""
 

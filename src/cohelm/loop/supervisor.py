@@ -22,6 +22,7 @@ from cohelm.loop.stick import (
     Dropout,
     DropoutAction,
     StickState,
+    current,
     stepped,
     updated,
 )
@@ -77,7 +78,7 @@ class Supervisor:
 
     def take_input(self, now: float) -> None:
         """Take the operator's command and requests; update lease, stick and dropout."""
-        received = self.operator.receive()
+        received = current(self.operator.receive(), self._arming)
         self.driver_client = (received.driver, received.name)
         self._follow_lease(received)
         self._answer_requests(received)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Command, Device
-from cohelm.link.operator import STALE, NullOperator, OperatorInput
+from cohelm.link.operator import NullOperator, OperatorInput, is_current
 from cohelm.ros import mismatch
 from cohelm.ros.port import SENSOR, Received, Transport
 
@@ -102,21 +102,18 @@ class JoyOperator(NullOperator):
 
     def receive(self) -> OperatorInput:
         """The stick, as it is now."""
-        age = self._clock() - self._came
-        if not 0.0 <= age <= STALE:
-            known = age if math.isfinite(age) else math.nan
-            return OperatorInput(1, self.topic, None, known, 0.0, (), why=self.problem())
-        reading = self._read()
+        reading, why = self._read(), self.problem()
         stick = CENTRED if isinstance(reading, str) else reading
-        valid = not isinstance(reading, str)
-        command = Command(stick, valid, True, Device.GAMEPAD)
-        why = "" if valid else f"{self.topic}: {reading}"
+        command = Command(stick, not isinstance(reading, str), True, Device.GAMEPAD)
+        age = self._clock() - self._came
+        if not math.isfinite(age):
+            return OperatorInput(1, self.topic, None, math.nan, 0.0, (), why=why)
         return OperatorInput(1, self.topic, command, age, 0.0, (), why=why)
 
     def problem(self) -> str:
         """Why there is no stick, in a sentence; empty: there is one."""
         age = self._clock() - self._came
-        if not 0.0 <= age <= STALE:
+        if not is_current(age):
             known = math.isfinite(age)
             if self._damage:
                 return f"{self.topic}: what comes can not be read ({self._damage})"

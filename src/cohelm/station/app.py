@@ -37,7 +37,7 @@ PROTOCOL = "cohelm"
 """First subprotocol of the WebSocket; the second is the session."""
 GRACE = 5.0
 """How long an operator without a page is kept, so that the page can be reloaded [s]."""
-_WATCH = 0.02
+_WATCH = 0.1
 _TOKEN_BYTES = 256
 _BODY_WITHIN = 5.0
 _log = logging.getLogger("cohelm.station")
@@ -119,7 +119,7 @@ class Station:
             self.operators.clear()
 
     async def _watch(self) -> None:
-        """Watch for lost sticks and operators, at 50 Hz."""
+        """Tell all operators of each other, and remove those that have gone."""
         while True:
             await asyncio.sleep(_WATCH)
             now = time.monotonic()
@@ -127,7 +127,6 @@ class Station:
             names = {o.client: o.name for o in self.operators.values() if o.client}
             for operator in list(self.operators.values()):
                 operator.others, operator.names = present, names
-                operator.watch(now)
                 if operator.socket is None and now - operator.left > GRACE:
                     del self.operators[operator.key]
                     # closing waits for threads, and no stick may wait for that

@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from cohelm.link import bulk_messages as bulk, messages as robot
+from cohelm.link.operator import is_current
 from cohelm.link.rate import TokenBucket
 from cohelm.link.scans import WholeScan
 from cohelm.station import messages as page, view
@@ -30,7 +31,6 @@ LINK_EVERY = 0.25
 SEND_WITHIN = 5.0
 """A page that reads nothing for this long is disconnected [s]."""
 _POLL = 0.01
-_REPEAT = 0.05
 _OTHER = "if the page is of another version, reload it; in a checkout, run make again first"
 _log = logging.getLogger("cohelm.station")
 
@@ -53,9 +53,6 @@ class PageOperator:
         self._stamp = self._status_at = 0.0
         """The robot's clock, and ours, when the newest status was true [s]."""
         self._shown: object = None
-        self._steered = robot.NO_STICK
-        self._stick_at = self._steered_at = -math.inf
-        """Earliest time of the page's newest stick: that of the beat it echoes [s]."""
         self._stick_n = -1
         self._state_at = self._link_at = self._beat_at = -math.inf
         self._page_ms: float | None = None
@@ -123,7 +120,7 @@ class PageOperator:
         """Serve a page until it disconnects."""
         self.socket = socket
         self._outbox = Outbox()
-        self._stick_n, self._stick_at = -1, -math.inf
+        self._stick_n = -1
         self._state_at = self._link_at = self._beat_at = -math.inf
         self._shown = None
         both: set[asyncio.Task[None]] = set()
@@ -144,8 +141,7 @@ class PageOperator:
             await asyncio.gather(*both, return_exceptions=True)
             if self.socket is socket:
                 self.socket, self.left = None, time.monotonic()
-                self._stick_at = -math.inf
-                self.watch(time.monotonic())
+                self.link.steer(robot.NO_STICK)
 
     async def _read(self, socket: WebSocket) -> None:
         rate = TokenBucket(per_second=200.0, at_once=200.0, now=time.monotonic())
@@ -189,24 +185,12 @@ class PageOperator:
     def _on_steer(self, message: page.Steer) -> None:
         now = time.monotonic()
         age = now - message.echo_ms / 1e3
-        if message.n <= self._stick_n or not -BEAT <= age <= self.stale:
-            return  # `watch` declares it lost, if nothing newer comes
-        self._stick_n, self._stick_at = message.n, now - max(age, 0.0)
+        if message.n <= self._stick_n or not is_current(age, self.stale):
+            return
+        self._stick_n = message.n
         before = self._page_ms
         self._page_ms = age * 1e3 if before is None else 0.9 * before + 0.1 * age * 1e3
-        self._steered = message.command
-        self._steer(now)
-
-    def _steer(self, now: float) -> None:
-        self._steered_at = now
-        self.link.steer(self._steered)
-
-    def watch(self, now: float) -> None:
-        """Called at 50 Hz: repeats the newest stick while it is fresh; then it is lost."""
-        if now - self._stick_at > self.stale:
-            self._steered = robot.NO_STICK
-        if now - self._steered_at > _REPEAT:
-            self._steer(now)
+        self.link.steer(message.command, now - max(age, 0.0) + self.stale)
 
     async def _write(self, socket: WebSocket) -> None:
         while True:

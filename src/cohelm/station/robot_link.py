@@ -13,7 +13,7 @@ from cohelm.link.keys import Keys
 from cohelm.link.messages import Answer, Command, RequestKind
 from cohelm.link.scans import WholeScan
 from cohelm.link.station_bulk import StationBulk
-from cohelm.link.station_end import FRESH, LinkState, StationEnd
+from cohelm.link.station_end import LinkState, StationEnd
 
 
 class News(NamedTuple):
@@ -36,8 +36,11 @@ class RobotLink(Protocol):
         """New messages since the last call; of replaceable ones the newest."""
         ...
 
-    def steer(self, command: Command) -> None:
-        """Send the operator's command; the newest wins. To be called at 50 Hz."""
+    def steer(self, command: Command, until: float | None = None) -> None:
+        """Send the operator's command; the newest wins. To be called at 50 Hz.
+
+        until: when it is lost if no other comes, by the monotonic clock [s]; None: soon.
+        """
 
     def ask(self, what: RequestKind, value: int = 0, made: float | None = None) -> int:
         """Make a request; returns the number of its answer.
@@ -70,13 +73,11 @@ class Linked:
     """`RobotLink` over the network. The robot's clock is known after its first message."""
 
     def __init__(
-        self, keys: Keys, host: str, port: int, over: Callable[[], str] = lambda: "",
-        fresh: float = FRESH,
+        self, keys: Keys, host: str, port: int, over: Callable[[], str] = lambda: ""
     ) -> None:  # fmt: skip
-        """over: returns why the robot has ended, where that is known; else empty.
-        fresh: as in `StationEnd`."""
+        """over: returns why the robot has ended, where that is known; else empty."""
         self._over = over
-        self._end = StationEnd(keys, host, port, fresh=fresh)
+        self._end = StationEnd(keys, host, port)
         self.steer, self.ask, self.answer = self._end.steer, self._end.ask, self._end.answer
         self._bulk = StationBulk(keys, host, port, self._end.session)
         self._proposals = 0

@@ -45,7 +45,7 @@ export interface TimingReport {
   late: number | null
   /** Steps that took longer than a period, since the start. */
   overruns: number
-  /** Age of the command at its last use [s]. */
+  /** Age of this client's newest command, if it drives [s]; else NaN. */
   command_age: number | null
   /** [s] */
   round_trip: number | null
