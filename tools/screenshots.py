@@ -328,7 +328,7 @@ def station_lost(robot: Robot, browser: Browser, take_it: Callable[[Page], None]
         process.start()
         try:
             host, port = line.recv()[:2]
-            with served(lambda _: Linked(own, host, port, fresh=PATIENCE)) as server:
+            with served(lambda _: Linked(own, host, port)) as server:
                 page = browser.new_context(viewport=SCREEN).new_page()  # type: ignore[arg-type]
                 page.goto(server.address)
                 drive(page, "Shared")
