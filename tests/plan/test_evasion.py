@@ -14,7 +14,12 @@ from cohelm.pilot.behavior import EVADING, LED
 from cohelm.pilot.pilot import Pilot
 from cohelm.plan.course import course
 from cohelm.plan.evasion.context import context_at
-from cohelm.plan.evasion.movers import empty_mover_history, relevant_movers, updated_history
+from cohelm.plan.evasion.movers import (
+    acceleration,
+    empty_mover_history,
+    relevant_movers,
+    updated_history,
+)
 from cohelm.plan.evasion.params import EvasionParams, adapted, horizon
 from cohelm.plan.evasion.predicted_motion import PredictedMotion, roll_out_piece
 from cohelm.plan.evasion.risk import risk_at, trajectories
@@ -339,6 +344,45 @@ def test_a_mover_that_sets_off_to_another_side_is_soon_predicted_so():
     assert dy == pytest.approx(0.35 * 1.5 + 0.5 * 1.5 * 1.5, abs=0.2)
 
 
+def _accelerations(velocities, error):
+    """What is estimated after each of these velocities, (n, 2), a tenth of a second apart."""
+    history, out = empty_mover_history(), []
+    for vx, vy in velocities:
+        obstacles = surroundings([disc(0.0, 0.0, 0.3, 0.8, vx, vy)], [1.0])
+        seen = updated_history(history, obstacles, 0.1)
+        history[: len(seen)], history[len(seen) :] = seen, math.nan
+        out.append(acceleration(seen[0], error, 1.0, 0.1))
+    return np.array(out)
+
+
+def test_a_mover_known_exactly_has_the_acceleration_of_its_last_two_velocities():
+    times = 0.1 * np.arange(12)
+    curve = np.column_stack((np.cos(times), np.sin(times)))
+    estimated = _accelerations(curve, 0.0)[1:]
+    assert estimated == pytest.approx(np.diff(curve, axis=0) / 0.1, abs=1e-4)
+
+
+def test_noise_of_a_velocity_is_no_acceleration():
+    """Predicted from differences of velocities that are 3 cm/s wrong, a mover at constant velocity
+    was to stop or to turn, another way each time, and so did the robot before it."""
+    rng = np.random.default_rng(7)
+    noisy = np.array([0.8, 0.0]) + rng.normal(0.0, 0.03, (400, 2))
+    estimated = _accelerations(noisy, 0.09)[6:]
+    differences = np.diff(noisy, axis=0)[5:] / 0.1
+    assert np.sqrt(np.mean(estimated**2)) < 0.3 * np.sqrt(np.mean(differences**2))
+
+
+def test_a_mover_that_sets_off_stands_out_of_the_noise_after_three_scans():
+    rng = np.random.default_rng(8)
+    found = []
+    for _ in range(100):
+        speed = np.maximum(0.1 * (np.arange(12) - 8), 0.0) + 0.01
+        velocities = np.column_stack((speed, np.zeros(12))) + rng.normal(0.0, 0.03, (12, 2))
+        found.append(_accelerations(velocities, 0.09)[-1])
+    assert np.mean(found, axis=0) == pytest.approx([0.8, 0.0], abs=0.2)
+    assert np.quantile(np.array(found)[:, 0], 0.1) > 0.4
+
+
 def test_an_object_that_seems_to_walk_for_a_moment_is_soon_forgotten():
     """A static object that moves by noise is tracked as a walker for a scan or two."""
     history, minded = empty_mover_history(), []
@@ -378,9 +422,12 @@ def test_a_mover_of_uncertain_velocity_is_not_taken_to_run():
     e = EvasionParams()
 
     def far(most, off=0.0):
-        seen = np.array([[0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.6, 0.0, 1.0, 0.0, 0.0]])
-        slow = [disc(2.0, 0.0, 0.3, 0.8, 0.4, 0.0)]
-        obstacles = surroundings(slow, [most], velocity_error=[off])
+        history = empty_mover_history()
+        for v in [0.6] * 10 + [0.4] * 6:
+            slow = [disc(2.0, 0.0, 0.3, 0.8, v, 0.0)]
+            obstacles = surroundings(slow, [most], velocity_error=[off])
+            seen = updated_history(history, obstacles, 0.1)
+            history[: len(seen)] = seen
         movers, _ = relevant_movers(obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, e)
         return trajectories(movers, 0.46, e)[0, 0, 6]
 

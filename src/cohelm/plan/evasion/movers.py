@@ -16,81 +16,106 @@ from cohelm.robot.limits import Limits
 _MAX_MOVERS = 64
 _SLOW = 0.05  # slower movers cause no evasion; as in `plan.prediction` [m/s]
 _GATE = 0.5  # association gate: distance from the predicted position [m]
-_GAIN = 0.5  # of the exponential filter of accelerations
+_SAMPLES = 6  # velocities from which an acceleration is estimated
+_DEVIATION = 1.0 / 3.0  # standard deviation of a velocity as a share of the bound of its error
+_FITS = 2.0  # standard deviations that a velocity may be off a steady change
+_ROUNDING = 1e-6  # [m/s]
 _WALKING_SPEED = 0.3  # a mover that was faster than this within
 _RECENT = 1.0  # this time may set off again at any moment [m/s, s]
 _MIN_WALKING_TIME = 0.5  # one that has walked for less may be noise [s]
 _STRONG = 0.5  # share of max_acceleration above which a braking mover is predicted to stop
-_AGREE = 0.8  # agreement of two successive accelerations, as a share of the larger one
 _TOP_SPEED_FACTOR = 2.0  # of the largest observed speed: speed that a mover may reach
 _DETECTION_TIME = 0.3  # until a mover that sets off is detected: three scans [s]
 
+_HX, _HY, _TOP, _SINCE, _WALKED, _COUNT, _HVX = range(7)
+_HVY = _HVX + _SAMPLES
+
 
 def empty_mover_history() -> Floats:
-    """History of movers, for `evade`: (64, 12), a row for each mover at the last evaluation, then
-    NaN: x, y, vx, vy, mean ax, ay, mean square acceleration (-1: unknown), largest speed so far,
-    time since it was last faster than `_WALKING_SPEED`, for how long it has been in all, and the
-    newest ax, ay."""
-    return np.full((_MAX_MOVERS, 12), math.nan)
+    """History of movers, for `evade`: (64, 18), a row for each mover at the last evaluation, then
+    NaN: x, y, largest speed so far, time since it was last faster than `_WALKING_SPEED`, for how
+    long it has been in all, how many velocities follow, and the velocities at the last evaluations,
+    newest first: six vx, six vy."""
+    return np.full((_MAX_MOVERS, _HVX + 2 * _SAMPLES), math.nan)
 
 
 @jit
 def updated_history(history: Floats, obstacles: Surroundings, period: float) -> Floats:
-    """The moving discs with their accelerations, columns as in `empty_mover_history`."""
-    out = np.empty((min(len(obstacles.discs), _MAX_MOVERS), 12))
+    """The moving discs with their past, columns as in `empty_mover_history`."""
+    out = np.empty((min(len(obstacles.discs), _MAX_MOVERS), history.shape[1]))
     n = 0
     for i in range(len(obstacles.discs)):
         d = obstacles.discs[i]
-        if n == len(out) or not math.hypot(d[VX], d[VY]) > 0.0:  # nor for NaN
+        speed = math.hypot(d[VX], d[VY])
+        if n == len(out) or not speed > 0.0:  # nor for NaN
             continue
-        row = out[n]
-        row[0], row[1], row[2], row[3] = d[X], d[Y], d[VX], d[VY]
-        row[4], row[5], row[6], row[7] = 0.0, 0.0, -1.0, math.hypot(d[VX], d[VY])
-        walks = row[7] > _WALKING_SPEED
-        row[8], row[9] = (0.0, period) if walks else (math.inf, 0.0)
-        row[10], row[11] = 0.0, 0.0
+        row, walks = out[n], speed > _WALKING_SPEED
+        row[_HX], row[_HY], row[_TOP], row[_COUNT] = d[X], d[Y], speed, 1.0
+        row[_SINCE], row[_WALKED] = (0.0, period) if walks else (math.inf, 0.0)
+        row[_HVX], row[_HVY] = d[VX], d[VY]
         best, match = _GATE, -1
         for j in range(len(history)):
             far = math.hypot(
-                history[j, 0] + period * history[j, 2] - d[X],
-                history[j, 1] + period * history[j, 3] - d[Y],
+                history[j, _HX] + period * history[j, _HVX] - d[X],
+                history[j, _HY] + period * history[j, _HVY] - d[Y],
             )
             if far < best:
                 best, match = far, j
         if match >= 0:
-            most = max(obstacles.max_acceleration[i], 0.0)
-            ax, ay = (
-                (d[VX] - history[match, 2]) / period,
-                (d[VY] - history[match, 3]) / period,
-            )
-            magnitude = math.hypot(ax, ay)
-            share = min(1.0, most / magnitude) if magnitude > 0.0 else 1.0
-            ax, ay = ax * share, ay * share
-            gain = (
-                1.0
-                if history[match, 6] < 0.0 or _new_manoeuvre(history[match], ax, ay, most)
-                else _GAIN
-            )
-            row[10], row[11] = ax, ay
-            row[4] = history[match, 4] + gain * (ax - history[match, 4])
-            row[5] = history[match, 5] + gain * (ay - history[match, 5])
-            row[6] = max(history[match, 6], 0.0)
-            row[6] += gain * (ax * ax + ay * ay - row[6])
-            row[7] = max(row[7], history[match, 7])
-            row[8] = min(row[8], history[match, 8] + period)
-            row[9] += history[match, 9]
+            before = history[match]
+            kept = min(int(before[_COUNT]), _SAMPLES - 1)
+            row[_HVX + 1 : _HVX + 1 + kept] = before[_HVX : _HVX + kept]
+            row[_HVY + 1 : _HVY + 1 + kept] = before[_HVY : _HVY + kept]
+            row[_COUNT] = kept + 1.0
+            row[_TOP] = max(speed, before[_TOP])
+            row[_SINCE] = min(row[_SINCE], before[_SINCE] + period)
+            row[_WALKED] += before[_WALKED]
         n += 1
     return out[:n]
 
 
+@jit
+def acceleration(
+    past: Floats, velocity_error: float, most: float, period: float
+) -> tuple[float, float]:
+    """The acceleration of a mover, by the longest stretch of its past on which its velocity changed
+    linearly to within its error, the last two at least: least squares.
+
+    It is shrunk by what noise alone would give (James and Stein 1961), to zero where it is no
+    larger. So a mover known exactly has the acceleration of the last two velocities; of one seen by
+    LiDAR noise is averaged over half a second, and a manoeuvre is noticed when it stands out.
+
+    past: a row of the history. velocity_error: bound of the velocity's error, three standard
+    deviations [m/s]. most: its max_acceleration [m/s^2].
+    """
+    sigma, ax, ay = _DEVIATION * velocity_error, 0.0, 0.0
+    for n in range(2, int(past[_COUNT]) + 1):
+        mean_x, mean_y, slope_x, slope_y, spread = 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(n):
+            vx, vy = past[_HVX + k], past[_HVY + k]
+            t = (0.5 * (n - 1) - k) * period  # from the middle of the stretch
+            mean_x, mean_y, spread = mean_x + vx / n, mean_y + vy / n, spread + t * t
+            slope_x, slope_y = slope_x + t * vx, slope_y + t * vy
+        slope_x, slope_y = slope_x / spread, slope_y / spread
+        for k in range(n):
+            t = (0.5 * (n - 1) - k) * period
+            off_x = past[_HVX + k] - mean_x - t * slope_x
+            off_y = past[_HVY + k] - mean_y - t * slope_y
+            if math.hypot(off_x, off_y) > _FITS * sigma + _ROUNDING:
+                return _at_most(ax, ay, most)
+        noise = 2.0 * sigma * sigma / spread  # mean square of the slope of noise
+        square = slope_x * slope_x + slope_y * slope_y
+        share = 1.0 - noise / square if square > noise else 0.0
+        ax, ay = share * slope_x, share * slope_y
+    return _at_most(ax, ay, most)
+
+
 @jit_inline
-def _new_manoeuvre(previous: Floats, ax: float, ay: float, most: float) -> bool:
-    """Whether a known walker accelerates strongly and as at the evaluation before, which makes
-    older accelerations obsolete. most: its max_acceleration [m/s^2]."""
-    larger = max(ax * ax + ay * ay, previous[10] * previous[10] + previous[11] * previous[11])
-    strong = larger > _STRONG * _STRONG * most * most
-    agree = ax * previous[10] + ay * previous[11] > _AGREE * larger
-    return previous[9] > _MIN_WALKING_TIME and previous[8] < _RECENT and strong and agree
+def _at_most(ax: float, ay: float, most: float) -> tuple[float, float]:
+    """An acceleration, no larger than a mover's max_acceleration."""
+    size = math.hypot(ax, ay)
+    share = min(1.0, max(most, 0.0) / size) if size > 0.0 else 1.0
+    return share * ax, share * ay
 
 
 @jit
@@ -122,13 +147,10 @@ def _write(
         top_speed, recently, turning = 0.0, speed > _SLOW, e.turning
         if speed > 0.0:
             if k < len(history):
-                lasting = 0.0
-                if history[k, 6] > 0.0:  # close to 1 for a steady acceleration, small for noise
-                    lasting = min((history[k, 4] ** 2 + history[k, 5] ** 2) / history[k, 6], 1.0)
-                walker = history[k, 9] > _MIN_WALKING_TIME
-                top_speed = history[k, 7] if walker else 0.0
-                recently = recently or (walker and history[k, 8] < _RECENT)
-                ax, ay = lasting * history[k, 4], lasting * history[k, 5]
+                walker = history[k, _WALKED] > _MIN_WALKING_TIME
+                top_speed = history[k, _TOP] if walker else 0.0
+                recently = recently or (walker and history[k, _SINCE] < _RECENT)
+                ax, ay = acceleration(history[k], obstacles.velocity_error[i], most, e.period)
             k += 1
         if is_static(obstacles, i):
             continue
