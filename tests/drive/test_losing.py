@@ -207,8 +207,7 @@ class Far(Scripted):
 
     def receive(self):
         said = super().receive()
-        command = said.command._replace(speed_scale=self.scale) if self.age <= 0.25 else None
-        return said._replace(command=command, age=self.age)
+        return said._replace(command=said.command._replace(speed_scale=self.scale), age=self.age)
 
 
 @pytest.mark.parametrize("carry_on", [False, True])
@@ -222,13 +221,13 @@ def test_a_silent_driver_stops_an_automatic_robot_too_unless_it_may_carry_on(car
         operator.scale = 0.5  # allows half the usual half a metre a second
         drive(session, 1.0)
         assert speed(session) == pytest.approx(0.25, abs=0.02)
-        operator.age = 0.29
+        operator.age = 0.24
         drive(session, 0.1)
         assert speed(session) > 0.2  # late is not lost
-        operator.age = 0.31
+        operator.age = 0.26
         drive(session, 0.02 + BRAKING)
         alarms = [alarm.text for alarm in session.loop.alarms.worst()]
-        assert any("no command for 310 ms" in text for text in alarms)
+        assert any("no command for 260 ms" in text for text in alarms)
         assert (speed(session) == 0.0) is not carry_on
         if not carry_on:
             operator.age = 0.02

@@ -348,10 +348,10 @@ def _accelerations(velocities, error):
     """What is estimated after each of these velocities, (n, 2), a tenth of a second apart."""
     history, out = empty_mover_history(), []
     for vx, vy in velocities:
-        obstacles = surroundings([disc(0.0, 0.0, 0.3, 0.8, vx, vy)], [1.0])
+        obstacles = surroundings([disc(0.0, 0.0, 0.3, 0.8, vx, vy)], [1.0], velocity_error=[error])
         seen = updated_history(history, obstacles, 0.1)
         history[: len(seen)], history[len(seen) :] = seen, math.nan
-        out.append(acceleration(seen[0], error, 1.0, 0.1))
+        out.append(acceleration(seen[0], 1.0, 0.1))
     return np.array(out)
 
 

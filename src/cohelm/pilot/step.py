@@ -169,6 +169,7 @@ def pilot_step(
         evasion = evade(
             state.evasion, pose_ahead, twist_ahead, obstacles_ahead, course, state.clock, s.outline,
             s.limits, s.gains, s.rules, s.pace, _speed_limited(s.evasion, s.fastest), mover_history,
+            obstacles.velocity_error,
         )  # fmt: skip
     clock, target = _reference(
         state, pose_ahead, course, operator_leads or evasion.on, recovering, s, dt

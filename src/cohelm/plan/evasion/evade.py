@@ -42,19 +42,24 @@ _COST_GAP = 0.4  # a motion worse than the best by this is abandoned [m]
 def evade(
     last: Evasion, pose: Pose, twist: Twist, obstacles: Surroundings, course: Course,
     clock: CourseClock, outline: Floats, limits: Limits, gains: Gains, rules: Rules,
-    pace: PaceParams, e: EvasionParams, history: Floats,
+    pace: PaceParams, e: EvasionParams, history: Floats, velocity_error: Floats,
 ) -> Evasion:  # fmt: skip
     """The evasion for the next `e.period`.
 
     pose, twist: when the next command takes effect; obstacles: as of then. history: from
-    `empty_mover_history`, written into.
+    `empty_mover_history`, written into. velocity_error: (n,), that of the discs as they were seen,
+    before they were predicted to then [m/s].
     """
     if last.left > 0:
         return Evasion(
             last.on, last.v, last.omega, last.then, last.turns, last.after, last.left - 1,
         )  # fmt: skip
     reach = circumscribed_radius(outline)
-    updated = updated_history(history, obstacles, e.period)
+    seen = Surroundings(
+        obstacles.discs, obstacles.max_acceleration, velocity_error, obstacles.segments,
+        obstacles.points,
+    )  # fmt: skip
+    updated = updated_history(history, seen, e.period)
     history[: len(updated)] = updated
     history[len(updated) :] = math.nan
     movers, count = relevant_movers(obstacles, updated, pose, reach, limits, e)

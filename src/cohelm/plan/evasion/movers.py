@@ -19,7 +19,6 @@ _GATE = 0.5  # association gate: distance from the predicted position [m]
 _SAMPLES = 6  # velocities from which an acceleration is estimated
 _DEVIATION = 1.0 / 3.0  # standard deviation of a velocity as a share of the bound of its error
 _FITS = 2.0  # standard deviations that a velocity may be off a steady change
-_ROUNDING = 1e-6  # [m/s]
 _WALKING_SPEED = 0.3  # a mover that was faster than this within
 _RECENT = 1.0  # this time may set off again at any moment [m/s, s]
 _MIN_WALKING_TIME = 0.5  # one that has walked for less may be noise [s]
@@ -27,15 +26,15 @@ _STRONG = 0.5  # share of max_acceleration above which a braking mover is predic
 _TOP_SPEED_FACTOR = 2.0  # of the largest observed speed: speed that a mover may reach
 _DETECTION_TIME = 0.3  # until a mover that sets off is detected: three scans [s]
 
-_HX, _HY, _TOP, _SINCE, _WALKED, _COUNT, _HVX = range(7)
+_HX, _HY, _TOP, _SINCE, _WALKED, _ERROR, _COUNT, _HVX = range(8)
 _HVY = _HVX + _SAMPLES
 
 
 def empty_mover_history() -> Floats:
-    """History of movers, for `evade`: (64, 18), a row for each mover at the last evaluation, then
+    """History of movers, for `evade`: (64, 19), a row for each mover at the last evaluation, then
     NaN: x, y, largest speed so far, time since it was last faster than `_WALKING_SPEED`, for how
-    long it has been in all, how many velocities follow, and the velocities at the last evaluations,
-    newest first: six vx, six vy."""
+    long it has been in all, the bound of its velocity's error, how many velocities follow, and the
+    velocities at the last evaluations, newest first: six vx, six vy."""
     return np.full((_MAX_MOVERS, _HVX + 2 * _SAMPLES), math.nan)
 
 
@@ -52,7 +51,7 @@ def updated_history(history: Floats, obstacles: Surroundings, period: float) -> 
         row, walks = out[n], speed > _WALKING_SPEED
         row[_HX], row[_HY], row[_TOP], row[_COUNT] = d[X], d[Y], speed, 1.0
         row[_SINCE], row[_WALKED] = (0.0, period) if walks else (math.inf, 0.0)
-        row[_HVX], row[_HVY] = d[VX], d[VY]
+        row[_HVX], row[_HVY], row[_ERROR] = d[VX], d[VY], obstacles.velocity_error[i]
         best, match = _GATE, -1
         for j in range(len(history)):
             far = math.hypot(
@@ -75,9 +74,7 @@ def updated_history(history: Floats, obstacles: Surroundings, period: float) -> 
 
 
 @jit
-def acceleration(
-    past: Floats, velocity_error: float, most: float, period: float
-) -> tuple[float, float]:
+def acceleration(past: Floats, most: float, period: float) -> tuple[float, float]:
     """The acceleration of a mover, by the longest stretch of its past on which its velocity changed
     linearly to within its error, the last two at least: least squares.
 
@@ -85,10 +82,10 @@ def acceleration(
     larger. So a mover known exactly has the acceleration of the last two velocities; of one seen by
     LiDAR noise is averaged over half a second, and a manoeuvre is noticed when it stands out.
 
-    past: a row of the history. velocity_error: bound of the velocity's error, three standard
-    deviations [m/s]. most: its max_acceleration [m/s^2].
+    past: a row of the history; the bound of its velocity's error counts as three standard
+    deviations. most: its max_acceleration [m/s^2].
     """
-    sigma, ax, ay = _DEVIATION * velocity_error, 0.0, 0.0
+    sigma, ax, ay = _DEVIATION * past[_ERROR], 0.0, 0.0
     for n in range(2, int(past[_COUNT]) + 1):
         mean_x, mean_y, slope_x, slope_y, spread = 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(n):
@@ -101,7 +98,7 @@ def acceleration(
             t = (0.5 * (n - 1) - k) * period
             off_x = past[_HVX + k] - mean_x - t * slope_x
             off_y = past[_HVY + k] - mean_y - t * slope_y
-            if math.hypot(off_x, off_y) > _FITS * sigma + _ROUNDING:
+            if n > 2 and math.hypot(off_x, off_y) > _FITS * sigma:
                 return _at_most(ax, ay, most)
         noise = 2.0 * sigma * sigma / spread  # mean square of the slope of noise
         square = slope_x * slope_x + slope_y * slope_y
@@ -150,7 +147,7 @@ def _write(
                 walker = history[k, _WALKED] > _MIN_WALKING_TIME
                 top_speed = history[k, _TOP] if walker else 0.0
                 recently = recently or (walker and history[k, _SINCE] < _RECENT)
-                ax, ay = acceleration(history[k], obstacles.velocity_error[i], most, e.period)
+                ax, ay = acceleration(history[k], most, e.period)
             k += 1
         if is_static(obstacles, i):
             continue
