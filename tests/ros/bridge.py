@@ -21,6 +21,9 @@ import contextlib
 import faulthandler
 import json
 import threading
+import traceback
+from collections.abc import Callable
+from functools import wraps
 from multiprocessing import get_context
 from typing import Any
 
@@ -48,6 +51,8 @@ class Bridge:
     def __init__(self, graph: bool = True, domain: int | None = None) -> None:
         """graph: whether it tells who publishes what. domain: by default all tests' own."""
         alone()
+        self.errors: list[str] = []
+        """Of what its server calls, which keeps them to itself."""
         self._options, self._closed = (graph, domain), threading.Event()
         self._begin(0)
         self._thread = threading.Thread(target=self._watch, daemon=True)
@@ -79,16 +84,19 @@ class Bridge:
         raise RuntimeError("the bridge does not begin")
 
     def _watch(self) -> None:
-        while not self._closed.wait(0.05):
-            if not self._process.is_alive():
-                self._begin(self._port)
+        while not self._closed.is_set():
+            with contextlib.suppress(EOFError, ConnectionError):
+                if self._line.poll(0.05):
+                    self.errors.append(self._line.recv())
+                continue
+            self._begin(self._port)  # that one has ended
 
 
 def serve(line: Any, port: int, graph: bool, domain: int | None) -> None:
     """The bridge's process, until it is told to end."""
     faulthandler.dump_traceback_later(BEGINS, exit=True)
     foxglove.set_log_level("CRITICAL")
-    made = Served(port, graph, domain)
+    made = Served(port, graph, domain, line.send)
     line.send(made.server.port)
     with contextlib.suppress(EOFError):
         line.recv()
@@ -114,11 +122,29 @@ def looking_on(port: int) -> ClientConnection:
     return there
 
 
+def watched(call: Callable[..., None]) -> Callable[..., None]:
+    """A method that the server calls, of which it would tell no error."""
+
+    @wraps(call)
+    def watching(served: Served, *arguments: Any) -> None:
+        try:
+            call(served, *arguments)
+        except Exception:
+            served.failed(traceback.format_exc())
+
+    return watching
+
+
 class Served(ServerListener):
     """One process's. It looks at the graph ten times a second."""
 
-    def __init__(self, port: int, graph: bool, domain: int | None, name: str = "bridge") -> None:
+    def __init__(
+        self, port: int, graph: bool, domain: int | None, failed: Callable[[str], None],
+        name: str = "bridge",
+    ) -> None:  # fmt: skip
+        """failed: is told of errors in what the server calls."""
         alone()
+        self.failed = failed
         capabilities = [Capability.ClientPublish]
         capabilities += [Capability.ConnectionGraph] if graph else []
         self._context = foxglove.Context()
@@ -187,6 +213,7 @@ class Served(ServerListener):
                 schema=foxglove.Schema(name=kind, encoding="ros2msg", data=text.encode()),
             )  # fmt: skip
 
+    @watched
     def on_subscribe(self, client: Any, channel: Any) -> None:
         with self._lock:
             found = [(k, made) for k, made in self._channels.items() if made.id() == channel.id]
@@ -212,14 +239,17 @@ class Served(ServerListener):
         sure = bool(offered) and all(qos.reliable for qos in offered)
         self._subscribed[key] = self._dds.subscribe(*key, Qos(sure, lasting, 500), heard)
 
+    @watched
     def on_client_advertise(self, client: Any, channel: Any) -> None:
         kind = channel.schema_name
         made = self._clients.publish(channel.topic, kind, Qos(True, False, 500))
         self._writers[client.id, channel.id] = made, kind
 
+    @watched
     def on_client_unadvertise(self, client: Any, client_channel_id: int) -> None:
         self._clients.unpublish(self._writers.pop((client.id, client_channel_id))[0])
 
+    @watched
     def on_message_data(self, client: Any, client_channel_id: int, data: bytes) -> None:
         writer, kind = self._writers[client.id, client_channel_id]
         writer.send(unpacked(data, kind)[0])
@@ -232,5 +262,5 @@ class Publishing(DdsTransport):
         with self._lock:
             self._writers.remove(out._writer)
             self._graph.writers.remove(out._writer.guid.bytes)
-            self._tell()
+            self._publish_graph()
         out._writer.__del__()  # waits a little for who has not heard all
