@@ -34,7 +34,7 @@ sys.path.insert(0, str(ROOT))
 from cohelm.core.frames import compose, inverse, placed  # noqa: E402
 from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y  # noqa: E402
 from cohelm.perceive.pipeline import Perception, Seen  # noqa: E402
-from cohelm.perceive.track.tracker import TrackerParams  # noqa: E402
+from cohelm.perceive.track.params import TrackerParams  # noqa: E402
 from cohelm.robot.clearance import disc_clearance  # noqa: E402
 from cohelm.robot.sensors import Lidar  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402

@@ -53,7 +53,7 @@ class Other(ABC):
         if scan is not None and scan.number != self._scan:
             self._scan = scan.number
             seen = deskew(self.lidar, scan.ranges, scan.stamp, scan.duration, self._trail)
-            odometry = pose_at(self._trail, scan.stamp + scan.duration)
+            odometry = seen.pose
             self.pose = compose(self._map_odom, odometry) if self._last is None else self.pose
             step = between(self._last, odometry) if self._last else Pose(0.0, 0.0, 0.0)
             self._last = odometry

@@ -334,7 +334,7 @@ def surveying(seed, alike=False):
             odometry = compose(odometry, step)
         cast(pose, lidar, NO_DISCS, walls, NO_GRID, seed, k, ranges)
         swept = deskew(lidar, ranges, 0.1 * k, 0.0, np.array([[0.1 * k, *odometry, 0.0, 0.0]]))
-        seen.append(MappingScan(0.1 * k, odometry, swept.points, swept.beams))
+        seen.append(MappingScan(swept.stamp, swept.pose, swept.points, swept.beams))
     return Surveying(lidar, seen, truth)
 
 

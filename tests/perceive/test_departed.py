@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.scan.clusters import PosedScan
+from cohelm.perceive.scan.deskew import NO_SCAN, DeskewedScan
 from cohelm.perceive.track.departed import departed, out_of_view
-from cohelm.perceive.track.potentially_dynamic import PotentiallyDynamicParams
+from cohelm.perceive.track.params import PotentiallyDynamicParams
 from cohelm.perceive.track.track import (
     COLUMNS,
     MISSED,
@@ -36,10 +36,12 @@ def at(far: float, bearing: float) -> tuple[float, float]:
     return far * math.cos(bearing), far * math.sin(bearing)
 
 
-def looks(*headings: float) -> tuple[PosedScan, ...]:
+def looks(*headings: float) -> tuple[DeskewedScan, ...]:
     """Sweeps by a LiDAR at the origin, `DT` apart."""
     return tuple(
-        PosedScan(np.full(len(LIDAR.beams), np.inf), Pose(0.0, 0.0, psi), DT * k)
+        NO_SCAN._replace(
+            ranges=np.full(len(LIDAR.beams), np.inf), sensor=Pose(0.0, 0.0, psi), stamp=DT * k
+        )
         for k, psi in enumerate(headings)
     )
 
@@ -63,7 +65,7 @@ def rim(place: tuple[float, float], stood: float = 0.0) -> Floats:
     return np.column_stack((x, y, np.full(16, stood)))
 
 
-def after(before: Floats, came: Floats, points: Floats, sweeps: tuple[PosedScan, ...]) -> Floats:
+def after(before: Floats, came: Floats, points: Floats, sweeps: tuple[DeskewedScan, ...]) -> Floats:
     return departed(before, NOBODY, came, points, LIDAR, sweeps, DT, AGILE, WARY)
 
 

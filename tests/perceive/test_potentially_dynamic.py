@@ -9,13 +9,10 @@ from cohelm.core.frames import compose, inverse
 from cohelm.core.types import RADIUS, VX, VY, Pose, Twist, X, Y, disc, discs
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception
-from cohelm.perceive.scan.clusters import PosedScan
+from cohelm.perceive.scan.deskew import NO_SCAN
 from cohelm.perceive.space.free_space_memory import appeared, empty_memory, with_scan
-from cohelm.perceive.track.potentially_dynamic import (
-    PotentiallyDynamicParams,
-    discs_of_points,
-    grown,
-)
+from cohelm.perceive.track.params import PotentiallyDynamicParams
+from cohelm.perceive.track.potentially_dynamic import discs_of_points, grown
 from cohelm.scenario import load
 from tests.perceive.drives import CONES, LIDAR, TOUR, WALLS, along, drive
 
@@ -26,6 +23,11 @@ HERE = Pose(3.0, -1.0, 0.0)
 @pytest.fixture(scope="module")
 def lab():
     return map_from_geometry(WALLS, HERE, CONES[:, [X, Y, RADIUS]])
+
+
+def posed(ranges, sensor, stamp):
+    """A sweep of a LiDAR at a pose."""
+    return NO_SCAN._replace(ranges=ranges, sensor=sensor, stamp=stamp)
 
 
 def standing(seconds, pose=HERE):
@@ -132,8 +134,8 @@ NOTHING = np.empty((0, 2))
 def test_ground_keeps_what_was_free_and_when():
     lidar = LIDAR.lidar()
     n = len(lidar.beams)
-    open_ = PosedScan(np.full(n, 3.0), Pose(0.0, 0.0, 0.0), 1.0)
-    walled = PosedScan(np.full(n, 1.0), Pose(0.0, 0.0, 0.0), 5.0)
+    open_ = posed(np.full(n, 3.0), Pose(0.0, 0.0, 0.0), 1.0)
+    walled = posed(np.full(n, 1.0), Pose(0.0, 0.0, 0.0), 5.0)
     free_space = with_scan(empty_memory(), lidar, open_, NOTHING, 1.0)
     assert appeared(free_space, 1.5, 0.0, 0.5)
     assert not appeared(free_space, 1.5, 0.0, 1.5)
@@ -142,18 +144,16 @@ def test_ground_keeps_what_was_free_and_when():
     assert appeared(later, 1.5, 0.0, 0.5)
     assert not appeared(later, 1.5, 0.0, 2.0)
     assert appeared(later, 0.5, 0.0, 2.0)
-    far = with_scan(
-        later, lidar, PosedScan(np.full(n, 3.0), Pose(6.4, 0.0, 0.0), 6.0), NOTHING, 6.0
-    )
+    far = with_scan(later, lidar, posed(np.full(n, 3.0), Pose(6.4, 0.0, 0.0), 6.0), NOTHING, 6.0)
     assert not appeared(far, 1.5, 0.0, 0.5)
 
 
 def test_what_stood_before_its_ground_was_seen_free_has_not_come():
     """Not even where it was seen free by looking along it; after a while it is forgotten."""
     lidar = LIDAR.lidar()
-    open_ = PosedScan(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
+    open_ = posed(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
     wall = np.array([[1.5, 0.0]])
-    short = PosedScan(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
+    short = posed(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
     free_space = empty_memory()
     for k in range(9):
         free_space = with_scan(free_space, lidar, short, wall, 1.0 + 0.1 * k)
@@ -167,8 +167,8 @@ def test_what_stood_before_its_ground_was_seen_free_has_not_come():
 
 def test_a_walker_through_a_cell_has_not_stood_there():
     lidar = LIDAR.lidar()
-    open_ = PosedScan(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
-    short = PosedScan(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
+    open_ = posed(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
+    short = posed(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
     free_space = with_scan(empty_memory(), lidar, open_, NOTHING, 1.0)
     for k in range(3):
         free_space = with_scan(free_space, lidar, short, np.array([[1.5, 0.0]]), 1.1 + 0.1 * k)

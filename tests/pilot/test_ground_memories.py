@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.perceive.scan.clusters import PosedScan
+from cohelm.perceive.scan.deskew import NO_SCAN
 from cohelm.perceive.space.cell_window import cell, holds
 from cohelm.perceive.space.unobserved import ASSUMED_FREE, KEPT, assumed_free, no_cells, with_scan
 from cohelm.robot.collision_monitor.free_space import CELL, CORNER, HALF, STEADY, FreeSpace
@@ -55,7 +55,7 @@ def test_ground_that_the_filter_takes_as_known_passes_the_monitor(drive):
     for pose in DRIVES[drive]:
         c, s = math.cos(pose.psi), math.sin(pose.psi)
         eye = Pose(pose.x + c * LIDAR.mount.x, pose.y + s * LIDAR.mount.x, pose.psi)
-        filters = with_scan(filters, LIDAR, PosedScan(ranges, eye, 0.0))
+        filters = with_scan(filters, LIDAR, NO_SCAN._replace(ranges=ranges, sensor=eye, stamp=0.0))
         monitors.look(ranges, pose, 0.0, 0.0)
         turns, psi = pose.psi != psi, pose.psi
         for x, y in () if turns else monitors.unknown.points:

@@ -46,7 +46,7 @@ def by_hand(gains: Gains) -> Gains:
 
 
 class Driver:
-    """A pilot with what it needs obstacles it. `pilot` None: there is no route to follow."""
+    """A pilot with what it needs. `pilot` None: there is no route to follow."""
 
     def __init__(
         self, pilot: Pilot | None, settings: Settings, delay: float, planning: Planning | None,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.frames import between, compose, inverse
+from cohelm.core.frames import compose, inverse
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.perceive.localize.localization_map import LocalizationMap, on_walls
 from cohelm.perceive.localize.localizer import Localization, Localizer
@@ -22,17 +22,12 @@ from cohelm.perceive.source.observation_source import NOTHING, ObservationSource
 from cohelm.perceive.source.range_source import RangeSource
 from cohelm.perceive.space.scan_memory import ScanMemoryParams
 from cohelm.perceive.space.unobserved import UnobservedFloor, UnobservedSpace
-from cohelm.perceive.track.tracker import (
-    TrackerParams,
-    mover_discs,
-    movers_out_of_view,
-    potentially_dynamic_discs,
-)
+from cohelm.perceive.track.params import TrackerParams
+from cohelm.perceive.track.tracker import discs_at, movers_out_of_view
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, not_ahead, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
-_NO_DISCS = np.empty((0, 6)), np.empty((0, 6)), np.empty(0)
 _ON_WALL = 0.1  # a return as near to a wall of the map as this is on it [m]
 
 
@@ -71,11 +66,6 @@ class Seen(NamedTuple):
     """(m,), largest acceleration of each of those [m/s^2]."""
     mobile_velocity_error: Floats
     """(m,), bound of the velocity error of each [m/s]."""
-    odometry_stamp: float
-    """Of the newest odometry [s]; -inf before the first."""
-    scan_stamp: float
-    """Of the newest scan's last beam [s], of several LiDARs the oldest of these; -inf before the
-    first."""
 
 
 class Perception:
@@ -162,12 +152,12 @@ class Perception:
         if len(self._odometry_buffer):
             for source in self._further:
                 scan = readings.of_lidar(source.sensor)
-                if scan is not None and source.new(scan):
+                if scan is not None and scan.number != source.number:
                     self._take_scan(source, scan)
             self._take_contacts(now, readings.contacts)
-        scan = readings.scan
-        if scan is not None and self._first.new(scan) and len(self._odometry_buffer):
-            self._take_scan(self._first, scan)
+        scan, first = readings.scan, self._first
+        if scan is not None and scan.number != first.number and len(self._odometry_buffer):
+            self._take_scan(first, scan)
         elif self._localizer is not None and self._localization is not None:
             self._localization = self._localizer.search_step()
             if not self._localization.lost and len(self._odometry_buffer):
@@ -187,16 +177,15 @@ class Perception:
             source.take(scan, self._odometry_buffer)
             self._points = self._static_points()
         else:
-            found = source.take(scan, self._odometry_buffer, self._on_walls)
-            if found is None:
+            static = source.take(scan, self._odometry_buffer, self._on_walls)
+            if static is None:
                 return
-            seen, pose = found
             self._points = self._static_points()
-            self._update_unobserved(source, pose)
+            self._update_unobserved(source)
             if source is self._first and self._localizer is not None:
-                self._localization = self._localizer.correct(seen, pose, source.stamp)
-                self._map_odom = compose(self._localization.pose, inverse(pose))
-                self._matched = pose
+                self._localization = self._localizer.correct(static)
+                self._map_odom = compose(self._localization.pose, inverse(static.pose))
+                self._matched = static.pose
         self._join_points()
 
     def _take_contacts(self, now: float, contacts: Sequence[Contact]) -> None:
@@ -211,21 +200,22 @@ class Perception:
         if len(self._unobserved) or len(self._unobserved_floor):
             self._reported = np.vstack((self._points, self._unobserved, self._unobserved_floor))
 
-    def _update_unobserved(self, source: ObservationSource, pose: Pose) -> None:
-        """Update unobserved space and floor after a scan of a LiDAR from a pose."""
-        if source.last_scan is None:
+    def _update_unobserved(self, source: ObservationSource) -> None:
+        """Update unobserved space and floor after a scan of a LiDAR."""
+        sweep = source.last_scan
+        if sweep is None:
             return
         if self._floor_space is not None and source.lidar.floor_from > 0.0:
-            self._unobserved_floor = self._floor_space.points(source.lidar, source.last_scan, pose)
+            self._unobserved_floor = self._floor_space.points(source.lidar, sweep)
         if self._unobserved_space is None:
             return
         sources = [one for one in self._sources if isinstance(one, ObservationSource)]
         looking = [(one.lidar, one.last_scan) for one in sources if one.last_scan is not None]
         out = np.vstack([movers_out_of_view(one.movers, self._tracker_params) for one in sources])
         self._unobserved = self._unobserved_space.points(
-            source.lidar, source.last_scan, looking, pose, out, self._tracker_params.dynamic.fastest
+            source.lidar, sweep, looking, out, self._tracker_params.dynamic.fastest
         )
-        occupied = self._unobserved_space.possibly_occupied(pose)
+        occupied = self._unobserved_space.possibly_occupied(sweep.pose)
         for one in sources:
             one.mark_possibly_occupied(occupied)
 
@@ -236,20 +226,19 @@ class Perception:
             parts.append(self._contact_memory.points)
         return parts[0] if len(parts) == 1 else np.vstack(parts)
 
-    def _on_walls(self, seen: DeskewedScan, pose: Pose) -> NDArray[np.bool_] | None:
+    def _on_walls(self, sweep: DeskewedScan) -> NDArray[np.bool_] | None:
         """Which points are on the map's walls, if localized."""
         located, known = self._localization, self.known
         if known is None or located is None or located.lost:
             return None
-        return on_walls(known, compose(self._map_odom, pose), seen.points, _ON_WALL)
+        return on_walls(known, compose(self._map_odom, sweep.pose), sweep.points, _ON_WALL)
 
     def seen(self, now: float) -> Seen:
         """The result at `now` [s] of all readings received."""
         if len(self._odometry_buffer):
             here = pose_at(self._odometry_buffer, now)
-            stamp = float(self._odometry_buffer[-1, 0])
         else:
-            here, stamp = Pose(0.0, 0.0, 0.0), -math.inf
+            here = Pose(0.0, 0.0, 0.0)
         located = self._localization
         if located is None and self._localizer is not None:
             located = self._localizer.located._replace(
@@ -264,8 +253,7 @@ class Perception:
             twist=self._twist, map_odom=self._map_odom, points=self._reported,
             unobserved=self.unobserved, discs=discs, mobile=mobile,
             mobile_max_acceleration=np.full(len(mobile), self._tracker_params.max_acceleration),
-            mobile_velocity_error=velocity_error, odometry_stamp=stamp,
-            scan_stamp=min(source.stamp for source in self._sources),
+            mobile_velocity_error=velocity_error,
         )  # fmt: skip
 
     @property
@@ -276,27 +264,11 @@ class Perception:
     def _mobile(self, now: float) -> tuple[Floats, Floats, Floats]:
         """Movers, all discs for the guard, and bounds of their velocity errors, predicted to
         now."""
-        parts = [_movers(source, now, self._tracker_params) for source in self._sources]
+        parts = [discs_at(source.movers, now, self._tracker_params) for source in self._sources]
         if len(parts) == 1:
             return parts[0]
         discs, mobile, velocity_error = zip(*parts, strict=True)
         return np.vstack(discs), np.vstack(mobile), np.concatenate(velocity_error)
-
-
-def _movers(
-    source: ObservationSource | RangeSource, now: float, tracker_params: TrackerParams
-) -> tuple[Floats, Floats, Floats]:
-    """The same of one LiDAR."""
-    if not len(source.movers.tracks) and not len(source.movers.potentially_dynamic_points):
-        return _NO_DISCS
-    discs, off = mover_discs(source.movers, now, tracker_params)
-    potentially_dynamic_points, fast = potentially_dynamic_discs(source.movers, now, tracker_params)
-    return discs, np.vstack((discs, potentially_dynamic_points)), np.concatenate((off, fast))
-
-
-def in_odom(seen: Seen, pose: Pose) -> Pose:
-    """A pose of the map in `odom`."""
-    return between(seen.map_odom, pose)
 
 
 def warm_up(model: RobotModel, mapped: bool) -> None:

@@ -12,7 +12,7 @@ from cohelm.core.row import ROW
 from cohelm.core.types import VX, VY, Pose
 from cohelm.law.reference import Reference, tabulate
 from cohelm.link import stick as sticks
-from cohelm.perceive.track.tracker import TrackerParams
+from cohelm.perceive.track.params import TrackerParams
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import Settings
 from cohelm.robot.clearance import disc_clearance, segment_clearance

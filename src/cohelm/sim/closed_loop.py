@@ -20,7 +20,7 @@ from cohelm.core.row import blank
 from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.perceive.pipeline import Perception
-from cohelm.perceive.track.tracker import TrackerParams
+from cohelm.perceive.track.params import TrackerParams
 from cohelm.pilot.behavior import LED
 from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
 from cohelm.pilot.replanning import ReplanParams, Task, split_unseen

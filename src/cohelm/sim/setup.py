@@ -12,7 +12,7 @@ from cohelm.law.gains import Gains
 from cohelm.law.govern import PaceParams
 from cohelm.law.guard.step import Rules
 from cohelm.law.reference import Reference
-from cohelm.perceive.track.tracker import TrackerParams
+from cohelm.perceive.track.params import TrackerParams
 from cohelm.pilot.step import Settings
 from cohelm.plan.evasion.params import HURRY, EvasionParams, adapted
 from cohelm.robot.limits import Limits

@@ -133,15 +133,15 @@ class Hypotheses:
             )
             hypothesis.covariance = own[:3, :3]
 
-    def keep_view(self, step: Pose, sweep: DeskewedScan, stamp: float) -> None:
-        """At a cold start, keep the views of the last metres: hypotheses found later must fit them.
-        stamp: of the sweep [s]."""
-        self._stamp = stamp
+    def keep_view(self, step: Pose, sweep: DeskewedScan) -> None:
+        """At a cold start, keep the views of the last metres: hypotheses found later must fit
+        them."""
+        self._stamp = sweep.stamp
         if not self.cold_start:
             return
         self._last.led_on(step)
         if usable(self.lidar, sweep.ranges):
-            self._last.add(sweep.points, sweep.ranges, stamp)
+            self._last.add(sweep.points, sweep.ranges, sweep.stamp)
 
     def begin_search(
         self, points: Floats, across: Floats, sweep: DeskewedScan, here: Pose, joint: Floats

@@ -96,8 +96,9 @@ class Localizer:
         self._accept(pose, wide, 0.0, 0.0)
         self._hypotheses.before, self._judge.usual, self._pose_set = before, usual, True
 
-    def correct(self, sweep: DeskewedScan, odometry: Pose, stamp: float) -> Localization:
-        """Process a sweep. odometry: the odometry pose at its stamp [s]."""
+    def correct(self, sweep: DeskewedScan) -> Localization:
+        """Process a sweep."""
+        odometry = sweep.pose
         step = between(self._odometry, odometry) if self._odometry else Pose(0.0, 0.0, 0.0)
         self._odometry = odometry
         step = self._wheels.corrected(step)
@@ -109,9 +110,9 @@ class Localizer:
         points = np.ascontiguousarray(points[::every])
         mount = self.lidar.mount
         across = facing(points, np.ascontiguousarray(across[::every]), mount.x, mount.y)
-        self._hypotheses.keep_view(step, sweep, stamp)
+        self._hypotheses.keep_view(step, sweep)
         self._alarm.compare(
-            odometry, stamp, sweep.ranges, step, self.located.pose, self.located.lost
+            odometry, sweep.stamp, sweep.ranges, step, self.located.pose, self.located.lost
         )
         self._hypotheses.alarm_updated()
         if self.located.lost:

@@ -10,7 +10,6 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.scan.deskew import deskew
-from cohelm.perceive.scan.odometry_buffer import pose_at
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import Lidar
 
@@ -53,7 +52,7 @@ def mapping_scans(
         if len(scan.ranges) != len(lidar.beams):
             continue
         seen = deskew(lidar, scan.ranges, scan.stamp, scan.duration, buffer)
-        found.append(MappingScan(end, Pose(*pose_at(buffer, end)), seen.points, seen.beams))
+        found.append(MappingScan(end, seen.pose, seen.points, seen.beams))
     if not found:
         raise CohelmError("no scan came while there was odometry: record both, on one clock")
     return found

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.frames import compose
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats, Ints, Pose
+from cohelm.core.types import Floats, Ints
 from cohelm.perceive.scan.deskew import DeskewedScan, beam_at
 from cohelm.robot.sensors import Lidar
 
@@ -26,25 +24,17 @@ _FEWEST = 3
 FREE = 0.15  # space is free up to so far before a beam's end [m]
 
 
-class PosedScan(NamedTuple):
-    """Ranges (n,) of a sweep, with the pose of the LiDAR then, in `odom`, and its stamp [s]."""
-
-    ranges: Floats
-    sensor: Pose
-    stamp: float
-
-
 @jit
 def clusters(
-    lidar: Lidar, sweep: DeskewedScan, pose: Pose, farthest: float, fixed: NDArray[np.bool_]
-) -> Floats:
-    """Clusters of a sweep from an `odom` pose, (k, 8), in `odom`.
+    lidar: Lidar, sweep: DeskewedScan, farthest: float, fixed: NDArray[np.bool_]
+) -> Floats:  # fmt: skip
+    """Clusters of a sweep, (k, 8), in `odom`.
 
     fixed: (m,) points of walls of a map: they belong to no cluster, and separate clusters. The
     centre is behind the visible side of a disc, whose mean is pi/4 of the radius in front of it.
     FRESH is left 0.
     """
-    points, beams = sweep.points, sweep.beams
+    points, beams, pose = sweep.points, sweep.beams, sweep.pose
     m = len(points)
     out = np.zeros((m, 8))
     beam_s = sweep.duration / max(len(lidar.beams) - 1, 1)
@@ -107,26 +97,27 @@ def _occluded(lidar: Lidar, points: Floats, beams: Ints, a: int, b: int, far: fl
 
 
 @jit
-def was_free(lidar: Lidar, scan: PosedScan, x: float, y: float, beside: float) -> bool:
+def was_free(lidar: Lidar, sweep: DeskewedScan, x: float, y: float, beside: float) -> bool:
     """Whether a sweep saw past an `odom` point, and past `beside` [m] on either side of it, at
     least by a beam."""
-    wx, wy = x - scan.sensor.x, y - scan.sensor.y
-    c, s = math.cos(scan.sensor.psi), math.sin(scan.sensor.psi)
+    wx, wy = x - sweep.sensor.x, y - sweep.sensor.y
+    c, s = math.cos(sweep.sensor.psi), math.sin(sweep.sensor.psi)
     sx, sy = c * wx + s * wy, -s * wx + c * wy
     far = math.hypot(sx, sy)
     beam = beam_at(lidar, sx, sy)
     aside = max(1, math.ceil(beside / (max(far, 0.1) * lidar.step)))
-    if not aside <= beam < len(scan.ranges) - aside or far > lidar.range_max - FREE:
+    if not aside <= beam < len(sweep.ranges) - aside or far > lidar.range_max - FREE:
         return False
-    return scan.ranges[beam - aside : beam + aside + 1].min() > far + FREE
+    return sweep.ranges[beam - aside : beam + aside + 1].min() > far + FREE
 
 
 @jit
 def update_freshness(
-    lidar: Lidar, found: Floats, sweep: DeskewedScan, pose: Pose, scan: PosedScan
-) -> None:
-    """Raise FRESH of each cluster to the share of its points where an earlier scan saw free
+    lidar: Lidar, found: Floats, sweep: DeskewedScan, earlier: DeskewedScan
+) -> None:  # fmt: skip
+    """Raise FRESH of each cluster to the share of its points where an earlier sweep saw free
     space."""
+    pose = sweep.pose
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     for k in range(len(found)):
         a, b = int(found[k, FIRST]), int(found[k, LAST])
@@ -134,11 +125,6 @@ def update_freshness(
         for i in range(a, b):
             x = pose.x + c * sweep.points[i, 0] - s * sweep.points[i, 1]
             y = pose.y + s * sweep.points[i, 0] + c * sweep.points[i, 1]
-            if was_free(lidar, scan, x, y, 0.0):
+            if was_free(lidar, earlier, x, y, 0.0):
                 free += 1
         found[k, FRESH] = max(found[k, FRESH], free / (b - a))
-
-
-def posed_scan(lidar: Lidar, sweep: DeskewedScan, pose: Pose, stamp: float) -> PosedScan:
-    """The ranges of a sweep from an `odom` pose."""
-    return PosedScan(sweep.ranges, Pose(*compose(pose, lidar.mount)), stamp)

@@ -6,10 +6,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cohelm.core.frames import between
+from cohelm.core.frames import between, compose
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import Floats, Ints
+from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.scan.odometry_buffer import pose_at
 from cohelm.robot.sensors import Lidar
 
@@ -21,13 +22,27 @@ class DeskewedScan(NamedTuple):
     returns. beams: (m,) which beam each came from. ranges: (n,) what the sensor would have
     measured with all beams at that time: inf and -inf as in the scan, NaN where the robot's
     turning left no beam. duration: of the sweep [s]; a mover is where it was at its own beam's
-    time.
+    time. pose, sensor: of the body and of the LiDAR then, in `odom`. stamp: that time [s].
     """
 
     points: Floats
     beams: Ints
     ranges: Floats
     duration: float
+    pose: Pose
+    sensor: Pose
+    stamp: float
+
+    def part(self, which: NDArray[np.bool_], ranges: Floats) -> DeskewedScan:
+        """The same with these of its points only, and with these ranges."""
+        return self._replace(points=self.points[which], beams=self.beams[which], ranges=ranges)
+
+
+NO_SCAN = DeskewedScan(
+    np.empty((0, 2)), np.empty(0, np.int64), np.empty(0), 0.0, Pose(0.0, 0.0, 0.0),
+    Pose(0.0, 0.0, 0.0), -math.inf,
+)  # fmt: skip
+"""Without any beam."""
 
 
 @jit_inline
@@ -89,4 +104,7 @@ def deskew(
             points[m, 0], points[m, 1] = bx, by
             beams[m] = i
             m += 1
-    return DeskewedScan(points[:m].copy(), beams[:m].copy(), made, duration)
+    return DeskewedScan(
+        points[:m].copy(), beams[:m].copy(), made, duration, end, compose(end, mount),
+        stamp + duration,
+    )  # fmt: skip

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats, Pose
-from cohelm.perceive.scan.clusters import PosedScan, posed_scan
+from cohelm.core.types import Floats
 from cohelm.perceive.scan.deskew import DeskewedScan, deskew
-from cohelm.perceive.scan.odometry_buffer import pose_at
 from cohelm.perceive.space.free_space_memory import with_possibly_occupied
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
+from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.track import MOVES, RADIUS, TX, TY
-from cohelm.perceive.track.tracker import EMPTY_STATE, TrackerParams, update_tracker
+from cohelm.perceive.track.tracker import EMPTY_STATE, update_tracker
 from cohelm.robot.port import Scan
 from cohelm.robot.sensors import Lidar
 
@@ -25,8 +24,8 @@ NOTHING: Floats = np.empty((0, 2))
 _APART = 0.06  # minimum time between two updates of the tracker [s]
 _RESET = 1.0  # scans whose stamps go back by at least this are tracked anew [s]
 
-OnMap = Callable[[DeskewedScan, Pose], NDArray[np.bool_] | None]
-"""Which points of a sweep from an `odom` pose are on the map's walls; None if not localized."""
+OnMap = Callable[[DeskewedScan], NDArray[np.bool_] | None]
+"""Which points of a sweep are on the map's walls; None if not localized."""
 
 
 class ObservationSource:
@@ -42,52 +41,39 @@ class ObservationSource:
         self.points = NOTHING
         """Static points, (p, 2), in `odom` [m]."""
         self.movers = EMPTY_STATE
-        self.last_scan: PosedScan | None = None
+        self.last_scan: DeskewedScan | None = None
         """The newest sweep."""
         self.stamp = -math.inf
         """Of its last beam [s]."""
-        self._number: int | None = None
+        self.number: int | None = None
+        """Of the newest scan."""
 
-    def new(self, scan: Scan) -> bool:
-        """Whether a scan is not the last one."""
-        return scan.number != self._number
-
-    def take(self, scan: Scan, buffer: Floats, on_map: OnMap) -> tuple[DeskewedScan, Pose] | None:
-        """Take a new scan. Returns its deskewed scan without movers, and the `odom` pose of it;
-        None for what is no scan of this LiDAR."""
-        self._number = scan.number
+    def take(self, scan: Scan, buffer: Floats, on_map: OnMap) -> DeskewedScan | None:
+        """Take a new scan. Returns it deskewed and without movers; None for what is no scan of this
+        LiDAR."""
+        self.number = scan.number
         if len(scan.ranges) != len(self.lidar.beams) or not math.isfinite(scan.stamp):
             return None
         ranges = np.asarray(scan.ranges, dtype=np.float64)
-        scan_points = deskewed = deskew(self.lidar, ranges, scan.stamp, scan.duration, buffer)
-        self.stamp = scan.stamp + scan.duration
-        pose = pose_at(buffer, self.stamp)
+        sweep = static = deskew(self.lidar, ranges, scan.stamp, scan.duration, buffer)
+        self.last_scan, self.stamp = sweep, sweep.stamp
         if self.movers.stamp - self.stamp >= _RESET:
             self.movers = EMPTY_STATE
         if self.stamp - self.movers.stamp > _APART:
-            may_move = np.ones(len(scan_points.points), dtype=np.bool_)
-            trackable = scan_points
+            may_move, trackable = np.ones(len(sweep.points), dtype=np.bool_), sweep
             if scan.edges is not None:  # the edge of a floor does not move, whatever the noise
-                may_move = ~scan.edges[scan_points.beams]
-                ranges = np.where(scan.edges, math.nan, scan_points.ranges)
-                trackable = DeskewedScan(
-                    scan_points.points[may_move],
-                    scan_points.beams[may_move],
-                    ranges,
-                    scan_points.duration,
-                )
+                may_move = ~scan.edges[sweep.beams]
+                trackable = sweep.part(may_move, np.where(scan.edges, math.nan, sweep.ranges))
             self.movers = update_tracker(
-                self.movers, self.lidar, trackable, pose, self.stamp, self._tracker_params,
-                on_map(trackable, pose),
-            )  # fmt: skip
+                self.movers, self.lidar, trackable, self._tracker_params, on_map(trackable)
+            )
             if self.movers.of_movers.any():
                 may_move[may_move] = self.movers.of_movers
-                scan_points = self._without(scan_points, may_move)
-        filtered = filtered_ranges(scan_points.ranges, self.lidar.noise)
-        points = renew(self.points, pose, self.lidar, filtered, self._memory_params)
+                static = self._without(sweep, may_move)
+        filtered = filtered_ranges(static.ranges, self.lidar.noise)
+        points = renew(self.points, sweep.pose, self.lidar, filtered, self._memory_params)
         self.points = self._outside(points)
-        self.last_scan = posed_scan(self.lidar, deskewed, pose, self.stamp)
-        return scan_points, pose
+        return static
 
     def mark_possibly_occupied(self, places: Floats) -> None:
         """A mover out of view may occupy these places in `odom`, (p, 2): a return there next may be
@@ -96,16 +82,11 @@ class ObservationSource:
             free_space = with_possibly_occupied(self.movers.free_space, places, self.movers.clock)
             self.movers = self.movers._replace(free_space=free_space)
 
-    def _without(self, scan_points: DeskewedScan, of_movers: NDArray[np.bool_]) -> DeskewedScan:
+    def _without(self, sweep: DeskewedScan, of_movers: NDArray[np.bool_]) -> DeskewedScan:
         """The sweep without the points of movers."""
-        ranges = scan_points.ranges.copy()
-        ranges[_shadow(self.lidar, scan_points.points[of_movers])] = math.nan
-        return DeskewedScan(
-            scan_points.points[~of_movers],
-            scan_points.beams[~of_movers],
-            ranges,
-            scan_points.duration,
-        )
+        ranges = sweep.ranges.copy()
+        ranges[_shadow(self.lidar, sweep.points[of_movers])] = math.nan
+        return sweep.part(~of_movers, ranges)
 
     def _outside(self, points: Floats) -> Floats:
         """Points outside of movers: points of them from before they were known to move are

@@ -36,15 +36,12 @@ class RangeSource:
         self.movers = EMPTY_STATE
         self.stamp = -math.inf
         """Of the newest measurement [s]."""
-        self._number: int | None = None
-
-    def new(self, scan: Scan) -> bool:
-        """Whether a scan is not the last one."""
-        return scan.number != self._number
+        self.number: int | None = None
+        """Of the newest scan."""
 
     def take(self, scan: Scan, buffer: Floats) -> None:
         """Take a measurement, as a scan of its beams: the nearest of them counts for all."""
-        self._number = scan.number
+        self.number = scan.number
         lidar, stamp = self.lidar, scan.stamp + scan.duration
         if len(scan.ranges) != len(lidar.beams) or not math.isfinite(stamp):
             return

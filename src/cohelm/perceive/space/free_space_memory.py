@@ -13,8 +13,8 @@ import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints
-from cohelm.perceive.scan.clusters import FREE, PosedScan
-from cohelm.perceive.scan.deskew import all_round, beam_at
+from cohelm.perceive.scan.clusters import FREE
+from cohelm.perceive.scan.deskew import DeskewedScan, all_round, beam_at
 from cohelm.perceive.space.cell_window import CELL, SIDE, cell, holds, nowhere
 from cohelm.robot.sensors import Lidar
 
@@ -63,12 +63,12 @@ def _copied(free_space: FreeSpaceMemory) -> FreeSpaceMemory:
 
 @jit
 def with_scan(
-    free_space: FreeSpaceMemory, lidar: Lidar, scan: PosedScan, static: Floats, clock: float
+    free_space: FreeSpaceMemory, lidar: Lidar, sweep: DeskewedScan, static: Floats, clock: float
 ) -> FreeSpaceMemory:
     """The memory after a sweep at `clock`; static: (p, 2), its points in `odom` that have not
     appeared by themselves [m]."""
     memory = _copied(free_space)
-    sensor, ranges = scan.sensor, scan.ranges
+    sensor, ranges = sweep.sensor, sweep.ranges
     for k in range(len(static)):
         x, y = static[k, 0], static[k, 1]
         if abs(x - sensor.x) > NEAR or abs(y - sensor.y) > NEAR:

@@ -60,7 +60,7 @@ def smoothed(ranges: Floats, step: float, half_width: float) -> Floats:
 
 @jit
 def renew(
-    points: Floats, pose: Pose, lidar: Lidar, ranges: Floats, care: ScanMemoryParams
+    points: Floats, pose: Pose, lidar: Lidar, ranges: Floats, params: ScanMemoryParams
 ) -> Floats:
     """The points after a scan from `pose`, world frame, (p, 2) [m].
 
@@ -78,17 +78,17 @@ def renew(
     c, s = math.cos(pose.psi + lidar.mount.psi), math.sin(pose.psi + lidar.mount.psi)
     made = np.empty((n + len(points), 2))
     m = 0
-    clean = smoothed(ranges, lidar.step, care.half_width)
+    clean = smoothed(ranges, lidar.step, params.half_width)
     lx, ly = math.inf, math.inf
     for i in range(n):
         r = clean[i]
-        if not r < care.keep:
+        if not r < params.keep:
             continue
         r = lidar.range_min if r == -math.inf else r
         b = lidar.first + lidar.step * i
         dx, dy = r * math.cos(b), r * math.sin(b)
         px, py = x + c * dx - s * dy, y + s * dx + c * dy
-        if abs(px - lx) + abs(py - ly) < care.spacing:
+        if abs(px - lx) + abs(py - ly) < params.spacing:
             continue
         made[m, 0], made[m, 1] = px, py
         lx, ly = px, py
@@ -96,14 +96,15 @@ def renew(
     for i in range(len(points)):
         wx, wy = points[i, 0] - x, points[i, 1] - y
         square = wx * wx + wy * wy
-        if not square < care.keep * care.keep:
+        if not square < params.keep * params.keep:
             continue
         beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
         far = math.sqrt(square)
         reach = _reaches(ranges, beam) if 0 <= beam < n else -math.inf
-        if 0 <= beam < n and reach == -math.inf and abs(far - lidar.range_min) < care.behind:
+        if 0 <= beam < n and reach == -math.inf and abs(far - lidar.range_min) < params.behind:
             continue  # it has been added anew
-        if reach + care.behind >= far and (far >= lidar.whole_from or reach < far + care.behind):
+        stands = reach < far + params.behind
+        if reach + params.behind >= far and (far >= lidar.whole_from or stands):
             thin = far * lidar.step + 0.5 * lidar.noise
             past = reach > far + lidar.noise
             if not (past and _edge_on(points, i, wx / far, wy / far, thin)):

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints, Pose
-from cohelm.perceive.scan.clusters import PosedScan
-from cohelm.perceive.scan.deskew import beam_at
+from cohelm.perceive.scan.deskew import DeskewedScan, beam_at
 from cohelm.perceive.space.cell_window import CELL, SIDE, cell, holds, nowhere
 from cohelm.perceive.space.free_space_memory import NEAR
 from cohelm.perceive.track.departed import HVX, HVY, HX, HY, REACH, UNSEEN, in_view
@@ -77,12 +76,12 @@ def assumed_free(cells: ObservedCells, x: float, y: float, radius: float) -> Obs
 
 @jit
 def with_scan(
-    cells: ObservedCells, lidar: Lidar, scan: PosedScan, floor: bool = False
+    cells: ObservedCells, lidar: Lidar, sweep: DeskewedScan, floor: bool = False
 ) -> ObservedCells:
     """With the ground in view of a sweep, up to its returns; or with the floor that it sees, within
     the sensor's floor range and before its returns. Cells farther than KEPT are forgotten."""
     which, occupied = cells.which.copy(), cells.occupied.copy()
-    sensor, n = scan.sensor, len(scan.ranges)
+    sensor, n = sweep.sensor, len(sweep.ranges)
     _forget(which, sensor)
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
     low_x, low_y = cell(sensor.x - NEAR), cell(sensor.y - NEAR)
@@ -99,11 +98,11 @@ def with_scan(
             beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
             if not 0 <= beam < n:
                 continue
-            reach = scan.ranges[beam]
+            reach = sweep.ranges[beam]
             if (
                 floor and math.isnan(reach) and 0 < beam < n - 1
             ):  # NaN of an obstacle; the floor beside it was seen
-                reach = min(scan.ranges[beam - 1], scan.ranges[beam + 1])
+                reach = min(sweep.ranges[beam - 1], sweep.ranges[beam + 1])
             if reach > (far if floor else far - CELL):
                 _set_observed(which, occupied, i, j)
     return ObservedCells(which, occupied)
@@ -272,20 +271,20 @@ class UnobservedSpace:
         self._reach = float(np.hypot(*outline.T).max())
 
     def points(
-        self, lidar: Lidar, scan: PosedScan, scans: list[tuple[Lidar, PosedScan]], pose: Pose,
+        self, lidar: Lidar, sweep: DeskewedScan, sweeps: list[tuple[Lidar, DeskewedScan]],
         out_of_view: Floats, fastest: float,
     ) -> Floats:  # fmt: skip
-        """The border of unobserved ground after a sweep from an `odom` pose, (p, 2).
+        """The border of unobserved ground after a sweep, (p, 2), in `odom`.
 
-        scans: each LiDAR with its newest sweep, this one too. out_of_view: movers, as in
+        sweeps: each LiDAR with its newest sweep, this one too. out_of_view: movers, as in
         `track.departed`. fastest: assumed largest speed, unless observed faster [m/s].
         """
-        far = self._reach + _REPORTED
-        views = tuple(View(previous, its.sensor) for previous, its in scans)
+        far, pose = self._reach + _REPORTED, sweep.pose
+        views = tuple(View(its_lidar, its.sensor) for its_lidar, its in sweeps)
         if self._cells is None:
             self._cells = assumed_free(no_cells(), pose.x, pose.y, self._reach + ASSUMED_FREE)
-        cells = with_scan(self._cells, lidar, scan)
-        dt, self._stamp = min(max(scan.stamp - self._stamp, 0.0), 1.0), scan.stamp
+        cells = with_scan(self._cells, lidar, sweep)
+        dt, self._stamp = min(max(sweep.stamp - self._stamp, 0.0), 1.0), sweep.stamp
         near = approaching(out_of_view, pose, far)
         self._cells = occupied(cells, views, near, pose, self._outline, fastest, dt)
         return unobserved_border(self._cells, views, pose, self._outline, far)
@@ -308,9 +307,7 @@ class UnobservedFloor:
         """outline: (k, 2) of the robot [m]. floor_lidars: the sensors that see the floor."""
         self.reshape(outline)
         least = self._reach + ASSUMED_FREE
-        self._assumed_free = max(
-            vouched_floor(previous, outline, least) for previous in floor_lidars
-        )
+        self._assumed_free = max(vouched_floor(lidar, outline, least) for lidar in floor_lidars)
         self._cells: ObservedCells | None = None
 
     def reshape(self, outline: Floats) -> None:
@@ -319,12 +316,12 @@ class UnobservedFloor:
         self._outline = outline
         self._reach = float(np.hypot(*outline.T).max())
 
-    def points(self, lidar: Lidar, scan: PosedScan, pose: Pose) -> Floats:
-        """The border of unobserved floor after a sweep of one of these from an `odom` pose,
-        (p, 2)."""
+    def points(self, lidar: Lidar, sweep: DeskewedScan) -> Floats:
+        """The border of unobserved floor after a sweep of one of these, (p, 2), in `odom`."""
+        pose = sweep.pose
         if self._cells is None:
             self._cells = assumed_free(no_cells(), pose.x, pose.y, self._assumed_free)
-        self._cells = with_scan(self._cells, lidar, scan, True)
-        view = (View(lidar, scan.sensor),)
+        self._cells = with_scan(self._cells, lidar, sweep, True)
+        view = (View(lidar, sweep.sensor),)
         far = self._reach + _REPORTED
         return unobserved_border(self._cells, view, pose, self._outline, far, True)

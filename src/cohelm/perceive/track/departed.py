@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.scan.clusters import PosedScan
-from cohelm.perceive.scan.deskew import all_round, beam_at
-from cohelm.perceive.track.potentially_dynamic import LX, LY, STOOD, PotentiallyDynamicParams
+from cohelm.perceive.scan.deskew import DeskewedScan, all_round, beam_at
+from cohelm.perceive.track.params import PotentiallyDynamicParams
+from cohelm.perceive.track.potentially_dynamic import LX, LY, STOOD
 from cohelm.perceive.track.track import (
     COLUMNS,
     MISSED,
@@ -50,19 +50,19 @@ _SAME = 0.3  # association gate of clusters between scans [m]
 
 def departed(
     before: Floats, dropped: Floats, new_movers: Floats, points: Floats, lidar: Lidar,
-    scans: tuple[PosedScan, ...], dt: float, max_acceleration: float,
+    sweeps: tuple[DeskewedScan, ...], dt: float, max_acceleration: float,
     dynamic: PotentiallyDynamicParams,
 ) -> Floats:  # fmt: skip
     """Movers out of view after a sweep, (g, COLUMNS), as in `track`.
 
     before: those after the sweep before, dt [s] ago. dropped, new_movers: tracks that were dropped
-    at this sweep, and tracks found to move at it. points: as in `potentially_dynamic`. scans: the
-    newest sweeps, oldest first.
+    at this sweep, and tracks found to move at it. points: as in `potentially_dynamic`. sweeps: the
+    newest, oldest first.
     """
     if not (len(before) or len(dropped) or len(points)):
         return before
-    stamps = np.array([scan.stamp for scan in scans])
-    sensors = np.array([scan.sensor for scan in scans])
+    stamps = np.array([sweep.stamp for sweep in sweeps])
+    sensors = np.array([sweep.sensor for sweep in sweeps])
     return _departed(
         before, dropped, new_movers, points, lidar, stamps, sensors, dt, max_acceleration, dynamic
     )
@@ -130,11 +130,11 @@ def _clusters(points: Floats, lidar: Lidar, sensor: Pose) -> Floats:
 
 
 @jit_inline
-def _same_object(track: Floats, new_movers: Floats, dt: float) -> bool:
+def _same_object(track: Floats, new: Floats, dt: float) -> bool:
     """Whether a remembered cluster belongs to a new mover, which was in view at the same time."""
-    distance = math.hypot(track[TX] - new_movers[TX], track[TY] - new_movers[TY])
-    near = distance < _reach(track) + new_movers[RADIUS]
-    return near and track[RADIUS] == 0.0 and track[MISSED] < new_movers[SEEN] * dt
+    distance = math.hypot(track[TX] - new[TX], track[TY] - new[TY])
+    near = distance < _reach(track) + new[RADIUS]
+    return near and track[RADIUS] == 0.0 and track[MISSED] < new[SEEN] * dt
 
 
 @jit_inline
@@ -151,25 +151,25 @@ def _seen_again(track: Floats, clusters: Floats) -> bool:
 
 @jit
 def _reappeared(
-    departed_tracks: Floats, kept: NDArray[np.bool_], new_movers: Floats, lidar: Lidar,
+    departed_tracks: Floats, kept: NDArray[np.bool_], new: Floats, lidar: Lidar,
     stamps: Floats, sensors: Floats, dt: float,
 ) -> int:  # fmt: skip
     """The index of the mover out of view that a new mover is taken for: the nearest within its
     bound, if the new one was first seen at the edge of the view, or came into view as the robot
     turned; else -1."""
-    ago = new_movers[SEEN] * dt
-    x, y = new_movers[TX] - ago * new_movers[TVX], new_movers[TY] - ago * new_movers[TVY]
+    ago = new[SEEN] * dt
+    x, y = new[TX] - ago * new[TVX], new[TY] - ago * new[TVY]
     index, best = -1, 1.0
     k = int(np.argmin(np.abs(stamps - (stamps[-1] - ago))))
     edge = math.inf
     for j in range(max(k - 1, 0), k + 1):
         then = Pose(sensors[j, 0], sensors[j, 1], sensors[j, 2])
         edge = min(edge, within_view(lidar, then, x, y))
-    if edge > new_movers[RADIUS] + 2.0 * _EDGE:
+    if edge > new[RADIUS] + 2.0 * _EDGE:
         return index
     for i in range(len(departed_tracks)):
         distance = math.hypot(departed_tracks[i, TX] - x, departed_tracks[i, TY] - y) / (
-            _reach(departed_tracks[i]) + new_movers[RADIUS]
+            _reach(departed_tracks[i]) + new[RADIUS]
         )
         if kept[i] and distance < best:
             index, best = i, distance

@@ -9,16 +9,16 @@ minimum range is one such point at the LiDAR.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints
-from cohelm.perceive.scan.clusters import FREE, PosedScan, was_free
-from cohelm.perceive.scan.deskew import beam_at
+from cohelm.perceive.scan.clusters import FREE, was_free
+from cohelm.perceive.scan.deskew import DeskewedScan, beam_at
 from cohelm.perceive.space.free_space_memory import FreeSpaceMemory, appeared
+from cohelm.perceive.track.params import PotentiallyDynamicParams
 from cohelm.robot.sensors import Lidar
 
 NEAR = 2.0
@@ -30,23 +30,10 @@ _APART = 0.06  # minimum spacing of the points [m]
 _COVERED_ANGLE = 0.3  # adjacent beams that end below the minimum range [rad]
 
 
-class PotentiallyDynamicParams(NamedTuple):
-    """Assumptions on objects that may begin to move."""
-
-    fastest: float = 1.3
-    """Largest speed [m/s]."""
-    creeping: float = 0.1
-    """Largest speed of a point that has stood [m/s]."""
-    keep: float = 10.0
-    """How long free space is remembered [s]."""
-    vouched: float = 2.0
-    """Distance driven for which free space is remembered, by odometry drift [m]."""
-
-
 @jit
 def which_appeared(
     places: Floats, near: NDArray[np.bool_], free_space: FreeSpaceMemory, since: float,
-    scan: PosedScan, noise: float,
+    sweep: DeskewedScan, noise: float,
 ) -> Ints:  # fmt: skip
     """(m,) whether a sweep's points in `odom` have appeared since then, of those that are `near`,
     see `appeared`.
@@ -57,7 +44,7 @@ def which_appeared(
     for i in range(len(places)):
         if near[i]:
             x, y = places[i, 0], places[i, 1]
-            wx, wy = x - scan.sensor.x, y - scan.sensor.y
+            wx, wy = x - sweep.sensor.x, y - sweep.sensor.y
             far = noise / max(math.hypot(wx, wy), 0.05)
             found[i] = appeared(free_space, x + far * wx, y + far * wy, since)
     return found
@@ -65,12 +52,12 @@ def which_appeared(
 
 @jit
 def potentially_dynamic_points(
-    lidar: Lidar, places: Floats, appeared: NDArray[np.bool_], covered_before: PosedScan,
-    earlier: PosedScan,
+    lidar: Lidar, places: Floats, appeared: NDArray[np.bool_], first: DeskewedScan,
+    second: DeskewedScan,
 ) -> Floats:  # fmt: skip
     """The potentially dynamic points, (l, 3), of those in `odom`, where `appeared`.
 
-    covered_before, earlier: two earlier sweeps; a point has stood if it was there in both.
+    first, second: two earlier sweeps; a point has stood if it was there in both.
     """
     out = np.empty((len(appeared), 3))
     k = 0
@@ -78,7 +65,7 @@ def potentially_dynamic_points(
         if not appeared[i]:
             continue
         x, y = places[i, 0], places[i, 1]
-        stood = _ended_there(lidar, covered_before, x, y) and _ended_there(lidar, earlier, x, y)
+        stood = _ended_there(lidar, first, x, y) and _ended_there(lidar, second, x, y)
         near = False
         for j in range(k - 1, -1, -1):
             far = math.hypot(out[j, LX] - x, out[j, LY] - y)
@@ -92,21 +79,23 @@ def potentially_dynamic_points(
 
 
 @jit
-def is_covered(lidar: Lidar, now: PosedScan, earlier: PosedScan, covered_before: bool) -> bool:
+def is_covered(
+    lidar: Lidar, sweep: DeskewedScan, earlier: DeskewedScan, covered_before: bool
+) -> bool:
     """Whether an object covers the LiDAR: many adjacent beams end below the minimum range, and it
     was covered before, or space was free there in an earlier sweep. An obstacle that the robot
     drove up to is static, and not meant."""
-    n, run = len(now.ranges), 0
-    c, s = math.cos(now.sensor.psi), math.sin(now.sensor.psi)
+    n, run = len(sweep.ranges), 0
+    c, s = math.cos(sweep.sensor.psi), math.sin(sweep.sensor.psi)
     appeared = covered_before
     for i in range(n):
-        if now.ranges[i] != -math.inf:
+        if sweep.ranges[i] != -math.inf:
             run, appeared = 0, covered_before
             continue
         run += 1
         if not appeared and len(earlier.ranges) == n:
             x, y = lidar.range_min * lidar.beams[i, 0], lidar.range_min * lidar.beams[i, 1]
-            x, y = now.sensor.x + c * x - s * y, now.sensor.y + s * x + c * y
+            x, y = sweep.sensor.x + c * x - s * y, sweep.sensor.y + s * x + c * y
             appeared = was_free(lidar, earlier, x, y, 0.0)
         if appeared and run * lidar.step > _COVERED_ANGLE:
             return True
@@ -114,14 +103,14 @@ def is_covered(lidar: Lidar, now: PosedScan, earlier: PosedScan, covered_before:
 
 
 @jit
-def _ended_there(lidar: Lidar, scan: PosedScan, x: float, y: float) -> bool:
+def _ended_there(lidar: Lidar, earlier: DeskewedScan, x: float, y: float) -> bool:
     """Whether a beam of an earlier sweep ended near there."""
-    wx, wy = x - scan.sensor.x, y - scan.sensor.y
-    c, s = math.cos(scan.sensor.psi), math.sin(scan.sensor.psi)
+    wx, wy = x - earlier.sensor.x, y - earlier.sensor.y
+    c, s = math.cos(earlier.sensor.psi), math.sin(earlier.sensor.psi)
     beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
     far = math.hypot(wx, wy)
-    for k in range(max(beam - 2, 0), min(beam + 3, len(scan.ranges))):
-        if abs(scan.ranges[k] - far) < FREE:
+    for k in range(max(beam - 2, 0), min(beam + 3, len(earlier.ranges))):
+        if abs(earlier.ranges[k] - far) < FREE:
             return True
     return False
 

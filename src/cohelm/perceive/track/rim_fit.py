@@ -47,11 +47,11 @@ def rim_fit(
     points: Floats, x: float, y: float, radius: float, position_variance: float,
     prior_radius_variance: float, noise: float,
 ) -> Fit:  # fmt: skip
-    """Maximum a posteriori disc whose rim the points (n, 2) are on, by least squares; prior at (x,
-    y).
+    """Maximum a posteriori disc whose rim the points (n, 2) are on, by least squares.
 
-    place, size: of the prior, along either axis and of the radius [m^2]. noise: variance of the
-    points' distance from the rim [m^2]."""
+    x, y, radius: of the prior [m]; position_variance: of its position, along either axis [m^2].
+    noise: variance of the points' distance from the rim [m^2].
+    """
     n = len(points)
     weight = 1.0 / (noise * max(1.0, n / _CORRELATED))
     fx, fy, fr = x, y, radius

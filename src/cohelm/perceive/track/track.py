@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats
 
 TX, TY, TVX, TVY, TAX, TAY, PP, PV, VV, PA, VA, AA = range(12)
@@ -32,8 +32,16 @@ ACCELERATION_DECAY = 0.8
 
 INITIAL_VARIANCE = 1.0
 """Prior variance of a new track's velocity, along an axis [m^2/s^2]."""
+RADIUS_KNOWN = 0.05
+"""Standard deviation below which a radius counts as known [m]."""
 _REINITIALIZED = 0.3  # position sigma after a manoeuvre beyond max_acceleration [m]
 _RADIUS_DRIFT = 0.003  # process noise of the radius [m/sqrt(s)]: an arm, a coat
+
+
+@jit_inline
+def radius_known(track: Floats) -> bool:
+    """Whether its radius is known: its rim has been observed while it moved."""
+    return track[RR] < RADIUS_KNOWN * RADIUS_KNOWN
 
 
 @jit
@@ -126,11 +134,11 @@ def set_resting(track: Floats) -> None:
 
 
 @jit
-def set_ends(track: Floats, seen: Floats) -> None:
+def set_ends(track: Floats, points: Floats) -> None:
     """Store where beams end on it, by the points of its cluster (n, 2)."""
     for i in range(N_ENDS):
-        p = (2 * i + 1) * len(seen) // (2 * N_ENDS)
-        track[ENDS_AT + 2 * i], track[ENDS_AT + 2 * i + 1] = seen[p, 0], seen[p, 1]
+        p = (2 * i + 1) * len(points) // (2 * N_ENDS)
+        track[ENDS_AT + 2 * i], track[ENDS_AT + 2 * i + 1] = points[p, 0], points[p, 1]
     track[ENDS_AGE] = 0.0
 
 

@@ -14,20 +14,17 @@ from numpy.typing import NDArray
 
 from cohelm.core.frames import placed
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats
 from cohelm.perceive.scan.clusters import (
     CX,
     CY,
     FIRST,
     LAST,
-    SIZE,
-    PosedScan,
     clusters,
-    posed_scan,
     update_freshness,
     was_free,
 )
-from cohelm.perceive.scan.deskew import DeskewedScan
+from cohelm.perceive.scan.deskew import NO_SCAN, DeskewedScan
 from cohelm.perceive.space.free_space_memory import (
     CERTAINLY,
     POSSIBLY,
@@ -36,9 +33,9 @@ from cohelm.perceive.space.free_space_memory import (
     with_scan,
 )
 from cohelm.perceive.track.departed import departed, out_of_view
+from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.potentially_dynamic import (
     NEAR,
-    PotentiallyDynamicParams,
     discs_of_points,
     grown,
     is_covered,
@@ -46,19 +43,15 @@ from cohelm.perceive.track.potentially_dynamic import (
     which_appeared,
 )
 from cohelm.perceive.track.proof import update_proof
-from cohelm.perceive.track.rim_fit import rim_distance
 from cohelm.perceive.track.track import (
     AT_REST,
     COLUMNS,
     ENDS_AGE,
-    INITIAL_VARIANCE,
     MISSED,
     MOVES,
     PP,
     PROOF,
     RADIUS,
-    RR,
-    SEEN,
     SEEN_EMPTY,
     TAX,
     TAY,
@@ -69,46 +62,9 @@ from cohelm.perceive.track.track import (
     VV,
     no_tracks,
     predict,
-    set_ends,
 )
-from cohelm.perceive.track.update import (
-    RADIUS_SIGMA,
-    centre_variance,
-    is_rim,
-    position_at,
-    radius_known,
-    update_track,
-)
+from cohelm.perceive.track.update import association_cost, begin_track, update_track
 from cohelm.robot.sensors import Lidar
-
-_NO_SCAN = PosedScan(np.empty(0), Pose(0.0, 0.0, 0.0), -math.inf)
-
-
-class TrackerParams(NamedTuple):
-    """Parameters of the tracker."""
-
-    max_acceleration: float = 1.0
-    """Largest acceleration of a mover [m/s^2], for the Kalman filter and for the guard."""
-    scatter: float = 0.05
-    """Standard deviation of a cluster's centre [m]."""
-    slowest: float = 0.1
-    """A slower track is at rest [m/s]."""
-    proof: int = 3
-    """Scans that must prove motion; up to twice as many are counted."""
-    calm: float = 3.0
-    """A mover at rest stays a mover for so long [s]; with known radius, for `dynamic.keep`."""
-    keep: float = 1.5
-    """An occluded mover is predicted for so long [s]."""
-    lookback: tuple[float, ...] = (0.45, 0.95, 1.4)
-    """Ages of the earlier sweeps used by the motion test [s]."""
-    radius_margin: float = 0.03
-    """Added to a mover's radius, beside one standard deviation of its place [m]."""
-    min_body_radius: float = 0.12
-    """A larger object is reported from the first scan that proves motion [m]."""
-    velocity_sigmas: float = 1.0
-    """Standard deviations of the reported velocity error."""
-    dynamic: PotentiallyDynamicParams = PotentiallyDynamicParams()
-    """Of objects that may begin to move."""
 
 
 class TrackerState(NamedTuple):
@@ -118,7 +74,7 @@ class TrackerState(NamedTuple):
     minimum range. departed_tracks: movers out of view, as in `departed`."""
 
     tracks: Floats
-    scans: tuple[PosedScan, ...]
+    scans: tuple[DeskewedScan, ...]
     stamp: float
     of_movers: np.ndarray[tuple[int], np.dtype[np.bool_]]
     free_space: FreeSpaceMemory
@@ -134,43 +90,48 @@ EMPTY_STATE = TrackerState(
 )  # fmt: skip
 
 
+_NO_DISCS = np.empty((0, 6)), np.empty((0, 6)), np.empty(0)
+
+
 def update_tracker(
-    before: TrackerState, lidar: Lidar, sweep: DeskewedScan, pose: Pose, stamp: float,
-    params: TrackerParams, fixed: NDArray[np.bool_] | None = None,
+    before: TrackerState, lidar: Lidar, sweep: DeskewedScan, params: TrackerParams,
+    fixed: NDArray[np.bool_] | None = None,
 ) -> TrackerState:  # fmt: skip
-    """The state after a sweep from an `odom` pose at `stamp` [s].
+    """The state after a sweep.
 
     fixed: (m,) which of its points are on walls of a map: they are not merged with a mover that
     passes.
     """
     if fixed is None:
         fixed = np.zeros(len(sweep.points), np.bool_)
+    pose, stamp = sweep.pose, sweep.stamp
     dt = min(max(stamp - before.stamp, 0.0), 1.0) if before.scans else 0.0
-    found = clusters(lidar, sweep, pose, lidar.range_max, fixed)
+    found = clusters(lidar, sweep, lidar.range_max, fixed)
     for lookback in params.lookback:
         earlier = _scan_at(before.scans, stamp - lookback)
         if earlier is not None:
-            update_freshness(lidar, found, sweep, pose, earlier)
-    now = posed_scan(lidar, sweep, pose, stamp)
+            update_freshness(lidar, found, sweep, earlier)
     places = placed(sweep.points, pose)
     tracks, track_of, dropped, new_movers = _updated_tracks(
-        before.tracks, found, places, lidar, now, dt, params
+        before.tracks, found, places, lidar, sweep, dt, params
     )
-    of_movers = _mover_points(tracks, track_of, found, sweep, pose) & ~fixed
+    of_movers = _mover_points(tracks, track_of, found, sweep) & ~fixed
     kept = tuple(scan for scan in before.scans if stamp - scan.stamp < max(params.lookback) + 0.2)
-    covered = any(is_covered(lidar, now, scan, before.covered) for scan in (*kept, _NO_SCAN))
+    covered = bool((sweep.ranges == -math.inf).any()) and any(
+        is_covered(lidar, sweep, scan, before.covered) for scan in (*kept, NO_SCAN)
+    )
     first, second = (
-        _scan_at(before.scans, stamp - lookback) or _NO_SCAN for lookback in params.lookback[-2:]
+        _scan_at(before.scans, stamp - lookback) or NO_SCAN for lookback in params.lookback[-2:]
     )
     dynamic, clock = params.dynamic, before.clock + dt
     if before.scans:
-        way = math.dist(before.scans[-1].sensor[:2], now.sensor[:2])
+        way = math.dist(before.scans[-1].sensor[:2], sweep.sensor[:2])
         clock += way * dynamic.keep / dynamic.vouched
     near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < NEAR) & ~of_movers & ~fixed
     since = clock - dynamic.keep
-    appearance = which_appeared(places, near, before.free_space, since, now, lidar.noise)
+    appearance = which_appeared(places, near, before.free_space, since, sweep, lidar.noise)
     free_space = with_scan(
-        before.free_space, lidar, now, places[~of_movers & (appearance == 0)], clock
+        before.free_space, lidar, sweep, places[~of_movers & (appearance == 0)], clock
     )
     dynamic_points = potentially_dynamic_points(
         lidar, places, appearance >= POSSIBLY, first, second
@@ -179,12 +140,12 @@ def update_tracker(
         lidar, places, appearance == CERTAINLY, first, second
     )
     if covered:
-        here = (now.sensor.x, now.sensor.y, 1.0)
+        here = (sweep.sensor.x, sweep.sensor.y, 1.0)
         dynamic_points, certain_points = (
             np.vstack((dynamic_points, here)),
             np.vstack((certain_points, here)),
         )
-    kept = (*kept, now)
+    kept = (*kept, sweep)
     # a wall on possibly occupied ground is not remembered as a mover: that would never end
     departed_tracks = departed(
         before.departed_tracks, dropped, new_movers, certain_points, lidar, kept, dt,
@@ -195,7 +156,7 @@ def update_tracker(
     )
 
 
-def _scan_at(scans: tuple[PosedScan, ...], when: float) -> PosedScan | None:
+def _scan_at(scans: tuple[DeskewedScan, ...], when: float) -> DeskewedScan | None:
     """The sweep of about that time, if any."""
     if not scans:
         return None
@@ -203,9 +164,27 @@ def _scan_at(scans: tuple[PosedScan, ...], when: float) -> PosedScan | None:
     return nearest if abs(when - nearest.stamp) < 0.2 else None
 
 
-def mover_discs(movers: TrackerState, now: float, params: TrackerParams) -> tuple[Floats, Floats]:
-    """Discs of the movers (n, 6), predicted to `now` [s], in `odom`, and bounds of their velocity
-    errors (n,) [m/s].
+def discs_at(
+    movers: TrackerState, now: float, params: TrackerParams
+) -> tuple[Floats, Floats, Floats]:
+    """Predicted to `now` [s], in `odom`: discs of the movers (n, 6); all discs for the guard, these
+    and behind them those of potentially dynamic points (m, 6); and bounds of the velocity errors of
+    all (m,) [m/s]."""
+    if not len(movers.tracks) and not len(movers.potentially_dynamic_points):
+        return _NO_DISCS
+    ahead = min(max(now - movers.stamp, 0.0), 1.0) if movers.scans else 0.0
+    discs, velocity_error = _mover_discs(movers, ahead, params)
+    small, small_error = discs_of_points(
+        movers.potentially_dynamic_points, ahead, params.max_acceleration, params.dynamic
+    )
+    return discs, np.vstack((discs, small)), np.concatenate((velocity_error, small_error))
+
+
+def _mover_discs(
+    movers: TrackerState, ahead: float, params: TrackerParams
+) -> tuple[Floats, Floats]:
+    """Discs of the movers (n, 6), `ahead` [s] of their sweep, and bounds of their velocity errors
+    (n,) [m/s].
 
     With objects that may move, by one scan so far, unless they are as thin as edges and noise;
     those count as static as well.
@@ -213,7 +192,6 @@ def mover_discs(movers: TrackerState, now: float, params: TrackerParams) -> tupl
     t = _moving(movers.tracks, params)
     if not len(t):
         return np.empty((0, 6)), np.empty(0)
-    ahead = _prediction_time(movers, now)
     discs = np.zeros((len(t), 6))
     push = t[:, TAX : TAY + 1]
     discs[:, :2] = t[:, TX : TY + 1] + ahead * t[:, TVX : TVY + 1] + 0.5 * ahead * ahead * push
@@ -247,29 +225,9 @@ def movers_out_of_view(movers: TrackerState, params: TrackerParams) -> Floats:
     )
 
 
-def potentially_dynamic_discs(
-    movers: TrackerState, now: float, params: TrackerParams
-) -> tuple[Floats, Floats]:
-    """Potentially dynamic points at `now` [s] as discs (l, 6), and bounds of their velocities (l,)
-    [m/s]."""
-    if not len(movers.potentially_dynamic_points):
-        return np.empty((0, 6)), np.empty(0)
-    return discs_of_points(
-        movers.potentially_dynamic_points,
-        _prediction_time(movers, now),
-        params.max_acceleration,
-        params.dynamic,
-    )
-
-
-def _prediction_time(movers: TrackerState, now: float) -> float:
-    """Prediction time from the newest sweep to `now` [s]."""
-    return min(max(now - movers.stamp, 0.0), 1.0) if movers.scans else 0.0
-
-
 @jit
 def _updated_tracks(
-    tracks: Floats, found: Floats, places: Floats, lidar: Lidar, now: PosedScan, dt: float,
+    tracks: Floats, found: Floats, places: Floats, lidar: Lidar, sweep: DeskewedScan, dt: float,
     params: TrackerParams,
 ) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
     """The tracks after these clusters of a sweep's points in `odom`, `places`; the track of each
@@ -293,43 +251,25 @@ def _updated_tracks(
             for i in range(t):
                 if assigned[i]:
                     continue
-                x, y = position_at(out[i], found[j])
-                d = math.hypot(found[j, CX] - x, found[j, CY] - y)
-                if d > 0.6:
-                    continue
-                if is_rim(out[i], found[j]):
-                    d = rim_distance(_seen(places, found[j]), x, y, out[i, RADIUS])
-                    cost = d * d / (params.scatter * params.scatter + out[i, PP])
-                else:
-                    wide = centre_variance(found[j], params.scatter) + out[i, PP]
-                    cost = d * d / wide + 4.0 * abs(found[j, SIZE] - out[i, RADIUS])
+                points = _points(places, found[j])
+                cost = association_cost(out[i], found[j], points, params.scatter)
                 if cost < best:
                     best, bi, bj = cost, i, j
         if bi < 0:
             break
         track_of[bj], assigned[bi] = bi, True
-        seen = _seen(places, found[bj])
-        update_track(
-            out[bi], found[bj], seen, lidar, now, params.scatter, params.max_acceleration
-        )  # fmt: skip
-        calm = params.dynamic.keep if radius_known(out[bi]) else params.calm
-        update_proof(
-            out[bi], found[bj], seen, lidar, now, params.slowest, params.proof, calm,
-            params.max_acceleration,
-        )  # fmt: skip
+        points = _points(places, found[bj])
+        update_track(out[bi], found[bj], points, lidar, sweep, params)
+        update_proof(out[bi], found[bj], points, lidar, sweep, params)
     n = t
     for j in range(k):
         if track_of[j] < 0.0 and not _within_mover(out, t, found[j]):
-            out[n, TX], out[n, TY], out[n, RADIUS] = found[j, CX], found[j, CY], found[j, SIZE]
-            out[n, PP], out[n, VV] = centre_variance(found[j], params.scatter), INITIAL_VARIANCE
-            out[n, SEEN] = 1.0
-            set_ends(out[n], _seen(places, found[j]))
-            out[n, RR] = RADIUS_SIGMA * RADIUS_SIGMA
+            begin_track(out[n], found[j], _points(places, found[j]), params.scatter)
             track_of[j] = n
             n += 1
     kept, dropped, new_movers = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     for i in range(n):
-        kept[i] = _is_kept(out[i], lidar, now, params)
+        kept[i] = _is_kept(out[i], lidar, sweep, params)
         dropped[i] = not kept[i] and _may_move(out[i], params)
         new_movers[i] = out[i, MOVES] > 0.0 and (i >= t or tracks[i, MOVES] == 0.0)
     number = np.cumsum(kept) - 1
@@ -341,7 +281,7 @@ def _updated_tracks(
 
 
 @jit
-def _seen(places: Floats, cluster: Floats) -> Floats:
+def _points(places: Floats, cluster: Floats) -> Floats:
     """The points of a cluster."""
     return places[int(cluster[FIRST]) : int(cluster[LAST])]
 
@@ -358,27 +298,27 @@ def _within_mover(tracks: Floats, t: int, cluster: Floats) -> bool:
 
 
 @jit
-def _is_kept(track: Floats, lidar: Lidar, now: PosedScan, params: TrackerParams) -> bool:
+def _is_kept(track: Floats, lidar: Lidar, sweep: DeskewedScan, params: TrackerParams) -> bool:
     """Whether a track is kept: seen now, or a mover that may be occluded."""
     if track[MISSED] == 0.0:
         return True
     if track[MOVES] == 0.0:
         return track[MISSED] < 0.25
-    wx, wy = track[TX] - now.sensor.x, track[TY] - now.sensor.y
+    wx, wy = track[TX] - sweep.sensor.x, track[TY] - sweep.sensor.y
     far = max(math.hypot(wx, wy), 1e-6)
     beyond = 1.0 + (track[RADIUS]) / far
-    if was_free(lidar, now, now.sensor.x + beyond * wx, now.sensor.y + beyond * wy, 0.0):
+    if was_free(lidar, sweep, sweep.sensor.x + beyond * wx, sweep.sensor.y + beyond * wy, 0.0):
         track[SEEN_EMPTY] += 1.0
     return track[SEEN_EMPTY] < 3.0 and track[MISSED] < params.keep
 
 
 @jit
 def _mover_points(
-    tracks: Floats, track_of: Floats, found: Floats, sweep: DeskewedScan, pose: Pose
+    tracks: Floats, track_of: Floats, found: Floats, sweep: DeskewedScan
 ) -> np.ndarray:  # fmt: skip
     """Which points of the sweep belong to movers: those of their clusters, and within their
     discs."""
-    of_movers = np.zeros(len(sweep.points), np.bool_)
+    of_movers, pose = np.zeros(len(sweep.points), np.bool_), sweep.pose
     for j in range(len(found)):
         i = int(track_of[j])
         if i >= 0 and tracks[i, MOVES] > 0.0:

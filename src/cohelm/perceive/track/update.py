@@ -7,15 +7,21 @@ as well be that of a larger disc, and a mover that sets off would be detected la
 
 from __future__ import annotations
 
-from cohelm.core.jit import jit, jit_inline
+import math
+
+from cohelm.core.jit import jit
 from cohelm.core.types import Floats
-from cohelm.perceive.scan.clusters import AGE, CX, CY, OCCLUDED, SIZE, PosedScan
+from cohelm.perceive.scan.clusters import AGE, CX, CY, OCCLUDED, SIZE
+from cohelm.perceive.scan.deskew import DeskewedScan
+from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.rim_fit import Fit, rim_distance, rim_fit
 from cohelm.perceive.track.track import (
+    INITIAL_VARIANCE,
     MISSED,
     MOVES,
     PP,
     RADIUS,
+    RADIUS_KNOWN,
     RR,
     SEEN,
     SEEN_EMPTY,
@@ -23,25 +29,21 @@ from cohelm.perceive.track.track import (
     TVY,
     TX,
     TY,
+    VV,
     correct,
+    radius_known,
     reinitialize,
+    set_ends,
 )
 from cohelm.robot.sensors import Lidar
 
-RADIUS_SIGMA = 0.15
-"""Prior standard deviation of a radius [m]."""
+_RADIUS_SIGMA = 0.15  # prior standard deviation of a radius [m]
+_GATE = 0.6  # a cluster farther than this from a track is not taken for it [m]
 _INCONSISTENT = 13.8  # 99.9 % quantile of chi squared with two degrees of freedom
-_RADIUS_KNOWN = 0.05  # standard deviation below which a radius counts as known [m]
-
-
-@jit_inline
-def radius_known(track: Floats) -> bool:
-    """Whether its radius is known: its rim has been observed while it moved."""
-    return track[RR] < _RADIUS_KNOWN * _RADIUS_KNOWN
 
 
 @jit
-def centre_variance(cluster: Floats, scatter: float) -> float:
+def _centre_variance(cluster: Floats, scatter: float) -> float:
     """Variance of a cluster's centre [m^2]. scatter: its standard deviation where all of it is
     visible [m]; it is larger where a part is occluded."""
     sigma = scatter
@@ -51,15 +53,15 @@ def centre_variance(cluster: Floats, scatter: float) -> float:
 
 
 @jit
-def is_rim(track: Floats, cluster: Floats) -> bool:
+def _is_rim(track: Floats, cluster: Floats) -> bool:
     """Whether a cluster may be the rim, or a part of it, of a mover of known radius."""
     return (
-        track[MOVES] > 0.0 and radius_known(track) and cluster[SIZE] < track[RADIUS] + _RADIUS_KNOWN
+        track[MOVES] > 0.0 and radius_known(track) and cluster[SIZE] < track[RADIUS] + RADIUS_KNOWN
     )
 
 
 @jit
-def position_at(track: Floats, cluster: Floats) -> tuple[float, float]:
+def _position_at(track: Floats, cluster: Floats) -> tuple[float, float]:
     """Position of the track when the cluster's beams were measured [m]."""
     if track[MOVES] == 0.0:
         return track[TX], track[TY]
@@ -67,21 +69,46 @@ def position_at(track: Floats, cluster: Floats) -> tuple[float, float]:
 
 
 @jit
-def update_track(
-    track: Floats, cluster: Floats, seen: Floats, lidar: Lidar, now: PosedScan, scatter: float,
-    max_acceleration: float
-) -> None:  # fmt: skip
-    """Kalman update of a track by its cluster of points in `odom`, `seen`.
+def association_cost(track: Floats, cluster: Floats, points: Floats, scatter: float) -> float:
+    """Cost of taking a cluster, of these `points` in `odom`, for a track: of the squared distance
+    over its variance; infinite where it is too far. scatter: see `_centre_variance` [m]."""
+    x, y = _position_at(track, cluster)
+    d = math.hypot(cluster[CX] - x, cluster[CY] - y)
+    if d > _GATE:
+        return math.inf
+    if _is_rim(track, cluster):
+        d = rim_distance(points, x, y, track[RADIUS])
+        return d * d / (scatter * scatter + track[PP])
+    wide = _centre_variance(cluster, scatter) + track[PP]
+    return d * d / wide + 4.0 * abs(cluster[SIZE] - track[RADIUS])
 
-    scatter: as for `centre_variance` [m].
-    """
+
+@jit
+def begin_track(track: Floats, cluster: Floats, points: Floats, scatter: float) -> None:
+    """Begin a track, all zeros, with a cluster of these `points` in `odom`."""
+    track[TX], track[TY], track[RADIUS] = cluster[CX], cluster[CY], cluster[SIZE]
+    track[PP], track[VV] = _centre_variance(cluster, scatter), INITIAL_VARIANCE
+    track[SEEN] = 1.0
+    set_ends(track, points)
+    track[RR] = _RADIUS_SIGMA * _RADIUS_SIGMA
+
+
+@jit
+def update_track(
+    track: Floats, cluster: Floats, points: Floats, lidar: Lidar, sweep: DeskewedScan,
+    params: TrackerParams,
+) -> None:  # fmt: skip
+    """Kalman update of a track by its cluster of points in `odom`, `points`."""
+    max_acceleration = params.max_acceleration
     track[SEEN] += 1.0
     track[MISSED] = 0.0
     track[SEEN_EMPTY] = 0.0
-    if track[MOVES] > 0.0 and _update_by_rim(track, cluster, seen, lidar, now, max_acceleration):
+    if track[MOVES] > 0.0 and _update_by_rim(
+        track, cluster, points, lidar, sweep, max_acceleration
+    ):
         return
-    x, y = position_at(track, cluster)
-    noise = centre_variance(cluster, scatter)
+    x, y = _position_at(track, cluster)
+    noise = _centre_variance(cluster, params.scatter)
     gain = track[PP] / (track[PP] + noise)
     dx, dy = gain * (cluster[CX] - x), gain * (cluster[CY] - y)
     correct(track, dx, dy, (1.0 - gain) * track[PP], max_acceleration)
@@ -95,16 +122,16 @@ def _update_radius(track: Floats, size: float, occluded: bool) -> None:
         size = max(size, track[RADIUS])
     change = (0.3 if size > track[RADIUS] else 0.1) * (size - track[RADIUS])
     track[RADIUS] += change
-    track[RR] = min(track[RR] + change * change, RADIUS_SIGMA * RADIUS_SIGMA)
+    track[RR] = min(track[RR] + change * change, _RADIUS_SIGMA * _RADIUS_SIGMA)
 
 
 @jit
-def _fitted_disc(track: Floats, seen: Floats, x: float, y: float, noise: float) -> Fit:
+def _fitted_disc(track: Floats, points: Floats, x: float, y: float, noise: float) -> Fit:
     """The disc fitted to a mover's points, with prior at (x, y) [m]."""
-    fit = rim_fit(seen, x, y, track[RADIUS], track[PP], track[RR], noise)
-    rms = rim_distance(seen, fit.x, fit.y, fit.radius)
+    fit = rim_fit(points, x, y, track[RADIUS], track[PP], track[RR], noise)
+    rms = rim_distance(points, fit.x, fit.y, fit.radius)
     if rms * rms > noise:  # less round than the noise explains
-        fit = rim_fit(seen, x, y, track[RADIUS], track[PP], track[RR], rms * rms)
+        fit = rim_fit(points, x, y, track[RADIUS], track[PP], track[RR], rms * rms)
     return fit
 
 
@@ -120,22 +147,22 @@ def _inconsistent(track: Floats, dx: float, dy: float, variance: float) -> bool:
 
 @jit
 def _update_by_rim(
-    track: Floats, cluster: Floats, seen: Floats, lidar: Lidar, now: PosedScan,
+    track: Floats, cluster: Floats, points: Floats, lidar: Lidar, sweep: DeskewedScan,
     max_acceleration: float,
 ) -> bool:  # fmt: skip
     """Update a mover by a rim fit; returns whether the fit is good."""
-    x, y = position_at(track, cluster)
+    x, y = _position_at(track, cluster)
     occluded = cluster[OCCLUDED] > 0.0
-    if occluded and not is_rim(track, cluster):
+    if occluded and not _is_rim(track, cluster):
         return False
     noise = lidar.noise * lidar.noise
-    fit = _fitted_disc(track, seen, x, y, noise)
+    fit = _fitted_disc(track, points, x, y, noise)
     if _inconsistent(track, fit.x - x, fit.y - y, fit.variance):
         reinitialize(track)
-        x, y = position_at(track, cluster)
-        fit = _fitted_disc(track, seen, x, y, noise)
-    ux, uy = fit.x - now.sensor.x, fit.y - now.sensor.y
-    mx, my = seen[:, 0].mean() - now.sensor.x, seen[:, 1].mean() - now.sensor.y
+        x, y = _position_at(track, cluster)
+        fit = _fitted_disc(track, points, x, y, noise)
+    ux, uy = fit.x - sweep.sensor.x, fit.y - sweep.sensor.y
+    mx, my = points[:, 0].mean() - sweep.sensor.x, points[:, 1].mean() - sweep.sensor.y
     in_front = mx * mx + my * my < ux * ux + uy * uy
     if not (fit.good and in_front):
         return False
