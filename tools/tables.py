@@ -6,6 +6,7 @@ fails where one is not what this would write, so a renamed field needs this scri
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import re
@@ -99,6 +100,29 @@ def period() -> list[str]:
 
     rows = [f"| `{name}` | float64[] | {_cell(said)} |" for name, said in ARRAYS.items()]
     return [*_fields(ROW, MEANINGS, str.lower), *rows]
+
+
+def messages() -> list[str]:
+    """Every message of the link, with its largest size; of a datagram the limit for all."""
+    from cohelm.link import wire
+
+    head = ["| kind | message | way | largest [byte] | what |", "|---|---|---|---|---|"]
+    return head + [
+        f"| {kind} | {of.__name__} | {'up' if kind in wire.UP else 'down'}, "
+        + (
+            f"datagram | {wire.LARGEST} |"
+            if of in wire.DATAGRAMS
+            else f"bulk | {wire.largest(of)} |"
+        )
+        + f" {_what(of)} |"
+        for kind, (of, _) in wire.LAYOUTS.items()
+    ]
+
+
+def _what(message: type) -> str:
+    """What a message's docstring says it is."""
+    paragraph = inspect.cleandoc(message.__doc__ or "").partition("\n\n")[0]
+    return _cell(" ".join(paragraph.split(": ", 1)[1].removesuffix(".").split()))
 
 
 def _fields(
@@ -271,7 +295,8 @@ def _unit(name: str) -> str:
 
 
 TABLES: dict[str, Callable[[], list[str]]] = {
-    "robot": robot, "units": units, "period": period, "closed-loop": closed_loop, "beside": beside,
+    "robot": robot, "units": units, "period": period, "messages": messages,
+    "closed-loop": closed_loop, "beside": beside,
     "drives": drives, "kidnaps": kidnaps, "cold": cold,
 }  # fmt: skip
 

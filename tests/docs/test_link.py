@@ -17,15 +17,6 @@ PAGE = Path(__file__).parents[2] / "docs" / "link.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 
 
-def test_every_message_is_on_the_page_with_its_kind_and_largest_size():
-    rows = re.findall(r"^\| (\d+) \| (\w+) \| (?:up|down), (\w+) \| (\d+) \|", TEXT, re.MULTILINE)
-    told = {(int(kind), name, way == "datagram", int(size)) for kind, name, way, size in rows}
-    assert told == {
-        (kind, of.__name__, of in wire.DATAGRAMS, wire.largest(of))
-        for kind, (of, _) in wire._LAYOUTS.items()
-    }
-
-
 def test_the_bytes_of_a_command_are_where_the_page_documents():
     command = Uplink(
         Command(Stick(0.5, -0.5), True, False, Device.TOUCH, 0.75),

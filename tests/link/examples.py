@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from enum import IntEnum
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 from hypothesis import strategies as st
@@ -44,6 +45,26 @@ def listed(item: st.SearchStrategy[Any], most: int) -> st.SearchStrategy[Any]:
     return st.lists(item, max_size=most).map(tuple)
 
 
+PLAIN: dict[Any, st.SearchStrategy[Any]] = {
+    float: single, bool: st.booleans(), m.Byte: byte, m.Short: short, m.Long: long,
+    m.Name: texts(24), m.Words: texts(64), m.Reason: texts(128),
+}  # fmt: skip
+
+
+def of(kind: Any) -> st.SearchStrategy[Any]:
+    """Any value of a message's type."""
+    if kind in PLAIN:
+        return PLAIN[kind]
+    if get_origin(kind) is Annotated:
+        listing, most = get_args(kind)
+        return listed(of(get_args(listing)[0]), most.most)
+    if get_origin(kind) is tuple:
+        return st.tuples(*map(of, get_args(kind)))
+    if issubclass(kind, IntEnum):
+        return st.sampled_from(kind)
+    return st.builds(kind, *map(of, get_type_hints(kind, include_extras=True).values()))
+
+
 headers = st.builds(Header, huge, long, clock, st.floats(), single)
 poses = st.builds(Pose, single, single, single)
 twists = st.builds(Twist, single, single)
@@ -55,23 +76,7 @@ commands = st.builds(
     st.sampled_from(m.Device), st.floats(0.0, 1.0, width=32),
 )  # fmt: skip
 uplinks = st.builds(m.Uplink, commands, listed(requests, 8))
-statuses = st.builds(
-    m.Status,
-    st.builds(m.Lease, short, short, texts(24), short, texts(24), single),
-    st.sampled_from(m.Mode), texts(128), st.sampled_from(m.Arming),
-    st.builds(Stick, single, single), single, poses, twists, twists, twists, texts(128),
-    st.builds(m.Guarding, st.sampled_from(m.ReportedVerdict), single, points, single),
-    single, poses, single, texts(64), st.sampled_from(m.Localised), single, st.booleans(),
-    st.sampled_from(m.DockPhase), byte,
-    st.builds(m.TimingReport, single, long, single, single, single, long),
-    listed(
-        st.builds(
-            m.Alarm, short, st.sampled_from(m.Severity), st.booleans(), st.booleans(), texts(64)
-        ),
-        4,
-    ),
-    listed(answers, 3), listed(points, 12), single,
-)  # fmt: skip
+statuses = of(m.Status)
 scan_parts = st.builds(
     m.ScanPart, long, byte, clock, poses, long, long, single, single, rows("u2", 0, MOST_BEAMS)
 )

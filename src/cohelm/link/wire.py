@@ -51,17 +51,17 @@ class Header(NamedTuple):
     """Time since it was received [s]; NaN with it."""
 
 
-_UP: Mapping[int, type[Any]] = {1: Uplink, 2: Waypoints, 4: Fetch}
+UP: Mapping[int, type[Any]] = {1: Uplink, 2: Waypoints, 4: Fetch}
 _DOWN: Mapping[int, type[Any]] = {
     64: Status, 65: ScanPart, 66: Discs,
     96: Hello, 97: Polyline, 98: Map, 99: HealthReport, 100: Picture, 102: Records, 103: Piece,
     104: Checked, 105: Digest, 106: ZoneMap, 107: Docks,
 }  # fmt: skip
-_LAYOUTS: Mapping[int, tuple[type[Any], WireField[Any]]] = {
-    kind: (of, layout(of)) for kind, of in {**_UP, **_DOWN}.items()
+LAYOUTS: Mapping[int, tuple[type[Any], WireField[Any]]] = {
+    kind: (of, layout(of)) for kind, of in {**UP, **_DOWN}.items()
 }
 _HEADER: WireField[Header] = layout(Header)
-_KINDS = {of: kind for kind, (of, _) in _LAYOUTS.items()}
+_KINDS = {of: kind for kind, (of, _) in LAYOUTS.items()}
 DATAGRAMS = (Uplink, Status, ScanPart, Discs)
 """Messages sent as datagrams."""
 _DATAGRAM_KINDS = frozenset(_KINDS[of] for of in DATAGRAMS)
@@ -72,7 +72,7 @@ def encode(header: Header, message: Message) -> bytes:
     kind = _KINDS[type(message)]
     into = bytearray((VERSION, kind))
     _HEADER.write(into, header)
-    _LAYOUTS[kind][1].write(into, message)
+    LAYOUTS[kind][1].write(into, message)
     return bytes(into)
 
 
@@ -99,7 +99,7 @@ def from_robot(data: bytes, bulk: bool = False) -> tuple[Header, FromRobot]:
 
 def largest(of: type[Any]) -> int:
     """Largest number of bytes of a message of this type."""
-    return 2 + _HEADER.most + _LAYOUTS[_KINDS[of]][1].most
+    return 2 + _HEADER.most + LAYOUTS[_KINDS[of]][1].most
 
 
 def _decoded(data: bytes, up: bool, bulk: bool) -> tuple[Header, Any]:
@@ -109,9 +109,9 @@ def _decoded(data: bytes, up: bool, bulk: bool) -> tuple[Header, Any]:
     version, kind = reader.take(2)
     if version != VERSION:
         raise Malformed(f"version {version} of the protocol; this end speaks {VERSION}")
-    if kind not in _LAYOUTS or (kind in _UP) != up or (kind in _DATAGRAM_KINDS) == bulk:
+    if kind not in LAYOUTS or (kind in UP) != up or (kind in _DATAGRAM_KINDS) == bulk:
         raise Malformed(f"a message of kind {kind} does not belong here")
     header = _HEADER.read(reader)
-    message = _LAYOUTS[kind][1].read(reader)
+    message = LAYOUTS[kind][1].read(reader)
     reader.done()
     return header, message

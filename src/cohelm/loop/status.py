@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.frames import compose
+from cohelm.core.row import MEANINGS
 from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law import verdict as verdicts
 from cohelm.link.messages import (
@@ -48,6 +49,12 @@ _VERDICTS = {
     verdicts.BRAKING: ReportedVerdict.BRAKING, verdicts.STANDING: ReportedVerdict.STANDING,
 }  # fmt: skip
 """Verdicts of `law.verdict` as the link reports them."""
+
+
+_AS_IN_THE_ROW = tuple(
+    name for name, kind in get_type_hints(Status).items() if kind is float and name in MEANINGS
+)
+"""Numbers that a status has as the row has them."""
 
 
 class PeriodReport(NamedTuple):
@@ -99,7 +106,9 @@ def status(
     def f(name: str) -> float:
         return float(row[name])
 
+    same: dict[str, Any] = {name: f(name) for name in _AS_IN_THE_ROW}
     return Status(
+        **same,
         lease=Lease(0, words.driver, words.name, 0, "", math.nan),
         mode=words.mode,
         stopped=words.stopped,
@@ -117,12 +126,10 @@ def status(
             (f("limiting_x"), f("limiting_y")),
             f("h"),
         ),
-        e_p=f("e_p"),
         reference=Pose(f("x_d"), f("y_d"), f("psi_d")),
         speed_cap=words.cap,
         cap_reason=words.cap_reason,
         localised=_localised(bool(row["lost"]), f("sigma"), has_map),
-        sigma=f("sigma"),
         recording=False,
         docking=DockPhase(max(int(row["docking"]), 0)),
         dock=max(int(row["dock"]), 0),
