@@ -25,13 +25,13 @@ reproduce: $(READY) ## run the paper's three experiments and draw its figures
 
 test: $(READY)   ## lint, then the tests
 	@$(MAKE) --no-print-directory -j2 --output-sync=target $(WEB) $(GL) $(BROWSER) $(FASTDDS) \
-	  lint warm rewritten warm-more
+	  warm warm-more lint rewritten
 	$(BIN)/pytest -n auto --dist loadgroup $(EXAMPLES)
 
 warm: $(READY)   # compile once what every worker of the tests would compile for itself
 	@$(BIN)/python -m tests.warm
 
-warm-more: $(READY) # and what some of them would, on the core that lint leaves
+warm-more: $(READY) # and the rest of it, beside that
 	@$(BIN)/python -m tests.warm more
 
 test-quick: $(READY) ## the tests of law, gate, scenarios and API, in less than a minute
@@ -47,7 +47,7 @@ test-python: $(WEB) $(GL) $(BROWSER) ## the tests on another Python that is here
 	.venv-$(PYTHON)/bin/python -m tests.warm more
 	.venv-$(PYTHON)/bin/pytest -n auto --dist loadgroup
 
-rewritten: $(READY) # once what every worker would do to the tests' assertions, where lint has ended
+rewritten: $(READY) # once what every worker would do to the tests' assertions
 	@$(BIN)/pytest --collect-only -qq > /dev/null || true
 
 docs: $(READY)   ## build the documentation as a site, and check all its links
@@ -95,7 +95,7 @@ $(GL): $(READY) tools/system.sh # what the twin's camera draws with; without it,
 	@touch $@
 
 $(BROWSER): $(READY) tools/system.sh | $(GL) # one apt-get at a time: what the tests of the station and of the link need
-	tools/system.sh chromium iproute2
+	tools/system.sh chromium-headless-shell iproute2
 	@touch $@
 
 $(FASTDDS): $(READY) tools/system.sh tools/peer.sh tests/ros/peer.cpp | $(BROWSER) # what the tests of ROS 2 need

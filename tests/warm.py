@@ -1,6 +1,6 @@
-"""Compiles what most tests need, with an empty cache more than a minute of one core: one room,
-driven on exact arcs and through the loop on the twin. With `more` what several others need; make
-runs that on the other core, when lint has ended. Where all is compiled, both take a few seconds.
+"""Compiles what most tests need, with an empty cache more than a minute of two cores: the law and
+the planner, in rooms driven on exact arcs and through the loop on the twin; with `more`, which make
+runs beside it, perception and mapping. Where all is compiled, both take a few seconds.
 """
 
 import sys
@@ -50,18 +50,19 @@ def mapped() -> None:
 
 
 if __name__ == "__main__":
+    # Each begins with what the other does not need, or not before it is there.
     if "more" not in sys.argv:
         driven("random", "guard")
         driven("random", "guard", "twin")
+        driven("heights", "guard", "twin")
+        started()
+    else:
+        warm_up(robot("sally"), True)
         warm_up(robot("sally-rear"), False)  # two LiDARs are other types to the compiler
-    else:  # first what has least in common with what the other core compiles meanwhile
+        mapped()
         driven("adversary", "guard")
         driven("random", "none")
         drive([[0, 0], [1, 0], [2, 0]], [(1.0, 0.1, 0.1)], [(2.0, 0.4, 2.0, 2.0)], seconds=5.0)
         SafetyFilter(robot("sally"), 0.02)(Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), Twist(0.5, 0.0))
         Kinematic(robot("sally"), clock=SteppedClock()).read()
         Twin(robot("sally"), clock=SteppedClock()).picture(32, 24, kind="rays")
-        warm_up(robot("sally"), True)
-        mapped()
-        driven("heights", "guard", "twin")
-        started()
