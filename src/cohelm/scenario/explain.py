@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import Any, cast
 
 from pydantic import ValidationError
@@ -25,7 +26,7 @@ JsonSchema = dict[str, Any]
 
 def sentences(error: ValidationError, root: Node, model: type[Schema]) -> list[str]:
     """Every problem as `file:line: key.path: sentence`."""
-    schema = model.model_json_schema()
+    schema = _schema(model)
     found: list[str] = []
     for detail in error.errors(include_url=False):
         if detail["type"] == "problems":
@@ -35,6 +36,12 @@ def sentences(error: ValidationError, root: Node, model: type[Schema]) -> list[s
         else:
             found.append(_line(root, detail["loc"], _sentence(detail, root, schema)))
     return found
+
+
+@cache
+def _schema(model: type[Schema]) -> JsonSchema:
+    """Of a model, which takes a tenth of a second to make; to read, and not to change."""
+    return model.model_json_schema()
 
 
 def nearest(word: str, known: list[str]) -> str:
