@@ -166,44 +166,47 @@ def test_an_edit_in_a_room_above_does_not_compile_the_rooms_below_again(checkout
     assert len(list((cache / "numba" / "law").iterdir())) == 2
 
 
-SORTS = """
+NAMESAKES = """
 import sys
-import numpy as np
-from numba.core.bytecode import FunctionIdentity
+from numba import njit
 from cohelm.core.jit import jit
 
-@jit
-def smallest(x):
-    return np.sort(x)[0]
+def made(k):
+    @njit
+    def run(n):  # calls itself twice: it is not melted into its caller
+        return k if n < 2 else run(n - 1) + run(n - 2)
+    return run
+
+of_ones, of_tens = made(1), made(10)
 
 @jit
-def place(x):
-    return np.argsort(x)[0]
+def ones(n):
+    return of_ones(n)
 
-name, earlier = sys.argv[1], int(sys.argv[2])
-for _ in range(earlier):  # as many functions were compiled before
-    next(FunctionIdentity._unique_ids)
-x = np.array([3.0, 2.0, *[7.0] * 40])
-print(*(globals()[one](x) for one in name.split()))
+@jit
+def tens(n):
+    return of_tens(n)
+
+print(*(globals()[one](5) for one in sys.argv[1:]))
 """
 
 
 def test_two_processes_that_fill_one_cache_do_not_mix_up_functions_of_one_name(tmp_path):
-    """Inside, numba has a `run_quicksort1` for values, and one for places, of equal arguments."""
-    (tmp_path / "sorts.py").write_text(SORTS, encoding="utf-8")
+    """As numba has a `run_quicksort1` for values, and one for places, of equal arguments."""
+    (tmp_path / "namesakes.py").write_text(NAMESAKES, encoding="utf-8")
 
-    def printed(what, earlier=0):
+    def printed(*names):
         done = subprocess.run(
-            [sys.executable, tmp_path / "sorts.py", what, str(earlier)], check=False,
-            capture_output=True, text=True,
+            [sys.executable, tmp_path / "namesakes.py", *names], check=False, capture_output=True,
+            text=True,
             env=os.environ | {"COHELM_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(PACKAGE.parent)},
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
-        return [float(number) for number in done.stdout.split()]
+        return [int(number) for number in done.stdout.split()]
 
-    printed("smallest")
-    printed("place", earlier=3)  # numba's own count then has both at 7
-    assert printed("smallest place") == [2.0, 1.0]
+    assert printed("ones") == [8]
+    assert printed("tens") == [80]
+    assert printed("ones", "tens") == [8, 80]
 
 
 def test_a_function_without_reference_counts_can_not_make_an_array():

@@ -89,7 +89,7 @@ def test_the_reference_waits_for_a_pose_that_is_not_finite(bad, field):
 
 
 def test_the_reference_waits_while_the_robot_is_held_up():
-    history = follow(BENDS, Pose(0, 0, 0), 32.0, held=(2.0, 22.0))
+    history = follow(BENDS, Pose(0.0, 0.0, 0.0), 32.0, held=(2.0, 22.0))
     before, after = history[round(4.0 / DT)][0], history[round(21.9 / DT)][0]
     pose = history[round(21.9 / DT)][1]
     point = at(BENDS, after.tau)
@@ -99,7 +99,7 @@ def test_the_reference_waits_while_the_robot_is_held_up():
 
 
 def test_the_reference_resumes_without_a_jump_and_arrives():
-    history = follow(BENDS, Pose(0, 0, 0), 35.0, held=(2.0, 12.0))
+    history = follow(BENDS, Pose(0.0, 0.0, 0.0), 35.0, held=(2.0, 12.0))
     wishes = np.array([nominal for _, _, nominal in history])
     free = wishes[round(12.0 / DT) :]
     assert np.abs(np.diff(free[:, 0])).max() < (PACE.rise + PACE.fall) * DT
@@ -113,8 +113,8 @@ def test_an_ungoverned_reference_runs_away_from_a_robot_that_is_held_up():
     """E12, the reason for this module; the governed one is at most `lag` ahead."""
     held = Pose(2.0, 0.0, 0.0)
     assert desired(STRAIGHT, 8.0, False).x - held.x > 5.0
-    clock = follow(STRAIGHT, Pose(0, 0, 0), 10.0, held=(2.0, 10.0))[-1][0]
-    pose = follow(STRAIGHT, Pose(0, 0, 0), 2.0)[-1][1]
+    clock = follow(STRAIGHT, Pose(0.0, 0.0, 0.0), 10.0, held=(2.0, 10.0))[-1][0]
+    pose = follow(STRAIGHT, Pose(0.0, 0.0, 0.0), 2.0)[-1][1]
     assert at(STRAIGHT, clock.tau).x - pose.x <= PACE.lag + 1e-9
 
 
@@ -201,7 +201,7 @@ def test_beside_the_path_the_robot_is_turned_towards_it(beside):
 
 
 def test_while_the_person_leads_the_reference_waits_at_the_nearest_point_ahead():
-    history = follow(STRAIGHT, Pose(0, 0, 0), 4.0, leads=(1.0, 4.0))
+    history = follow(STRAIGHT, Pose(0.0, 0.0, 0.0), 4.0, leads=(1.0, 4.0))
     for (clock, _, _), (_, pose, _) in zip(history[51:], history[50:], strict=False):
         nearest = max(pose.x, clock.tau - 1e-3)  # on this path tau is x
         assert clock.tau == pytest.approx(nearest, abs=0.03)
@@ -211,12 +211,12 @@ def test_while_the_person_leads_the_reference_waits_at_the_nearest_point_ahead()
 @pytest.mark.parametrize("speed", [0.0, 0.3, 0.6])
 def test_when_the_person_lets_go_the_reference_goes_on_at_the_speed_it_finds(speed):
     hand = Twist(speed, 0.0)
-    history = follow(STRAIGHT, Pose(0, 0, 0), 4.0, leads=(1.0, 3.0), hand=hand)
+    history = follow(STRAIGHT, Pose(0.0, 0.0, 0.0), 4.0, leads=(1.0, 3.0), hand=hand)
     assert history[round(3.0 / DT)][2].v == pytest.approx(speed, abs=0.1)
 
 
 def test_when_the_person_lets_go_off_the_path_the_reference_takes_over_smoothly():
-    history = follow(BENDS, Pose(0, 0, 0), 40.0, leads=(1.0, 2.5))
+    history = follow(BENDS, Pose(0.0, 0.0, 0.0), 40.0, leads=(1.0, 2.5))
     first = round(2.5 / DT)
     assert abs(history[first][2].v) < 0.4
     speeds = np.array([nominal.v for _, _, nominal in history[first:]])

@@ -234,7 +234,7 @@ def test_real_maps_look_the_same_as_cells_and_as_walls(name):
 
 
 def test_nothing_to_see_is_infinitely_far():
-    assert (seen(Pose(0, 0, 0), LidarModel(noise_m=0.1).lidar()) == math.inf).all()
+    assert (seen(Pose(0.0, 0.0, 0.0), LidarModel(noise_m=0.1).lidar()) == math.inf).all()
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,9 @@ from cohelm.station.serve import Server
 from tests.station.bare import Bare
 from tests.station.servers import Robot, served
 
-CHROMIUM = Path("/usr/bin/chromium")
+SHELL, WHOLE = Path("/usr/bin/chromium-headless-shell"), Path("/usr/bin/chromium")
+CHROMIUM = WHOLE if WHOLE.exists() and not SHELL.exists() else SHELL
+"""Without windows, of which nothing is seen here, it takes a third less of the processor."""
 FLAGS = [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
@@ -54,7 +56,7 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bare]:
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
     if not CHROMIUM.exists():
-        pytest.skip(f"no browser at {CHROMIUM}; Debian: apt-get install chromium")
+        pytest.skip(f"no browser at {CHROMIUM}; Debian: apt-get install {CHROMIUM.name}")
     with sync_playwright() as playwright:
         made = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield made
