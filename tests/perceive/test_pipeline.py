@@ -148,6 +148,14 @@ def test_a_warm_up_leaves_nothing_to_compile(lab, mapped):
     assert [len(part.signatures) for part in parts] == before
 
 
+@pytest.mark.parametrize("rare", ["is_covered", "potentially_dynamic_points"])
+def test_a_warm_up_compiles_what_few_scans_need(monkeypatch, rare):
+    calls, compiled = [], getattr(movers, rare)
+    monkeypatch.setattr(movers, rare, lambda *of: (calls.append(1), compiled(*of))[1])
+    warm_up(SALLY, False)
+    assert calls
+
+
 @pytest.mark.parametrize(("at", "by"), [(13, 2.0), (14, -2.0), (16, 2.0), (18, -2.0)])
 def test_moved_two_metres_along_the_corridor_the_robot_knows_it_within_3_seconds(lab, tour, at, by):
     """Only a cone and two doors tell places in the corridor apart, to a hand's breadth."""

@@ -296,8 +296,10 @@ def warm_up(model: RobotModel, mapped: bool) -> None:
 
 
 def _in_a_room(lidar: Lidar, k: int) -> Floats:
-    """Ranges of scan k in a small room with a walker."""
+    """Ranges of scan k in a small room with a walker; something is too near for the first beam."""
     n = len(lidar.beams)
     bearings = np.arctan2(lidar.beams[:, 1], lidar.beams[:, 0])
     room = 2.0 / np.maximum(np.abs(np.cos(bearings)), np.abs(np.sin(bearings)))
-    return np.where(np.abs(np.arange(n) - n // 2 - 12 * k) < 8, 1.2, room)
+    ranges = np.where(np.abs(np.arange(n) - n // 2 - 12 * k) < 8, 1.2, room)
+    ranges[0] = -math.inf
+    return ranges

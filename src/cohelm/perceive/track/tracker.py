@@ -133,12 +133,12 @@ def update_tracker(
     free_space = with_scan(
         before.free_space, lidar, sweep, places[~of_movers & (appearance == 0)], clock
     )
-    dynamic_points = potentially_dynamic_points(
-        lidar, places, appearance >= POSSIBLY, first, second
-    )
-    certain_points = potentially_dynamic_points(
-        lidar, places, appearance == CERTAINLY, first, second
-    )
+    dynamic_points = certain_points = np.empty((0, 3))
+    if appearance.any():
+        dynamic_points, certain_points = (
+            potentially_dynamic_points(lidar, places, which, first, second)
+            for which in (appearance >= POSSIBLY, appearance == CERTAINLY)
+        )
     if covered:
         here = (sweep.sensor.x, sweep.sensor.y, 1.0)
         dynamic_points, certain_points = (
