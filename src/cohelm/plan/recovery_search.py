@@ -49,6 +49,8 @@ def search_recovery(
         )
         if clearance > most:
             best, most = move, clearance
+        if most == math.inf:  # nothing finer leads farther
+            break
     return best
 
 
