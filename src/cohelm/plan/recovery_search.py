@@ -71,23 +71,21 @@ def _search(
     before, by = np.full(room, -1), np.full(room, -1)  # the pose before, and the step from there
     keys, queue, visited = np.empty(room), np.empty(room, np.int64), np.full(_TABLE, -1)
     poses[0, 0], poses[0, 1], poses[0, 2] = pose.x, pose.y, pose.psi
-    n, expanded, size = 1, 0, push(keys, queue, 0, 0.0, 0)
-    best, most = 0, 0.0
-    while size > 0 and expanded < _PLACES:
+    expanded = np.empty(_PLACES, np.int64)
+    n, m, size = 1, 0, push(keys, queue, 0, 0.0, 0)
+    while size > 0 and m < _PLACES:
         k = queue[0]
         size = pop(keys, queue, size)
         at = Pose(poses[k, 0], poses[k, 1], poses[k, 2])
         if _was_visited(visited, at, scale):
             continue
-        expanded += 1
+        expanded[m] = k
+        m += 1
         short = wrap(heading - at.psi)
         for angle in (short, short - math.copysign(2.0 * math.pi, short)):
             allowed = k > 0 or not kind(RecoveryMove(0.0, 0.0, angle)) & refused
             if allowed and turns(at, angle, points, outline, reach, least):
                 return math.inf, _first_move(steps, before, by, k, angle)
-        clearance = swept_clearances(points, outline, poses[k : k + 1])[0]
-        if clearance > most:
-            best, most = k, clearance
         for i in range(len(steps)):
             step = RecoveryMove(steps[i, 0], steps[i, 1], steps[i, 2])
             if k == 0 and kind(step) & refused:
@@ -104,7 +102,9 @@ def _search(
             before[n], by[n] = k, i
             size = push(keys, queue, size, costs[n], n)
             n += 1
-    return most, _first_move(steps, before, by, best, 0.0)
+    clearances = swept_clearances(points, outline, poses[expanded[:m]])
+    best = int(np.argmax(clearances))
+    return clearances[best], _first_move(steps, before, by, expanded[best], 0.0)
 
 
 @jit
