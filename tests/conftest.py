@@ -11,7 +11,6 @@ import re
 import signal
 from typing import Any
 
-import numba
 import pytest
 from hypothesis import HealthCheck, settings
 from xdist.remote import Producer
@@ -21,8 +20,8 @@ from xdist.workermanage import WorkerController
 from tests.typed import cohelm as cohelm  # for all folders
 
 _calm = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
-settings.register_profile("default", max_examples=40 if numba.config.DISABLE_JIT else 60, **_calm)
-settings.register_profile("ci", max_examples=60, derandomize=True, print_blob=True, **_calm)
+settings.register_profile("default", max_examples=40, **_calm)
+settings.register_profile("ci", max_examples=40, derandomize=True, print_blob=True, **_calm)
 settings.register_profile("more", max_examples=300, **_calm)
 settings.register_profile("thorough", max_examples=5000, **_calm)
 settings.load_profile("ci" if os.environ.get("CI") else "default")
