@@ -315,7 +315,7 @@ def test_a_mover_at_rest_for_a_moment_is_still_evaded():
     for k in range(30):
         v = max(0.5 - 0.1 * max(k - 5, 0), 0.01)  # then it rests, and sways a little
         obstacles = surroundings([disc(1.5, 0.0, 0.3, 0.8, v, 0.0)], [1.0])
-        seen = updated_history(history, obstacles, 0.1)
+        seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
         history[: len(seen)] = seen
         minded.append(
             relevant_movers(obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[
@@ -334,7 +334,7 @@ def test_a_mover_that_sets_off_to_another_side_is_soon_predicted_so():
         t = 0.1 * k + 0.05
         vx, vy = min(max(2.0 - t, 0.0), 1.0), max(t - 2.0, 0.0)
         obstacles = surroundings([disc(x, y, 0.3, 0.8, vx, vy)], [1.0])
-        seen = updated_history(history, obstacles, 0.1)
+        seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
         history[: len(seen)], history[len(seen) :] = seen, math.nan
         x, y = x + 0.1 * vx, y + 0.1 * vy
     movers, _ = relevant_movers(obstacles, seen, Pose(1.0, 3.0, 0.0), 0.46, ON.limits, e)
@@ -349,7 +349,7 @@ def _accelerations(velocities, error):
     history, out = empty_mover_history(), []
     for vx, vy in velocities:
         obstacles = surroundings([disc(0.0, 0.0, 0.3, 0.8, vx, vy)], [1.0], velocity_error=[error])
-        seen = updated_history(history, obstacles, 0.1)
+        seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
         history[: len(seen)], history[len(seen) :] = seen, math.nan
         out.append(acceleration(seen[0], 1.0, 0.1))
     return np.array(out)
@@ -390,7 +390,7 @@ def test_an_object_that_seems_to_walk_for_a_moment_is_soon_forgotten():
         obstacles = surroundings(
             [disc(1.5, 0.0, 0.3, 0.8, 0.5 if 3 <= k < 6 else 0.01, 0.0)], [1.0]
         )
-        seen = updated_history(history, obstacles, 0.1)
+        seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
         history[: len(seen)] = seen
         minded.append(
             relevant_movers(obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[
@@ -426,7 +426,7 @@ def test_a_mover_of_uncertain_velocity_is_not_taken_to_run():
         for v in [0.6] * 10 + [0.4] * 6:
             slow = [disc(2.0, 0.0, 0.3, 0.8, v, 0.0)]
             obstacles = surroundings(slow, [most], velocity_error=[off])
-            seen = updated_history(history, obstacles, 0.1)
+            seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
             history[: len(seen)] = seen
         movers, _ = relevant_movers(obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, e)
         return trajectories(movers, 0.46, e)[0, 0, 6]

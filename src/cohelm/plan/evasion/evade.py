@@ -55,11 +55,7 @@ def evade(
             last.on, last.v, last.omega, last.then, last.turns, last.after, last.left - 1,
         )  # fmt: skip
     reach = circumscribed_radius(outline)
-    seen = Surroundings(
-        obstacles.discs, obstacles.max_acceleration, velocity_error, obstacles.segments,
-        obstacles.points,
-    )  # fmt: skip
-    updated = updated_history(history, seen, e.period)
+    updated = updated_history(history, obstacles.discs, velocity_error, e.period)
     history[: len(updated)] = updated
     history[len(updated) :] = math.nan
     movers, count = relevant_movers(obstacles, updated, pose, reach, limits, e)

@@ -39,19 +39,24 @@ def empty_mover_history() -> Floats:
 
 
 @jit
-def updated_history(history: Floats, obstacles: Surroundings, period: float) -> Floats:
-    """The moving discs with their past, columns as in `empty_mover_history`."""
-    out = np.empty((min(len(obstacles.discs), _MAX_MOVERS), history.shape[1]))
+def updated_history(
+    history: Floats, discs: Floats, velocity_error: Floats, period: float
+) -> Floats:  # fmt: skip
+    """The moving ones of discs (n, 6) with their past, columns as in `empty_mover_history`.
+
+    velocity_error: (n,), bounds, as the discs were seen [m/s].
+    """
+    out = np.empty((min(len(discs), _MAX_MOVERS), history.shape[1]))
     n = 0
-    for i in range(len(obstacles.discs)):
-        d = obstacles.discs[i]
+    for i in range(len(discs)):
+        d = discs[i]
         speed = math.hypot(d[VX], d[VY])
         if n == len(out) or not speed > 0.0:  # nor for NaN
             continue
         row, walks = out[n], speed > _WALKING_SPEED
         row[_HX], row[_HY], row[_TOP], row[_COUNT] = d[X], d[Y], speed, 1.0
         row[_SINCE], row[_WALKED] = (0.0, period) if walks else (math.inf, 0.0)
-        row[_HVX], row[_HVY], row[_ERROR] = d[VX], d[VY], obstacles.velocity_error[i]
+        row[_HVX], row[_HVY], row[_ERROR] = d[VX], d[VY], velocity_error[i]
         best, match = _GATE, -1
         for j in range(len(history)):
             far = math.hypot(
