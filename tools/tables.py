@@ -103,18 +103,13 @@ def period() -> list[str]:
 
 
 def messages() -> list[str]:
-    """Every message of the link, with its largest size; of a datagram the limit for all."""
+    """Every message of the link, with its largest size."""
     from cohelm.link import wire
 
     head = ["| kind | message | way | largest [byte] | what |", "|---|---|---|---|---|"]
     return head + [
         f"| {kind} | {of.__name__} | {'up' if kind in wire.UP else 'down'}, "
-        + (
-            f"datagram | {wire.LARGEST} |"
-            if of in wire.DATAGRAMS
-            else f"bulk | {wire.largest(of)} |"
-        )
-        + f" {_what(of)} |"
+        f"{'datagram' if of in wire.DATAGRAMS else 'bulk'} | {wire.largest(of)} | {_what(of)} |"
         for kind, (of, _) in wire.LAYOUTS.items()
     ]
 
