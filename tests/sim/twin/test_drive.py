@@ -32,19 +32,19 @@ def driven(name: str, *changes: str) -> Trace:
 
 
 @pytest.mark.parametrize(
-    ("change", "seeds", "within"),  # who sees the truth has no noise
+    ("change", "seeds"),  # who sees the truth has no noise
     first(
         [
-            ("senses=lidar", 1, 100.0),
-            ("simulation.twin.friction=0.15", 1, 80.0),
-            ("senses=lidar", 5, 80.0),
-            ("senses=truth", 1, 80.0),
+            ("senses=lidar", 3),
+            ("simulation.twin.friction=0.15", 1),
+            ("senses=lidar", 5),
+            ("senses=truth", 1),
         ],
         2,
     ),
     ids=str,
 )
-def test_the_lab_is_driven_without_a_contact(change, seeds, within):
+def test_the_lab_is_driven_without_a_contact(change, seeds):
     drives = [
         driven("lab-avoid", "simulation.wheel_limits=true", change, f"simulation.seed={seed}")
         for seed in range(seeds)
@@ -53,7 +53,7 @@ def test_the_lab_is_driven_without_a_contact(change, seeds, within):
         assert measure(trace).reached
         assert trace.rows["clearance"].min() > 0.04
     # Whether it meets the mover before, in or behind the door (60, 75 or 95 s) is noise.
-    assert np.median([trace.rows["t"][-1] for trace in drives]) < within
+    assert np.median([trace.rows["t"][-1] for trace in drives]) < 80.0
 
 
 def test_on_ice_the_guard_counts_on_no_more_than_the_floor_holds():
