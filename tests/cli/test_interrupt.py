@@ -1,9 +1,10 @@
-"""Ctrl-C is delayed while numba converts results."""
+"""Ctrl-C is delayed while numba converts results, and is not reported as an error."""
 
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -94,3 +95,51 @@ def test_few_modules_are_imported_before_ctrl_c_is_handled():
     )
     ran = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=True)
     assert not {"typing", "importlib", "re", "numpy"} & {*ran.stdout.split()}
+
+
+class Starting:
+    """In place of the robot's process: it starts, until it is killed by what a person pressed."""
+
+    pid, host, port, over = 0, "", 0, ""
+
+    def __init__(self, *_: object, **__: object) -> None:
+        self.ready, self.killed = threading.Event(), threading.Event()
+
+    def __enter__(self) -> "Starting":
+        threading.Thread(target=self._press, args=(self.signals,)).start()
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def when_ready(self, then: object) -> None: ...
+
+    def afterwards(self, then) -> None:
+        def dies() -> None:
+            self.killed.wait()
+            self.over = "the robot's process ended before it was ready: killed by SIGINT"
+            then()
+
+        threading.Thread(target=dies).start()
+
+    def _press(self, signals: int) -> None:
+        while "handle_exit" not in str(signal.getsignal(signal.SIGINT)):
+            time.sleep(0.01)  # the page is not served yet
+        for _ in range(signals):
+            os.kill(os.getpid(), signal.SIGINT)
+        self.killed.set()
+
+
+@pytest.mark.parametrize(
+    ("handler", "signals", "code"),
+    [(signal.default_int_handler, 1, 130), (signal.SIG_IGN, 1, 0), (signal.SIG_IGN, 0, 2)],
+)
+def test_only_without_ctrl_c_is_the_end_of_a_starting_robot_an_error(
+    cohelm, monkeypatch, handler, signals, code
+):
+    """The terminal sends it to the robot's process too. Ignored is it in the background."""
+    signal.signal(signal.SIGINT, handler)
+    monkeypatch.setattr(Starting, "signals", signals, raising=False)
+    monkeypatch.setattr("cohelm.drive.robot_process.RobotProcess", Starting)
+    said = cohelm("drive", "--kinematic", "--port", "0")
+    assert said.code == code
+    assert ("error:" in said.err) == (code == 2)

@@ -1,5 +1,7 @@
 """The robot's process, from its start: ended at any time, and whatever is wrong is reported."""
 
+import os
+import signal
 import time
 
 from cohelm.drive.operate import DriveOptions
@@ -33,3 +35,15 @@ def test_a_robot_that_can_not_be_started_is_reported_and_the_callback_runs(tmp_p
     robot.close()
     assert "no-such-place" in called[0]
     assert not robot.ready.is_set()
+
+
+def test_a_robot_killed_while_it_starts_says_by_what(tmp_path):
+    own, _ = keys.pair_here()
+    robot = RobotProcess(LAB, TeleopConfig(own, "127.0.0.1", 0, tmp_path))
+    os.kill(robot.pid, signal.SIGKILL)
+    until = time.monotonic() + 30.0
+    while not robot.over:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    robot.close()
+    assert robot.over == "the robot's process ended before it was ready: killed by SIGKILL"

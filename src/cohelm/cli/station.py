@@ -199,12 +199,13 @@ def drive(
             return linked() or StartingLink(linked, lambda: robot.over or begun.text())
 
         robot.when_ready(ready)
-        serve(connect, host, port, files, robot.afterwards)
+        interrupted = serve(connect, host, port, files, robot.afterwards)
         over, came = robot.over, robot.ready.is_set()
-    if over and not came:
+    if interrupted or not over:  # a terminal sends Ctrl-C to the robot's process as well
+        return
+    if not came:
         raise CohelmError(over)
-    if over:
-        raise CohelmError(f"{over}. The station has ended too: start it again when you want to")
+    raise CohelmError(f"{over}. The station has ended too: start it again when you want to")
 
 
 def _recorded(path: Path) -> Connect:
@@ -261,8 +262,9 @@ def _encryption(
 def serve(
     connect: Connect, host: str, port: int, files: tuple[Path, Path] | None,
     afterwards: Callable[[Callable[[], None]], None] = lambda _: None,
-) -> None:  # fmt: skip
-    """Serve the page, and print its address. afterwards: registers what to call at the end."""
+) -> bool:  # fmt: skip
+    """Serve the page, and print its address; returns whether a signal has ended it. afterwards:
+    registers what to call when the robot has ended."""
     import time
 
     from cohelm.station.serve import Server
@@ -278,3 +280,4 @@ def serve(
     afterwards(last_words)
     server.run()
     say(plain("the station is closed"))
+    return server.interrupted

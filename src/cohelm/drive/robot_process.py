@@ -61,7 +61,9 @@ class RobotProcess:
             answer = self._line.recv()
         except (EOFError, OSError):
             self._end()
-            raise CohelmError("the robot's process ended before it was ready; see above") from None
+            raise CohelmError(
+                f"the robot's process ended before it was ready: {self._how_ended()}"
+            ) from None
         except BaseException:
             self._process.kill()  # it does not drive yet, and need not be waited for
             self._end()
@@ -141,10 +143,13 @@ class RobotProcess:
         except (EOFError, OSError):
             pass
         self._process.join(_END)
+        return self._how_ended()
+
+    def _how_ended(self) -> str:
         code = self._process.exitcode or 0
-        return (
-            f"killed by {signal.Signals(-code).name}" if code < 0 else f"it exited with code {code}"
-        )
+        if code < 0:
+            return f"killed by {signal.Signals(-code).name}"
+        return f"it exited with code {code}" + ("; see above" if code else "")
 
 
 def _drive(

@@ -151,6 +151,11 @@ class Server:
         self._server.should_exit = True
 
     @property
+    def interrupted(self) -> bool:
+        """Whether a signal to this process, such as Ctrl-C, has ended `run`."""
+        return self._server.interrupted
+
+    @property
     def started(self) -> bool:
         """Whether pages are served."""
         return self._server.started
@@ -160,8 +165,11 @@ class _GracefulServer(uvicorn.Server):
     """A server that ignores a second Ctrl-C: it ends within a second anyway, and to abort that
     would only print a traceback."""
 
+    interrupted = False
+
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         if not self.should_exit:
+            self.interrupted = True
             super().handle_exit(sig, frame)
 
 
