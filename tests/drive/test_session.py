@@ -10,7 +10,9 @@ from cohelm.core.types import Twist
 from cohelm.drive.factory import Simulated, simulated
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.link.messages import Mode
+from cohelm.loop.driver import Driver
 from cohelm.loop.planning import MAX_PLAN_AGE, RemotePlanner
+from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.port import Readings
 
 
@@ -53,6 +55,34 @@ def test_after_a_drive_the_process_priority_is_restored():
         session.run(lambda loop: loop.timing.punctuality().periods > 5)
         assert not rank() <= before
     assert rank() <= before
+
+
+@pytest.mark.xdist_group("realtime")
+def test_odometry_that_drifts_while_the_start_compiles_raises_no_alarm(monkeypatch):
+    """A gyroscope drifts by degrees meanwhile: the next scan contradicted the last one, and the
+    robot took itself for carried away."""
+    read, drift = RemoteGatedRobot.read, 0.0
+
+    def compiling(*_: object) -> None:
+        nonlocal drift
+        drift = 0.1
+
+    def drifted(gated: RemoteGatedRobot) -> Readings:
+        readings = read(gated)
+        odometry = readings.odometry
+        if odometry is None:
+            return readings
+        pose = odometry.pose._replace(psi=odometry.pose.psi + drift)
+        return readings._replace(odometry=odometry._replace(pose=pose))
+
+    monkeypatch.setattr(Driver, "warm_up_planner", compiling)
+    monkeypatch.setattr(RemoteGatedRobot, "read", drifted)
+    with Session(SessionConfig(simulated("lab-guard"), patience=1.0)) as session:
+        end = session.gated.now() + 1.0
+        session.run(lambda loop: loop.gated.now() > end)
+        assert session.loop.has_map
+        assert not session.loop.seen.lost
+        assert session.loop.alarms.worst() == ()
 
 
 class Clock:

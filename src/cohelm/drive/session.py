@@ -353,12 +353,18 @@ class Session:
             restore_priority(self._niceness)
 
     def _warm_up(self) -> None:
-        """Compile what a period needs before the first one is due, by a few at standstill."""
-        loop = self.loop
-        gated = loop.gated
-        end = gated.now() + (0.5 if self.plan.robot.real_time else 0.1)
+        """Compile what a period needs before the first one is due, by a few at standstill.
+
+        In real time that can take minutes between two scans, in which the odometry drifts: another
+        perception is used, or the loop's would take the robot for carried away.
+        """
+        loop, robot = self.loop, self.plan.robot
+        gated, perception = loop.gated, loop.perception
+        if robot.real_time:
+            perception = Perception(robot.model, self.known, robot.start)
+        end = gated.now() + (0.5 if robot.real_time else 0.1)
         while True:
-            seen = loop.perception.take(gated.now(), gated.read())
+            seen = perception.take(gated.now(), gated.read())
             loop.driver.warm_up(seen.pose, loop.driver.obstacles(seen))
             gated.wait(gated.now() + self.plan.period)
             if gated.now() >= end:
