@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from scipy.stats import binom, binomtest
 
 from cohelm.study.campaign.result import NOT_DRIVEN
 from cohelm.study.campaign.stats import share, spread, summary
@@ -13,6 +12,8 @@ from cohelm.study.campaign.stats import share, spread, summary
 
 @given(st.integers(1, 20_000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
 def test_bounds_are_those_of_the_exact_binomial_test(counted):
+    from scipy.stats import binomtest  # takes 0.4 s, in every worker
+
     count, of = counted
     found = share(count, of)
     theirs = binomtest(count, of).proportion_ci(0.95, "exact")
@@ -33,6 +34,8 @@ def test_of_nothing_anything_is_possible():
 
 @pytest.mark.parametrize("p", [0.001, 0.1, 0.5])
 def test_the_bounds_hold_the_truth_at_least_as_often_as_promised(p):
+    from scipy.stats import binom
+
     counts = np.arange(101)
     held = [share(int(k), 100).low <= p <= share(int(k), 100).high for k in counts]
     assert binom.pmf(counts, 100, p)[held].sum() >= 0.95

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import beta
+from scipy.special import betaincinv
 
 from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.metrics import plain
@@ -33,8 +33,8 @@ def share(count: int, of: int, confidence: float = 0.95) -> Share:
     if of == 0:
         return Share(0, 0, 0.0, 1.0)
     tail = 0.5 * (1.0 - confidence)
-    low = float(beta.ppf(tail, count, of - count + 1)) if count > 0 else 0.0
-    high = float(beta.ppf(1.0 - tail, count + 1, of - count)) if count < of else 1.0
+    low = float(betaincinv(count, of - count + 1, tail)) if count > 0 else 0.0
+    high = float(betaincinv(count + 1, of - count, 1.0 - tail)) if count < of else 1.0
     return Share(count, of, low, high)
 
 
