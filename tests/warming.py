@@ -1,9 +1,6 @@
-"""Compiles what most tests need, with an empty cache more than a minute of two cores: the law and
-the planner, in rooms driven on exact arcs and through the loop on the twin; with `more`, which make
-runs beside it, perception and mapping. Where all is compiled, both take a few seconds.
+"""What most tests need compiled, in two halves: each begins with what the other does not need, or
+not before it is there.
 """
-
-import sys
 
 from cohelm.core.types import Pose, Twist
 from cohelm.drive.factory import simulated
@@ -49,20 +46,22 @@ def mapped() -> None:
     raster(mapper.finished().poses, [view.points for view in views], lidar.mount, 0.05)
 
 
-if __name__ == "__main__":
-    # Each begins with what the other does not need, or not before it is there.
-    if "more" not in sys.argv:
-        driven("random", "guard")
-        driven("random", "guard", "twin")
-        driven("heights", "guard", "twin")
-        started()
-    else:
-        warm_up(robot("sally"), True)
-        warm_up(robot("sally-rear"), False)  # two LiDARs are other types to the compiler
-        mapped()
-        driven("adversary", "guard")
-        driven("random", "none")
-        drive([[0, 0], [1, 0], [2, 0]], [(1.0, 0.1, 0.1)], [(2.0, 0.4, 2.0, 2.0)], seconds=5.0)
-        SafetyFilter(robot("sally"), 0.02)(Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), Twist(0.5, 0.0))
-        Kinematic(robot("sally"), clock=SteppedClock()).read()
-        Twin(robot("sally"), clock=SteppedClock()).picture(32, 24, kind="rays")
+def first() -> None:
+    """The law and the planner, in rooms driven on exact arcs and through the loop on the twin."""
+    driven("random", "guard")
+    driven("random", "guard", "twin")
+    driven("heights", "guard", "twin")
+    started()
+
+
+def more() -> None:
+    """Perception and mapping."""
+    warm_up(robot("sally"), True)
+    warm_up(robot("sally-rear"), False)  # two LiDARs are other types to the compiler
+    mapped()
+    driven("adversary", "guard")
+    driven("random", "none")
+    drive([[0, 0], [1, 0], [2, 0]], [(1.0, 0.1, 0.1)], [(2.0, 0.4, 2.0, 2.0)], seconds=5.0)
+    SafetyFilter(robot("sally"), 0.02)(Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), Twist(0.5, 0.0))
+    Kinematic(robot("sally"), clock=SteppedClock()).read()
+    Twin(robot("sally"), clock=SteppedClock()).picture(32, 24, kind="rays")
