@@ -211,10 +211,12 @@ def test_forged_replayed_and_reordered_packets_are_not_used(drive, network):
     drive.start()  # before: a handshake in which a fifth is damaged can take 10 s
     network.be(delay=0.02, jitter=0.02, duplicate=0.3, corrupt=0.2, replay=0.3)
     began = time.monotonic()
-    time.sleep(2.0)
-    made = [step.made for step in drive.since(began) if not math.isnan(step.made)]
+    until(lambda: len(drive.since(began)) >= 100)  # 2 s, and longer on a busy machine
+    steps = drive.since(began)
+    made = [step.made for step in steps if not math.isnan(step.made)]
     assert made == sorted(made)  # never back to an earlier command
-    assert len(made) > 80
+    assert len(made) > 0.8 * len(steps)
+    assert drive.robot.counts["out of order"] > 0
     assert drive.robot.counts["malformed"] == 0  # what was forged never came that far
 
 
