@@ -108,7 +108,7 @@ def heard(age=0.02, driver=1, fresh=True, scale=1.0, round_trip=0.0):
     ("said", "why"),
     [
         (heard(), ""),
-        (heard(0.24, fresh=False), ""),
+        (heard(0.24, fresh=False), ""),  # a new driver: what it sent before does not count
         (heard(0.26, fresh=False), "no command for 260 ms"),
         (heard(math.nan, fresh=False), "no command yet"),
         (heard(driver=0), "there is no driver any more"),

@@ -49,7 +49,8 @@ class StickState(NamedTuple):
 
 
 def current(received: OperatorInput, params: ArmingParams) -> OperatorInput:
-    """The input without a command that is too old. Here alone the loop judges that."""
+    """The input without a command that is too old. Here alone the loop judges whether one is used;
+    whether its driver is silent is another question: see `_driver_lost`."""
     return received if is_current(received.age, params.stale) else received._replace(command=None)
 
 
@@ -99,7 +100,8 @@ def _valid_command(received: OperatorInput) -> tuple[Command | None, str]:
 
 
 def _driver_lost(received: OperatorInput, stale: float) -> str:
-    """See `StickState.driver_lost`."""
+    """See `StickState.driver_lost`. A new driver has no command to use yet, as those from before it
+    was the driver do not count; but it is not silent: its age says so."""
     if received.driver == 0:
         return _NO_DRIVER
     if not is_current(received.age, stale):
