@@ -144,6 +144,7 @@ def test_drive_answers_with_the_page_starts_the_robot_and_ends_on_ctrl_c(install
     assert drive.returncode in (0, 130)
 
 
+@pytest.mark.slow  # `drive`, above, starts the twin too
 def test_robot_drives_the_twin(installed, tmp_path):
     said = subprocess.run(
         (installed, "robot", "lab-guard", "--twin", "--fast", "--for", "1", "--json"),
