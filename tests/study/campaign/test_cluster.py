@@ -5,13 +5,15 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 
 import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.study.campaign.runner import CampaignConfig, run
 
-pytest.importorskip("distributed")
+# to import it here would take 0.3 s in each worker of the tests
+pytestmark = pytest.mark.skipif(not find_spec("distributed"), reason="distributed is not installed")
 PLAN = CampaignConfig("adversary", ("guard",), 7, 400)
 
 
