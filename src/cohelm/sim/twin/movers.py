@@ -17,13 +17,16 @@ from cohelm.sim.world import World, from_wall, place_one
 STROLL = 0.4
 """Speed at which a mover goes round what is in its way [m/s]."""
 MAX_ACCELERATION = 1.0
-"""Largest acceleration of a mover that was held up, but for the bump itself [m/s^2]."""
+"""Largest acceleration of a mover that is held up, but for a bump [m/s^2]."""
 _HURRY = 1.25  # a mover that was held up goes so many times as fast until it is back on its way
 _PULL = 1.0  # how strongly it wants back [1/s]
+_REACTION = 0.05  # it brakes for another disc so much earlier than it has to [s]
+_BERTH = 0.15  # nearer than this to another disc, half the gap counts as touched: both may turn [m]
 _BESIDE = 0.02  # gap with which it goes round a thing [m]
 _NEAR = 0.15  # nearer than this, it does not walk towards a thing [m]
 _INSIDE = 0.02  # one that starts deeper within a thing than this comes out of it unhindered [m]
-_BACK = 0.005  # nearer to where it should be than this [m], it is back on its way
+_BACK = 0.005  # nearer to where it should be than this [m],
+_STEADY = 0.02  # and as fast but for this [m/s], it is back on its way
 
 
 _KEEPS = 0.2  # for which an attacker keeps what it does [s]
@@ -32,9 +35,9 @@ _GRAZES = 0.005  # and so near is too near: between two looks it may come nearer
 
 
 class MovingDiscs(NamedTuple):
-    """Discs that move. One that bumps into the robot, a wall or another disc stops, finds its way
-    round it, slowly and with no more acceleration than AGILITY, and then makes up for the time it
-    lost."""
+    """Discs that move. One brakes for another disc; into the robot or a wall it bumps, and stops
+    dead. Then it finds its way round, slowly, and makes up for the time it lost: all but the bump
+    with no more than MAX_ACCELERATION."""
 
     which: Ints
     """(m,) rows of the discs."""
@@ -144,10 +147,14 @@ def _go(
         touches = (
             bumps == _ROBOT and _clearance(pose, outline, discs, walls, i, x, y, _ROBOT)[0] > 0.0
         )
-        if bumps == _NOTHING or touches:
+        goes_on = bumps == _NOTHING or touches
+        meets = _meets(discs, i, discs[i, VX], discs[i, VY])
+        if goes_on and meets == _NOTHING:
             return
         held[:] = 0.0
         held[_OFF], held[_ROUND] = 1.0, bumps
+        if goes_on:
+            held[_ROUND], held[_VX], held[_VY] = meets, discs[i, VX], discs[i, VY]
     dx, dy = after[X] - x, after[Y] - y
     wx, wy = after[VX] + _PULL * dx, after[VY] + _PULL * dy
     most = _HURRY * max(math.hypot(after[VX], after[VY]), STROLL)
@@ -168,11 +175,20 @@ def _go(
     change = math.hypot(ax, ay)
     share = min(MAX_ACCELERATION * step / change, 1.0) if change > 0.0 else 0.0
     vx, vy = held[_VX] + share * ax, held[_VY] + share * ay
+    meets = _meets(discs, i, vx, vy)
+    if meets != _NOTHING:
+        speed = math.hypot(held[_VX], held[_VY])
+        share = max(1.0 - MAX_ACCELERATION * step / max(speed, 1e-9), 0.0)
+        vx, vy = share * held[_VX], share * held[_VY]
+        if held[_SIDE] == 0.0:
+            held[_ROUND] = meets
+        elif share == 0.0 and meets != held[_ROUND]:  # no way through there
+            held[_SIDE] = -held[_SIDE]
     into = nx * vx + ny * vy
     if clearance <= 0.0 and into < 0.0:  # it bumps again
         vx, vy = vx - into * nx, vy - into * ny
-    steady = math.hypot(after[VX] - vx, after[VY] - vy) < MAX_ACCELERATION * 0.1
-    if bumps == _NOTHING and steady and math.hypot(dx, dy) < _BACK:
+    steady = math.hypot(after[VX] - vx, after[VY] - vy) < _STEADY
+    if max(bumps, meets) == _NOTHING and steady and math.hypot(dx, dy) < _BACK:
         held[_OFF] = 0.0
     else:
         other = _bumps(pose, outline, discs, walls, i, x + vx * step, y + vy * step)
@@ -182,6 +198,26 @@ def _go(
                 held[_SIDE] = -held[_SIDE]
         after[X], after[Y], after[VX], after[VY] = x + vx * step, y + vy * step, vx, vy
     held[_VX], held[_VY] = vx, vy
+
+
+@jit
+def _meets(discs: Floats, i: int, vx: float, vy: float) -> int:
+    """The other disc for which disc i, with this velocity, has to brake now: the first that it
+    would touch, if both went straight on, before it could stop; else none."""
+    time = 0.5 * math.hypot(vx, vy) / MAX_ACCELERATION + _REACTION
+    for j in range(len(discs)):
+        wx, wy = discs[j, X] - discs[i, X], discs[j, Y] - discs[i, Y]
+        ux, uy = vx - discs[j, VX], vy - discs[j, VY]
+        reach = discs[i, RADIUS] + discs[j, RADIUS]
+        gap = math.hypot(wx, wy) - reach
+        reach += 0.5 * min(max(gap, 0.0), _BERTH)
+        closing, square = wx * ux + wy * uy, ux * ux + uy * uy
+        apart = wx * wx + wy * wy - reach * reach
+        room = closing * closing - square * apart
+        nears = j != i and gap > 0.0 and closing > 0.0 and room > 0.0
+        if nears and apart < time * (closing + math.sqrt(room)):  # of two roots the earlier
+            return j + 1
+    return _NOTHING
 
 
 @jit
