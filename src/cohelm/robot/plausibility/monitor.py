@@ -18,7 +18,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.plausibility.content import Content
 from cohelm.robot.plausibility.finding import Action, Finding, fault
-from cohelm.robot.plausibility.match import match
+from cohelm.robot.plausibility.match import Match, match
 from cohelm.robot.plausibility.sight import sighted
 from cohelm.robot.plausibility.source import PlausibilitySource
 from cohelm.robot.plausibility.trail import Trail, extended
@@ -175,3 +175,4 @@ def warm_up() -> None:
     farther(b, c, lidar)
     for least in (0.0, 1e-9):
         match(a, b, lidar, least)
+    Match(np.zeros(3), np.zeros((3, 3)), 0.0, 0.0).seen(1.0, 0.0)  # also called by itself
