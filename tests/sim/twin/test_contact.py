@@ -183,7 +183,7 @@ def test_an_attacker_changes_its_velocity_no_faster_than_it_is_assumed_to(seed: 
         brake(robot, 0.02)
         velocities.append(robot.discs()[5, 2:4])
     changes = np.hypot(*np.diff(velocities, axis=0).T)
-    assert changes.max() <= 1.0 * 0.02 + 0.02  # 0.02: back on its way
+    assert changes.max() <= 1.0 * 0.02 + 1e-9
     assert np.hypot(*np.transpose(velocities)).max() > 0.6  # it does walk
 
 

@@ -202,8 +202,8 @@ def _go(
 
 @jit
 def _meets(discs: Floats, i: int, vx: float, vy: float) -> int:
-    """The other disc for which disc i, with this velocity, has to brake now: the first that it
-    would touch, if both went straight on, before it could stop; else none."""
+    """Another disc for which disc i, with this velocity, has to brake now: one that it would touch,
+    if both went straight on, before it could stop; else none."""
     time = 0.5 * math.hypot(vx, vy) / MAX_ACCELERATION + _REACTION
     for j in range(len(discs)):
         wx, wy = discs[j, X] - discs[i, X], discs[j, Y] - discs[i, Y]
