@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -115,6 +118,20 @@ def test_a_scan_arrives_to_the_last_bit(pair):
     assert (got.header, got.angle_min, got.scan_time) == (
         sent.header, sent.angle_min, np.float32(sent.scan_time)
     )  # fmt: skip
+
+
+def test_no_thread_of_it_takes_a_real_time_priority(pair):
+    """Who drives sets the priorities of a process, and restores them."""
+    one, two = pair
+    heard, out = Heard(two, "/long", STRING), one.publish("/long", STRING, COMMAND)
+    assert met(pair, "/long")
+    assert until(lambda: out.send(String("." * 10_000)) or bool(heard))
+    raised = set()
+    for task in Path("/proc/self/task").iterdir():
+        with contextlib.suppress(ProcessLookupError, FileNotFoundError):  # one that has ended
+            if os.sched_getscheduler(int(task.name)) != os.SCHED_OTHER:
+                raised.add((task / "comm").read_text().strip())
+    assert not raised
 
 
 def test_transient_local_messages_reach_late_subscribers(pair, request):

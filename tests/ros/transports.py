@@ -62,6 +62,7 @@ class Router:
         config = {
             "mode": "router", "listen": {"endpoints": [self.url]},
             "scouting": {"multicast": {"enabled": False}},
+            "transport": {"shared_memory": {"enabled": False}},
         }  # fmt: skip
         self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 

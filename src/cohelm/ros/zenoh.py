@@ -318,6 +318,8 @@ def _default(zenoh: Any) -> Any:
             },
         },
         "timestamping": {"enabled": {"router": True, "peer": True, "client": True}},
+        # Its threads are real-time ones, and stay until the process ends.
+        "transport": {"shared_memory": {"enabled": False}},
     }))  # fmt: skip
 
 
