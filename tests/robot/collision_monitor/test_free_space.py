@@ -15,6 +15,7 @@ from cohelm.robot.collision_monitor.free_space import (
     TURNED,
     VOUCHED,
     FreeSpace,
+    unknown_to_all,
 )
 from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.collision_monitor.surroundings import BESIDE, NOTHING
@@ -74,6 +75,7 @@ def in_view(point, s, pose, ranges, slack):
 
 def unknown_at(points, found):
     """Which points lie in an unknown cell."""
+    points = np.asarray(points)
     if not len(found):
         return np.zeros(len(points), dtype=bool)
     return np.abs(points[:, None] - found[None]).max(axis=2).min(axis=1) <= 0.5 * CELL
@@ -299,3 +301,60 @@ def test_switched_on_anew_it_knows_what_is_vouched_for_there():
     anew = it.look(empty(), Pose(0.9, 0.0, 0.0), 0.0, 0.0)
     assert len(anew.points) > 50
     assert np.hypot(anew.points[:, 0] - 0.9, anew.points[:, 1]).min() > SHAPE.reach + VOUCHED - CELL
+
+
+LONG = outline(np.array([[1.5, 1.0], [-1.5, 1.0], [-1.5, -1.0], [1.5, -1.0]]))
+AHEAD = Pose(1.4, 0.0, 0.0)
+
+
+def test_behind_a_robot_longer_than_the_usual_window_ground_is_unknown_too():
+    it = FreeSpace(sensor(mount=AHEAD), LONG, WITHIN)
+    found = it.look(empty(), HERE, 0.0, 0.0)
+    for y in np.linspace(-0.9, 0.9, 19):
+        back = np.array([[x, y] for x in np.arange(-1.6, -2.5, -0.5 * CELL)])
+        assert unknown_at(back, found.points).any()
+        assert not unknown_at(back[:4], found.points).any()  # vouched for
+
+
+def test_a_longer_robot_remembers_ground_as_far_as_returns_and_no_farther():
+    it = FreeSpace(sensor(mount=AHEAD), LONG, 3.0)
+    it.look(empty(), HERE, 0.0, 0.0)
+    gone = it.look(np.full(BEAMS, math.nan), Pose(6.0, 0.0, 0.0), 0.0, 0.0)
+    farthest = LONG.reach - AHEAD.x + CELL * HALF
+    assert CELL * HALF < farthest < LONG.reach + BESIDE - AHEAD.x
+    known, unknown = ([7.4 - farthest - off, 0.0] for off in (-CELL, CELL))
+    assert not unknown_at([known], gone.points).any()
+    assert unknown_at([unknown], gone.points).all()
+
+
+def test_a_robot_whose_outline_grows_beyond_its_window_keeps_what_it_has_seen():
+    it = FreeSpace(sensor(mount=AHEAD), outline(BOX), WITHIN)
+    it.look(empty(), HERE, 0.0, 0.0)
+    it.reshape(LONG, WITHIN)
+    turned = it.look(np.full(BEAMS, math.nan), Pose(0.0, 0.0, math.pi), 0.0, 0.0)
+    assert not unknown_at([[1.6, 0.0], [1.6, 0.8]], turned.points).any()
+    assert unknown_at([[0.0, -1.2], [0.0, 1.2]], turned.points).all()
+
+
+def test_however_far_a_robot_brakes_it_meets_unknown_ground_before_what_is_beyond_the_window():
+    it = FreeSpace(sensor(mount=HERE), SHAPE, 6.0)
+    it.look(empty(), Pose(0.0, 0.0, math.pi), 0.0, 0.0)
+    found = it.look(np.full(BEAMS, math.nan), HERE, 0.0, 0.0)
+    for angle in np.linspace(0.75 * math.pi, 1.25 * math.pi, 91):
+        way = np.arange(1.0, 4.5, 0.5 * CELL)[:, None] * (math.cos(angle), math.sin(angle))
+        assert unknown_at(way, found.points).any()
+
+
+def test_ground_unknown_to_one_lidar_is_unknown_to_all_though_it_is_beyond_anothers_window():
+    """One at either end of a long robot that drives ahead. The front one has seen what is beside
+    the rear, and forgotten it; the rear one looks back."""
+    shape = outline(np.array([[2.0, 0.5], [-2.0, 0.5], [-2.0, -0.5], [2.0, -0.5]]))
+    mounts = Pose(1.9, 0.0, 0.0), Pose(-1.9, 0.0, math.pi)
+    both = [FreeSpace(sensor(90.0, mount), shape, WITHIN) for mount in mounts]
+    for k in range(160):
+        for it in both:
+            it.look(empty(), Pose(0.05 * k, 0.0, 0.0), 0.0, 0.0)
+    beside = np.array([[7.95 - 1.2, 1.4], [7.95 - 1.2, -1.4]])
+    assert np.hypot(1.2, 1.4) < shape.reach
+    assert unknown_at(beside, unknown_to_all(both).points).all()
+    assert unknown_at(beside, unknown_to_all(both[::-1]).points).all()

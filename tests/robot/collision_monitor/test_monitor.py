@@ -805,3 +805,28 @@ def test_recent_commands_explain_motion_and_old_ones_do_not():
             it.restrict(t - PERIOD, sent)
             it.observe(t, readings(t, empty(), Pose(0.5 * t, 0.0, 0.0), Twist(0.5, 0.0)), sent)
         assert it._unexplained(Twist(0.5, 0.0)) != explained
+
+
+def test_a_robot_three_metres_long_only_crawls_onto_ground_it_never_saw():
+    """Its LiDAR is at its front, and its rear is farther from that than a small robot's memory of
+    the ground reaches."""
+    corners = [[1.5, 1.0], [-1.5, 1.0], [-1.5, -1.0], [1.5, -1.0]]
+    long = model(mount_x_m=1.4).model_copy(update={"footprint_m": corners, "track_m": 1.6})
+    it = CollisionMonitor(described(long, rules(long, PERIOD)))
+    for k in range(46, 51):
+        it.observe(0.02 * k, readings(0.02 * k, empty()), STILL)
+    shares = [it.restrict(1.0, Twist(-v, 0.0)).share * v for v in (0.2, 0.5, 0.8, 1.0)]
+    room = VOUCHED + long.reach - 1.5  # vouched for about the turning circle, behind the rear
+    assert max(shares) <= fits(room, 1.0, PERIOD, (1.0 - RESERVE) * BRAKES)
+    assert it.restrict(1.0, Twist(1.0, 0.0)) == UNRESTRICTED
+
+
+def test_a_return_behind_counts_as_far_as_it_brakes_though_the_lidar_is_on_a_boom_ahead():
+    """All round, 1 m ahead of the outline."""
+    boom = model(field_of_view_deg=360.0, mount_x_m=1.4)
+    it = CollisionMonitor(described(boom, rules(boom, PERIOD)))
+    ranges, gap = empty(), 0.25
+    ranges[0] = 1.4 + 0.36 + gap  # straight behind; beam 0 looks back
+    for k in range(46, 51):
+        it.observe(0.02 * k, readings(0.02 * k, ranges), STILL)
+    assert it.restrict(1.0, Twist(-1.0, 0.0)).share < 1.0

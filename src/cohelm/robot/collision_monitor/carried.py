@@ -58,7 +58,7 @@ class Carried:
             self._since = seen if math.isnan(self._since) else self._since
             if seen - self._since < GONE_FOR:
                 return False
-            self._before = known & near().ravel()
+            self._before = known & near()
         beams, in_view = self._beams(self._bearings, psi)
         known[:] = self._before
         known[in_view & ~(reach[beams] > np.maximum(self._dist, self._sensor.range_min))] = False

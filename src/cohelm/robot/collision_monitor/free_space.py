@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
+from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from cohelm.core.types import Floats, Ints, Pose
 from cohelm.robot.collision_monitor.carried import Carried
 from cohelm.robot.collision_monitor.odometry import placed_at, seen_from
 from cohelm.robot.collision_monitor.returns import Sensor
-from cohelm.robot.collision_monitor.surroundings import BESIDE, NOTHING, MonitorSurroundings
+from cohelm.robot.collision_monitor.surroundings import BESIDE, NOTHING, MonitorSurroundings, joined
 from cohelm.robot.collision_monitor.sweep import Outline, edge_distances
 
 CELL = 0.05
@@ -27,7 +28,8 @@ HALF = round(BESIDE / CELL) - 3
 """Cells from the sensor to where ground is forgotten, all round: 2.85 m, nearer than the distance
 at which `surroundings` forgets, wherever in the outline the sensor is. The three are for its motion
 in a scan and before the next look, and for half a cell. The filter forgets sooner
-(`tests/pilot/test_ground_memories.py`), so it requests no ground that is refused."""
+(`tests/pilot/test_ground_memories.py`), so it requests no ground that is refused. Of a robot whose
+outline reaches beyond, ground is remembered as far as returns are."""
 VOUCHED = 0.2
 """Margin around the turning circle within which ground counts as free where the robot is switched
 on: the operator has looked; and from there it can turn and look for itself [m]."""
@@ -38,12 +40,29 @@ CORNER = math.sqrt(0.5) * CELL
 STEADY, TURNED = CELL, 0.05
 """A sensor that has moved less [m, rad] sees the same ground."""
 
-_X, _Y = np.meshgrid(np.arange(-HALF, HALF + 1), np.arange(-HALF, HALF + 1), indexing="ij")
-_DISTANCE = CELL * np.hypot(_X, _Y)
-_BEARING = np.arctan2(_Y, _X).astype(np.float64)
-_WIDE = np.arcsin(np.minimum(2.0 * CORNER / np.maximum(_DISTANCE, CELL), 1.0))
-"""Half the angle under which a cell may be seen, wherever in the middle one the sensor is."""
-_INDEX = np.column_stack((_X.ravel(), _Y.ravel())).astype(np.int64)
+
+class Window(NamedTuple):
+    """Square of cells about the sensor's, row by row, (n,) each."""
+
+    cells: Ints
+    """(n, 2), counted from the sensor's cell."""
+    distance: Floats
+    """From the sensor's cell [m]."""
+    bearing: Floats
+    """[rad]"""
+    wide: Floats
+    """Half the angle under which a cell may be seen, wherever in the middle one the sensor is."""
+
+
+@cache
+def window(half: int) -> Window:
+    """The window with so many cells to either side."""
+    side = np.arange(-half, half + 1)
+    cells = np.stack(np.meshgrid(side, side, indexing="ij"), axis=2).reshape(-1, 2)
+    distance: Floats = CELL * np.hypot(*cells.T)
+    bearing = np.arctan2(cells[:, 1], cells[:, 0]).astype(np.float64)
+    wide = np.arcsin(np.minimum(2.0 * CORNER / np.maximum(distance, CELL), 1.0))
+    return Window(cells.astype(np.int64), distance, bearing, wide)
 
 
 class FreeSpace:
@@ -56,15 +75,17 @@ class FreeSpace:
         self._sensor, self._own, self._floor = sensor, shape, floor
         self._error = UNWATCHED if floor else -math.inf
         self._at: Pose | None = None
-        self.reshape(shape, within)
-        self._known: NDArray[np.bool_] = np.zeros(_DISTANCE.shape, dtype=np.bool_)
+        self._known: NDArray[np.bool_] = np.zeros((1, 1), dtype=np.bool_)
         self._cell = (0, 0)
         self._vouched = False
-        self._carried = Carried(sensor, _DISTANCE.ravel(), _BEARING.ravel()) if floor else None
+        self._carried: Carried | None = None
+        self._half = 0
+        self.reshape(shape, within)
         self.unknown = NOTHING
         """Unobserved ground within reach, by the newest look."""
-        self.cells: Ints | None = None
-        """Its cells, (n, 2), counted from the frame's origin; None before the first look."""
+        self.cells: Ints = np.empty((0, 2), dtype=np.int64)
+        """Its cells, (n, 2), counted from the frame's origin."""
+        self.looked = False
 
     def reshape(self, shape: Outline, within: float) -> None:
         """Change the robot's outline. within: as above."""
@@ -75,9 +96,31 @@ class FreeSpace:
         if self._floor:
             self._vouches = max(self._vouches, self._sensor.vouched)
         away = math.hypot(mount.x, mount.y)
-        self._near = (away + shape.reach + within > _DISTANCE).ravel()
-        self._kept = _DISTANCE <= CELL * HALF + min(shape.reach - away, 0.0)
-        self._matters = self._kept.ravel() | self._near
+        kept = CELL * HALF + min(shape.reach - away, max(away + self._vouches - CELL * HALF, 0.0))
+        # Ground beyond what is kept is unknown: a cell more, which no way out of the window misses.
+        self._resize(math.ceil(max(kept, away + shape.reach) / CELL) + 1)
+        distance = self._window.distance
+        self._near = away + shape.reach + within > distance
+        self._kept = distance <= kept
+        self._matters = self._kept | self._near
+
+    def _resize(self, half: int) -> None:
+        """Have so many cells to either side of the sensor's; what stays in view stays known."""
+        self._window = window(half)
+        if half == self._half:
+            return
+        known = np.zeros((2 * half + 1, 2 * half + 1), dtype=np.bool_)
+        cut, off = max(self._half - half, 0), max(half - self._half, 0)
+        inner = self._known[cut : len(self._known) - cut, cut : len(self._known) - cut]
+        known[off : off + len(inner), off : off + len(inner)] = inner
+        self._known, self._half = known, half
+        if self._floor:
+            self._carried = Carried(self._sensor, self._window.distance, self._window.bearing)
+
+    def beyond(self, cells: Ints) -> NDArray[np.bool_]:
+        """Which cells, (n, 2), lie outside of its window."""
+        outside = np.abs(cells - self._cell) > self._half
+        return outside[:, 0] | outside[:, 1]
 
     def forget(self) -> None:
         """Forget all of it: as if it were switched on anew."""
@@ -85,7 +128,7 @@ class FreeSpace:
         self._at, self._vouched = None, False
         if self._carried is not None:
             self._carried.drives()
-        self.unknown, self.cells = NOTHING, None
+        self.unknown, self.cells, self.looked = NOTHING, self.cells[:0], False
 
     def look(
         self, ranges: Floats, pose: Pose, turned: float, seen: float
@@ -118,10 +161,10 @@ class FreeSpace:
         first = math.remainder(psi + sensor.bearings[0], 2.0 * math.pi)
         span = float(sensor.bearings[-1] - sensor.bearings[0])
         new = np.flatnonzero(self._matters & ~self._known.ravel())  # what is known stays known
-        distance = _DISTANCE.ravel()[new]
-        along = _BEARING.ravel()[new] - first  # from the first beam
+        distance = self._window.distance[new]
+        along = self._window.bearing[new] - first  # from the first beam
         along[along < 0.0] += 2.0 * math.pi
-        wide = 0.5 * abs(turned) + (0.0 if self._floor else _WIDE.ravel()[new])
+        wide = 0.5 * abs(turned) + (0.0 if self._floor else self._window.wide[new])
         looks = (along >= wide) & (along <= span - wide)
         beams = np.minimum((along / sensor.step + 0.5).astype(np.intp), len(ranges) - 1)
         if self._floor:
@@ -133,20 +176,20 @@ class FreeSpace:
             none_seen = new[:0]
             seen_free = looks & (reach[beams] > distance - CELL)
         known = self._known.ravel()
-        known[new[seen_free & self._kept.ravel()[new]]] = True
+        known[new[seen_free & self._kept[new]]] = True
         if not self._vouched:
             self._vouch(pose, none_seen)
-        cells = _INDEX[new[~(looks | known[new]) & self._near[new]]] + np.array(self._cell)
+        cells = self._window.cells[new[~(looks | known[new]) & self._near[new]]] + self._cell
         points: Floats = CELL * cells.astype(np.float64)
         at = seen_from(points, pose)
         outside, own = (edge_distances(at, one).max(axis=1) for one in (self._shape, self._own))
         # The robot itself is there, and stands on it; an added load hangs over anything.
         stood_on = np.maximum(outside, own) <= -CORNER
         under = (outside <= -CORNER) | ((outside <= CORNER) & (own > CORNER))
-        self._known[tuple((cells[stood_on] + HALF - np.array(self._cell)).T)] = True
+        self._known[tuple((cells[stood_on] + self._half - self._cell).T)] = True
         unknown: Floats = points[~under]
         n = len(unknown)
-        self.cells = cells[~under]
+        self.cells, self.looked = cells[~under], True
         self.unknown = MonitorSurroundings(
             unknown, np.full(n, self._error), np.full(n, CORNER), np.full(n, seen)
         )  # fmt: skip
@@ -156,45 +199,48 @@ class FreeSpace:
         """Mark the ground about a pose as known, without these cells."""
         self._vouched = True
         near = self._about(pose)
-        near.ravel()[excluded] = False
-        self._known |= near
+        near[excluded] = False
+        self._known |= (near & self._kept).reshape(self._known.shape)
 
     def _about(self, pose: Pose) -> NDArray[np.bool_]:
         """The ground about a pose where a robot is switched on, or put down."""
-        x, y = (CELL * (c + k) for c, k in zip(self._cell, (_X, _Y), strict=True))
+        x, y = (CELL * (self._window.cells + self._cell)).T
         return np.asarray(np.hypot(x - pose.x, y - pose.y) < self._vouches)
 
     def _move(self, i: int, j: int) -> None:
         """Center the window on a cell; ground that stays in it stays known."""
         di, dj = i - self._cell[0], j - self._cell[1]
         self._cell = i, j
-        side = 2 * HALF + 1
+        side = len(self._known)
         known = np.zeros_like(self._known)
         if abs(di) < side and abs(dj) < side:
             to_i, from_i = _overlap(di, side)
             to_j, from_j = _overlap(dj, side)
             known[to_i, to_j] = self._known[from_i, from_j]
-        self._known = known & self._kept
+        self._known = known & self._kept.reshape(known.shape)
 
 
 def unknown_to_all(spaces: Sequence[FreeSpace]) -> MonitorSurroundings:
     """Ground that no sensor looks at or has looked at before; sensors that have not looked yet do
-    not count."""
-    looked = [space for space in spaces if space.cells is not None]
-    if not looked:
-        return NOTHING
-    first, *others = looked
-    found, own = first.unknown, _keys(first)
-    for other in others:
-        both = np.isin(own, _keys(other))
-        found, own = MonitorSurroundings(*(column[both] for column in found)), own[both]
+    not count. What is beyond a sensor's window is unknown to it."""
+    looked = [space for space in spaces if space.looked]
+    found = NOTHING
+    for i, space in enumerate(looked):
+        cells, own = space.cells, _keys(space)
+        to_all = np.ones(len(own), dtype=np.bool_)
+        for j, other in enumerate(looked):
+            if j < i:  # what is in its window was found with it
+                to_all &= other.beyond(cells)
+            elif j > i:
+                to_all &= other.beyond(cells) | np.isin(own, _keys(other))
+        found = joined(found, MonitorSurroundings(*(column[to_all] for column in space.unknown)))
     return found
 
 
 def _keys(space: FreeSpace) -> Ints:
     """A number for each of its cells."""
     cells = space.cells
-    return np.empty(0, np.int64) if cells is None else (cells[:, 0] << 32) + cells[:, 1]
+    return (cells[:, 0] << 32) + cells[:, 1]
 
 
 def _overlap(by: int, side: int) -> tuple[slice, slice]:

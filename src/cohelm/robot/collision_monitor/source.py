@@ -63,7 +63,9 @@ class MonitorSource:
     def reshape(self, shape: Outline, farthest: float) -> None:
         """Change the robot's outline. farthest: as above."""
         self._shape = shape
-        self._near = 2.0 * shape.reach + (farthest if self._around else max(farthest, BESIDE))
+        across = max(shape.reach, math.hypot(self._sensor.mount.x, self._sensor.mount.y))
+        beyond = farthest if self._around else max(farthest, BESIDE)
+        self._near = across + shape.reach + beyond
         for space in (self.ground, self.floor):
             if space is not None:
                 space.reshape(shape, farthest)
