@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -108,6 +109,23 @@ def test_a_lost_stick_is_not_centred_but_invalid_with_the_reason(plug):
     assert reading.stick == CENTRED
     assert device.name in reading.why
     device.feel(Feel(0.5, Stick(0.1, 0.1)))  # feels nothing, and does not raise
+    device.close()
+
+
+def test_a_gamepad_unplugged_after_a_long_drive_is_lost():
+    """SDL keeps 65 535 events, some minutes of a moving stick, and drops further ones."""
+    pygame = pytest.importorskip("pygame")
+    plug = Sdl()
+    device = plug.open()
+    moved = pygame.event.Event(pygame.JOYAXISMOTION, instance_id=0, axis=0, value=0.0)
+    for _ in range(7):
+        with suppress(pygame.error):  # the queue is full
+            for _ in range(10_000):
+                pygame.event.post(moved)
+        assert device.read().valid
+    plug.unplug()
+    until(lambda: not device.read().valid, within=2.0)
+    assert "unplugged" in device.read().why
     device.close()
 
 

@@ -61,12 +61,8 @@ class SdlStick:
 
     def read(self) -> Reading:
         """The present state."""
-        if not self._why:
-            self._pygame.event.pump()
-            if not self._stick.get_init():
-                self._why = "it is closed"
-            elif self._gone():
-                self._why = "it was unplugged"
+        if not self._why and self._gone():
+            self._why = "it was unplugged"
         if self._why:
             return Reading(CENTRED, False, f"{self.name}: {self._why}", ())
         stick = Stick(_share(-self._stick.get_axis(1)), _share(-self._stick.get_axis(0)))
@@ -96,9 +92,10 @@ class SdlStick:
         self._stick.quit()
 
     def _gone(self) -> bool:
-        removed = self._pygame.event.get(self._pygame.JOYDEVICEREMOVED)
-        mine = self._stick.get_instance_id()
-        return any(event.instance_id == mine for event in removed)
+        """Takes all events: a queue full of others would drop that of the removal."""
+        removed, mine = self._pygame.JOYDEVICEREMOVED, self._stick.get_instance_id()
+        events: list[Any] = self._pygame.event.get()
+        return any(one.type == removed and one.instance_id == mine for one in events)
 
 
 def _share(value: float) -> float:
