@@ -14,7 +14,7 @@ from cohelm.station.operator import PageOperator
 def test_a_request_delayed_in_transit_is_not_executed(late):
     asked = []
     link = SimpleNamespace(ask=lambda *request: asked.append(request) or 1)
-    operator = PageOperator("key", "anna", lambda _: link, 0.25)
+    operator = PageOperator("key", "anna", link, 0.25)
     pressed = time.monotonic() - late
     operator._on_message(from_page(Do(what="automatic", echo_ms=pressed * 1e3).model_dump_json()))
     (what, _, made), *more = asked

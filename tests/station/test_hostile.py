@@ -238,7 +238,7 @@ def test_pages_that_disconnect_early_leave_no_resources(
 
 
 def test_messages_of_a_disconnected_page_are_ignored(robot: Robot) -> None:
-    operator = PageOperator("key", "operator 1", robot.connect, 0.25)
+    operator = PageOperator("key", "operator 1", robot.connect(""), 0.25)
     heard, sent, gone = [0], [0], asyncio.Event()
 
     async def receive() -> dict[str, object]:

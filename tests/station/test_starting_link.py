@@ -42,7 +42,7 @@ class Robot(RefusingLink):
 def awaited() -> tuple[PageOperator, list[Robot]]:
     there: list[Robot] = []
     starting = StartingLink(lambda: there[0] if there else None, lambda: "starting (3 s)")
-    return PageOperator("key", "anna", lambda _: starting, 0.25), there
+    return PageOperator("key", "anna", starting, 0.25), there
 
 
 def told(operator: PageOperator) -> list[dict[str, object]]:

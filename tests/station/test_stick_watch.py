@@ -31,7 +31,7 @@ def said(operator: PageOperator, n: int, beat: float) -> None:
 @pytest.mark.parametrize("on_the_way", [0.0, 0.1, 0.2])
 def test_a_deflection_is_lost_at_its_maximum_age_since_the_beat_that_it_echoes(on_the_way):
     link = Link()
-    operator = PageOperator("key", "anna", lambda _: link, STALE)
+    operator = PageOperator("key", "anna", link, STALE)
     beat = time.monotonic() - on_the_way
     said(operator, 1, beat)
     [(command, until)] = link.steered
@@ -41,7 +41,7 @@ def test_a_deflection_is_lost_at_its_maximum_age_since_the_beat_that_it_echoes(o
 
 def test_a_deflection_that_is_too_old_at_its_arrival_or_came_before_is_not_sent():
     link = Link()
-    operator = PageOperator("key", "anna", lambda _: link, STALE)
+    operator = PageOperator("key", "anna", link, STALE)
     now = time.monotonic()
     said(operator, 5, now)
     said(operator, 5, now)

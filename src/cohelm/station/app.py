@@ -40,6 +40,7 @@ GRACE = 5.0
 _WATCH = 0.1
 _TOKEN_BYTES = 256
 _BODY_WITHIN = 5.0
+_LONGEST_REASON = 120  # of a closed WebSocket (RFC 6455 5.5.1)
 _log = logging.getLogger("cohelm.station")
 
 HEADERS = {
@@ -77,7 +78,7 @@ class Station:
         self._names, self._admitted = names, admitted
         self._downloads = Downloads(connect)
         self.operators: dict[str, PageOperator] = {}
-        self._count = 0
+        self._count = self._connecting = 0
         self._closing: set[asyncio.Task[None]] = set()
 
     def app(self) -> ASGIApp:
@@ -190,28 +191,35 @@ class Station:
         if len(offered) != 2 or offered[0] != PROTOCOL or not self._authorised(socket, offered[1]):
             await socket.close(1008)
             return
-        operator = self._operator(socket.query_params.get("key"))
-        if operator is None:
-            await socket.accept(PROTOCOL)
-            await socket.close(1013, "too many operators")
-            return
         await socket.accept(PROTOCOL)
+        try:
+            operator = await self._operator(socket.query_params.get("key"))
+        except CohelmError as error:
+            await socket.close(1013, str(error)[:_LONGEST_REASON])
+            return
         try:
             await operator.attend(socket)
         except Exception:
             _log.exception("the page of %s failed", operator.name)
 
-    def _operator(self, key: str | None) -> PageOperator | None:
-        """The operator of a key; a new one if there is none, or its page is open: a second tab."""
+    async def _operator(self, key: str | None) -> PageOperator:
+        """The operator of a key; a new one if there is none, or its page is open: a second tab.
+
+        Raises CohelmError where there are too many, or the robot's host is not known.
+        """
         known = self.operators.get(key or "")
         if known is not None and known.socket is None:
             return known
-        if len(self.operators) >= MOST_OPERATORS:
-            return None
+        if len(self.operators) + self._connecting >= MOST_OPERATORS:
+            raise CohelmError("too many operators")
         self._count += 1
-        key = secrets.token_urlsafe(16)
-        operator = PageOperator(key, f"operator {self._count}", self.connect, self.stale)
-        self.operators[key] = operator
+        self._connecting += 1
+        key, name = secrets.token_urlsafe(16), f"operator {self._count}"
+        try:  # looking up a host may take seconds, and no stick may wait for that
+            link = await asyncio.to_thread(self.connect, name)
+        finally:
+            self._connecting -= 1
+        operator = self.operators[key] = PageOperator(key, name, link, self.stale)
         _log.info("%s connected", operator.name)
         return operator
 

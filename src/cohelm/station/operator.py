@@ -20,7 +20,7 @@ from cohelm.link.operator import is_current
 from cohelm.link.rate import TokenBucket
 from cohelm.link.scans import WholeScan
 from cohelm.station import messages as page, view
-from cohelm.station.robot_link import Connect, News, ReplayLink, StartingLink
+from cohelm.station.robot_link import News, ReplayLink, RobotLink, StartingLink
 
 BEAT = 0.04
 """Between two beats to a page [s]."""
@@ -38,8 +38,8 @@ _log = logging.getLogger("cohelm.station")
 class PageOperator:
     """All calls come from the event loop's thread."""
 
-    def __init__(self, key: str, name: str, connect: Connect, stale: float) -> None:
-        self.key, self.name, self.stale = key, name, stale
+    def __init__(self, key: str, name: str, link: RobotLink, stale: float) -> None:
+        self.key, self.name, self.link, self.stale = key, name, link, stale
         self.client = 0
         """The client number assigned by the robot; 0 before its first status."""
         self.socket: WebSocket | None = None
@@ -58,7 +58,6 @@ class PageOperator:
         self._page_ms: float | None = None
         self._requested: dict[int, str] = {}
         self._proposed: dict[int, bool] = {}
-        self.link = connect(name)
 
     # ---- the robot's side --------------------------------------------------------------
 
