@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from cohelm.link import keys
+from cohelm.link.messages import RequestKind
 from cohelm.link.robot_bulk import both_ends
 from cohelm.station.robot_link import Linked
 from tests.link.ends import STATUS
@@ -19,6 +20,8 @@ class Bare:
         self.robot_keys, self.keys = keys.pair_here()
         self.end, self.bulk = both_ends(self.robot_keys, "127.0.0.1", 0, folder, stale=5.0)
         self.port = self.end.address[1]
+        self.requests: list[RequestKind] = []
+        """What was requested of it."""
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._tell, daemon=True)
         self._thread.start()
@@ -44,4 +47,4 @@ class Bare:
     def _tell(self) -> None:
         while not self._over.wait(0.05):
             self.end.send_status(STATUS)
-            self.end.receive()
+            self.requests += [one.request.what for one in self.end.receive().requests]

@@ -10,13 +10,17 @@ const FIRST_WAIT_MS = 250
 const LONGEST_WAIT_MS = 2000
 /** A socket that is silent for so long is replaced, or after twice the station's limit if longer. */
 const GIVE_UP_MS = 1500
-/** With more bytes waiting to be sent, nothing gets through: send no more. */
+/** A connection that is not made by then is tried again: a network that is back answers at once. */
+const CONNECT_MS = 3000
+/** With more bytes waiting to be sent, nothing gets through: send no more but requests, which are few. */
 const FULL = 8192
-/** Close code of a station that does not accept what this page sends. */
-const REFUSED = 1008
 
 let socket: WebSocket | null = null
+/** When something was received last, or the connection was begun. */
 let lastReceived = 0
+/** Whether STOP was pressed and nobody has answered it; and the connection it was sent on. */
+let stopping = false
+let stopSentOn: WebSocket | null = null
 let wait = FIRST_WAIT_MS
 let parts: Promise<unknown> = Promise.resolve()
 
@@ -27,10 +31,24 @@ export let newestBeatMs = 0
 type Outgoing = Exclude<FromPage, Do> | Omit<Do, 'echo_ms'>
 
 export function send(message: Outgoing): boolean {
-  if (socket?.readyState !== WebSocket.OPEN || socket.bufferedAmount > FULL) return false
+  if (socket?.readyState !== WebSocket.OPEN) return false
+  if (message.type !== 'do' && socket.bufferedAmount > FULL) return false
   // a request carries the time it was made, by the station's clock
   socket.send(JSON.stringify(message.type === 'do' ? { ...message, echo_ms: newestBeatMs } : message))
   return true
+}
+
+/** Send STOP, once on each connection, until the robot says that it is stopped. */
+export function stop(): void {
+  stopping = true
+  stopSentOn = null
+  sendStop()
+}
+
+function sendStop(): void {
+  const sent = !stopping || (socket !== null && stopSentOn === socket)
+  if (!sent && send({ type: 'do', what: 'stop', value: 0 })) stopSentOn = socket
+  s.unsentStop.value = stopping && (socket === null || stopSentOn !== socket)
 }
 
 export function start(): void {
@@ -43,8 +61,13 @@ export function start(): void {
 }
 
 function watch(): void {
-  if (socket?.readyState !== WebSocket.OPEN) return
+  sendStop()
+  if (socket === null) return
   const silent = performance.now() - lastReceived
+  if (socket.readyState !== WebSocket.OPEN) {
+    if (silent > CONNECT_MS) dropSocket(socket)
+    return
+  }
   const stale = (s.welcome.value?.stale_s ?? 0.25) * 1000
   if (silent > Math.max(GIVE_UP_MS, 2 * stale)) {
     dropSocket(socket)
@@ -61,8 +84,10 @@ async function connect(): Promise<void> {
   url.hash = ''
   const key = storedKey()
   if (key !== null) url.searchParams.set('key', key)
+  socket?.close()
   const opened = new WebSocket(url, ['cohelm', session() ?? 'none'])
   socket = opened
+  lastReceived = performance.now()
   opened.binaryType = 'arraybuffer'
   opened.onopen = () => {
     if (opened === socket) lastReceived = performance.now() // silence counts from now on
@@ -70,8 +95,8 @@ async function connect(): Promise<void> {
   opened.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
     if (opened === socket) receive(event.data)
   }
-  opened.onclose = ({ code, reason }) => {
-    if (opened === socket && code === REFUSED && reason !== '') refuse(reason)
+  opened.onclose = ({ reason }) => {
+    if (opened === socket && reason !== '') refuse(reason)
     dropSocket(opened)
   }
 }
@@ -89,7 +114,7 @@ function dropSocket(of: WebSocket): void {
 async function reconnect(): Promise<void> {
   try {
     // a refused WebSocket gives no reason; this request does
-    const answer = await authorizedFetch('./session')
+    const answer = await authorizedFetch('./session', { signal: AbortSignal.timeout(CONNECT_MS) })
     if (answer.status === 401) {
       s.connection.value = 'login'
       return
@@ -150,6 +175,11 @@ async function paint(part: MapPart): Promise<void> {
   s.grid.value = await painted(s.grid.value, part)
 }
 
+/** The robot is stopped, or can not be. */
+function answerStop(): void {
+  if (socket !== null && stopSentOn === socket) stopping = false
+}
+
 function refuse(text: string): void {
   s.refused.value = { text, at: performance.now() }
 }
@@ -176,6 +206,7 @@ function dispatch(message: ToPage): void {
     case 'Status':
       s.state.value = message
       s.stateAt.value = performance.now()
+      if (message.stopped !== '') answerStop()
       send({ type: 'got', stream: 'state' })
       break
     case 'who':
@@ -208,6 +239,7 @@ function dispatch(message: ToPage): void {
       break
     case 'refused':
       refuse(`${message.what}: ${message.why}`)
+      if (message.what === 'stop') answerStop()
       break
   }
 }

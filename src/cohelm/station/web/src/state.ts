@@ -21,6 +21,8 @@ export const playing = signal<m.PlaybackPosition | null>(null)
 export const checked = signal<m.Checked | null>(null)
 export const refused = signal<{ text: string; at: number } | null>(null)
 export const pageMs = signal<number | null>(null)
+/** Whether STOP was pressed and could not be sent yet. */
+export const unsentStop = signal(false)
 
 export const grid = signal<Grid | null>(null)
 export const zones = signal<Zones[]>([])

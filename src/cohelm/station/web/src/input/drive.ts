@@ -1,10 +1,10 @@
 // At 50 Hz: selects the device, reads its deflection, arms it, and sends it.
 import { computed, signal } from '@preact/signals'
-import { newestBeatMs, send } from '../socket'
+import { newestBeatMs, send, stop } from '../socket'
 import * as s from '../state'
 import { padResumes, padStops, readPad, resumeButtonName, rumble } from './gamepad'
 import { due, hint, next, NO_PRESS, pressed } from './resume'
-import { keysHeld, listenToKeys, readKeys, releaseKeys, typing } from './keyboard'
+import { keysHeld, listenToKeys, readKeys, releaseKeys, takesSpace } from './keyboard'
 import type { Command, Do } from '../messages'
 import { modeName } from '../panels/format'
 import { readTouch, releasePads, touched } from '../panels/TouchPads'
@@ -54,13 +54,13 @@ let lastMode = ''
 export function startDriving(): void {
   listenToKeys()
   addEventListener('keydown', (event) => {
-    if (event.code !== 'Space' || typing(event.target)) return
+    if (event.code !== 'Space' || takesSpace(event.target)) return
     event.preventDefault()
     if (!event.repeat) stop()
   })
   // a focused button would take the key's release for a click
   addEventListener('keyup', (event) => {
-    if (event.code === 'Space' && !typing(event.target)) event.preventDefault()
+    if (event.code === 'Space' && !takesSpace(event.target)) event.preventDefault()
   })
   // a browser reports a gamepad when one of its buttons is pressed: the operator wants to use it
   addEventListener('gamepadconnected', () => {
@@ -79,10 +79,6 @@ function onFocusChange(): void {
     releasePads()
   }
   poll(performance.now())
-}
-
-export function stop(): void {
-  send({ type: 'do', what: 'stop', value: 0 })
 }
 
 /** Take this device; it must be centred before it steers. */

@@ -15,7 +15,12 @@ let before = 0
 /** Whether the focused control takes the keys, and not the stick. */
 export function typing(target: EventTarget | null): boolean {
   if (!(target instanceof HTMLElement)) return false
-  return target.matches('input, select, textarea, [contenteditable], [data-keys]')
+  return target.matches('input, select, textarea, [contenteditable]')
+}
+
+/** Whether the focused control takes the space bar; a slider and a number do not, so there it stops the robot. */
+export function takesSpace(target: EventTarget | null): boolean {
+  return typing(target) && !(target as HTMLElement).matches('[type=range], [type=number]')
 }
 
 export function listenToKeys(): void {

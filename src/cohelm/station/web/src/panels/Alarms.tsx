@@ -21,6 +21,7 @@ function localAlarms(): ShownAlarm[] {
   } else if (s.link.value !== null && !s.link.value.connected) {
     add('alarm', `No link to the robot${why}. The display is stale. The robot stops by itself.`)
   }
+  if (s.unsentStop.value) add('alarm', 'STOP is not sent yet: it will be as soon as there is a connection to the station.')
   const reason = noEffectReason.value || (s.youDrive.value ? notArmedReason.value : '')
   if (reason !== '') add('warning', `Your stick does not steer: ${reason}.`)
   if (resumeHint.value !== '') add('notice', `To continue: ${resumeHint.value}.`)

@@ -12,7 +12,7 @@ const OLD_MS = 500
 export function Camera() {
   const ref = useRef<HTMLCanvasElement>(null)
   useEffect(() => s.frame.subscribe((frame) => {
-    if (frame !== null && ref.current !== null) void show(ref.current)
+    if (frame !== null) void show(ref.current)
   }), [])
   void s.clock.value
   const frame = s.frame.value
@@ -33,10 +33,20 @@ export function Camera() {
 }
 
 let busy = false
+/** Whether another picture came while one was drawn; no more than two are on their way. */
+let waiting = false
 
-async function show(canvas: HTMLCanvasElement): Promise<void> {
+/** Draw the newest picture, and acknowledge it, also where there is no place to draw it. */
+async function show(canvas: HTMLCanvasElement | null): Promise<void> {
   const frame = s.frame.value
-  if (busy || frame === null) return
+  if (busy) {
+    waiting = true
+    return
+  }
+  if (canvas === null || frame === null) {
+    send({ type: 'got', stream: 'frame' })
+    return
+  }
   busy = true
   try {
     const picture = await createImageBitmap(new Blob([frame.jpeg], { type: 'image/jpeg' }))
@@ -58,6 +68,10 @@ async function show(canvas: HTMLCanvasElement): Promise<void> {
   } finally {
     busy = false
     send({ type: 'got', stream: 'frame' })
+    if (waiting) {
+      waiting = false
+      void show(canvas)
+    }
   }
 }
 

@@ -1,7 +1,6 @@
 // The STOP button: always visible, for every operator. A software stop, and labelled so.
-import { send } from '../socket'
+import { send, stop } from '../socket'
 import * as s from '../state'
-import { stop } from '../input/drive'
 
 export function Stop() {
   if (s.isReplay.value) return null
