@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import resource
 import signal
 import time
 
@@ -60,3 +61,21 @@ def test_a_recorder_that_hangs_blocks_nothing_and_ends_with_the_drive(recording)
     assert not line.broken
     assert not recording.close(within=0.5)
     assert recording._process not in multiprocessing.active_children()  # nobody waits for it
+
+
+def test_a_disk_that_is_full_before_the_first_message_is_reported_and_the_log_grows(tmp_path):
+    recording = Recording(tmp_path / "drive.mcap", SALLY, "a scenario\n" * 10_000)
+    limit = 4000
+    resource.prlimit(recording.pid, resource.RLIMIT_FSIZE, (limit, limit))
+    recording.begin(0)
+    line = RecordLine(recording.loop)
+    line(Event(1.0, "loop", "an event"))
+    end = time.monotonic() + 60.0
+    while (said := line.received()) is None:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert said == "recording stopped: File too large"
+    assert not recording.close()
+    log = recording.path.with_suffix(".log").read_text()
+    assert "an event" in log
+    assert said in log

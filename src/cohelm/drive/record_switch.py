@@ -109,7 +109,7 @@ class RecordSwitch:
     def _finish(self, made: Recording, within: float) -> None:
         try:
             if not made.close(within):
-                _log.warning("%s is still being written", made.path)
+                _log.warning("%s is not whole, or still being written", made.path)
             made.path.rename(made.path.with_suffix(".mcap"))
             self._publisher.list_records()
         except OSError as error:

@@ -186,17 +186,17 @@ class _Writer:
 
     def _take(self, message: Any, loop: socket.socket) -> None:
         if isinstance(message, int):
-            self._drive = RecordWriter(
-                self._file, About("drive", message, self._scenario), self._model
-            )
+            self._try(lambda: self._begin(message), loop)
             return
         if isinstance(message, Event):
             self._log(message)
             self._latest = message.stamp
-        drive = self._drive
-        if drive is None or self.full:
-            return
-        self._try(lambda: drive.write(message), loop)
+        if (drive := self._drive) is not None:
+            self._try(lambda: drive.write(message), loop)
+
+    def _begin(self, epoch: int) -> None:
+        about = About("drive", epoch, self._scenario)
+        self._drive = RecordWriter(self._file, about, self._model)
 
     def _try(self, write: Any, loop: socket.socket | None) -> None:
         """Write; on failure log it, report it to the loop, and stop writing."""
