@@ -127,6 +127,10 @@ def test_no_time_allows_no_change():
         assert towards(Twist(0.1, 0.2), Twist(0.9, 0.6), BOUNDS, time) == (Twist(0.1, 0.2), 0.0)
 
 
+def test_what_is_there_already_takes_no_time_though_rounding_has_left_less_than_none():
+    assert towards(Twist(0.1, 0.2), Twist(0.1, 0.2), BOUNDS, -1e-18) == (Twist(0.1, 0.2), 0.0)
+
+
 def test_too_high_a_speed_is_reported():
     slow = RULES._replace(bounds=BOUNDS._replace(wheel_acceleration=INF, acceleration=INF,
                                                  yaw_acceleration=INF))  # fmt: skip

@@ -57,11 +57,11 @@ def towards(before: Twist, goal: Twist, bounds: Bounds, time: float) -> tuple[Tw
     Returns the twist reached, and the time used for it [s].
     """
     change = Twist(goal.v - before.v, goal.omega - before.omega)
-    takes = change_time(change, bounds)
+    takes, time = change_time(change, bounds), max(time, 0.0)
     if takes <= time:
         return goal, takes
-    share = max(time, 0.0) / takes
-    return Twist(before.v + share * change.v, before.omega + share * change.omega), max(time, 0.0)
+    share = time / takes
+    return Twist(before.v + share * change.v, before.omega + share * change.omega), time
 
 
 def _rims(twist: Twist, bounds: Bounds) -> tuple[float, float]:
