@@ -60,6 +60,17 @@ def test_half_a_part_is_no_part_and_is_swept_away(tmp_path):
         "part-000001.parquet", "part-000002.parquet"]  # fmt: skip
 
 
+def test_a_copy_of_a_part_beside_it_changes_nothing(tmp_path):
+    with Store(tmp_path, PLAN) as s:
+        s.add([row(0)])
+    part = tmp_path / "rows" / "part-000001.parquet"
+    part.with_name("part-000001 (copy).parquet").write_bytes(part.read_bytes())
+    with Store(tmp_path, PLAN) as s:
+        s.add([row(1)])
+    assert numbers(tmp_path) == [0, 1]
+    assert (tmp_path / "rows" / "part-000002.parquet").exists()
+
+
 def test_a_full_disk_is_reported_and_leaves_what_was_written(tmp_path, monkeypatch):
     def full(_):
         raise OSError(28, "No space left on device")
@@ -111,7 +122,7 @@ def test_rows_without_a_plan_are_refused(tmp_path):
         pass
 
 
-@pytest.mark.parametrize("text", ["[]", "{", ""])
+@pytest.mark.parametrize("text", ["[]", "{", "", "[" * 100_000], ids=len)
 def test_an_invalid_plan_is_reported(tmp_path, text):
     (tmp_path / store.PLAN).write_text(text)
     with pytest.raises(CohelmError, match="not a campaign's plan"), Store(tmp_path, PLAN):

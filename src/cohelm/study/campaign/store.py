@@ -95,8 +95,8 @@ class Store:
         for leftover in (self.folder / ROWS).glob("*.tmp"):
             leftover.unlink()
         self.rows = read_rows(self.folder)
-        numbers = [int(part.stem[5:]) for part in (self.folder / ROWS).glob("part-*.parquet")]
-        self._part = max(numbers, default=0)
+        numbers = (part.stem[5:] for part in (self.folder / ROWS).glob("part-*.parquet"))
+        self._part = max((int(one) for one in numbers if one.isdecimal()), default=0)
 
     def add(self, rows: Iterable[EpisodeResult]) -> None:
         """Write rows, those that are new; when this returns they are on the disk."""
@@ -124,7 +124,7 @@ def read_plan(folder: Path) -> dict[str, Any] | None:
         return None
     except NotADirectoryError as error:
         raise CohelmError(f"{folder}: is a file, not a campaign's folder") from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise CohelmError(f"{path}: is not a campaign's plan ({error}); choose another") from error
     if not isinstance(plan, dict):
         raise CohelmError(f"{path}: is not a campaign's plan; choose another folder")
