@@ -15,13 +15,12 @@ from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign import suites
-from cohelm.study.campaign.episode import Law, Plant
 from cohelm.study.campaign.worker import chunk
 from tests.perceive import drives
 from tests.pilot.drives import drive
 
 
-def driven(suite: str, law: Law, plant: Plant = "kinematic") -> None:
+def driven(suite: str, law: str, plant: str = "kinematic") -> None:
     """One episode of a suite."""
     (row,) = chunk(suites.suite(suite, 1, None, plant), law, (6,))
     if row.fault:

@@ -141,9 +141,11 @@ def test_a_folder_of_another_campaign_is_not_touched(cohelm, driven, tmp_path):
     said = cohelm(*ONE[:-4], "--seed", "3", "--out", "there")
     assert said.code == 2
     assert "seed 2 (requested: 3)" in said.err
-    assert cohelm("campaign", "there", "--n", "7").code == 2
-    said = cohelm("campaign", "there", "--replay", "guard/77")
-    assert (said.code, "no such row" in said.err) == (2, True)
+    for n in ("7", "0"):
+        assert cohelm("campaign", "there", "--n", n).code == 2
+    for which in ("guard/77", "²", "guard/"):
+        said = cohelm("campaign", "there", "--replay", which)
+        assert (said.code, "no such row" in said.err) == (2, True)
     assert sorted((f.name, f.stat().st_size) for f in (tmp_path / "there").rglob("*")) == before
 
 

@@ -158,7 +158,7 @@ def _planned(
         kept = store.read_plan(folder)
         if kept is None:
             raise CohelmError(f"{folder}: holds no campaign; give a suite or a campaign's folder")
-        if law or compare or n or data or plant or robot or out:
+        if any(option is not None for option in (law, compare, n, data, plant, robot, out)):
             raise CohelmError(
                 f"{folder} continues with its own options: leave out --law, --compare, --n, "
                 "--data, --plant, --robot and --out"
@@ -169,7 +169,7 @@ def _planned(
     chosen = compare if compare is not None else "guard" if law is None else law
     laws = tuple(part.strip() for part in chosen.split(","))
     model = None if robot is None else load_robot(robot)
-    return out, runner.CampaignConfig(suite, laws, seed, n, data, plant, model)  # pyright: ignore[reportArgumentType]
+    return out, runner.CampaignConfig(suite, laws, seed, n, data, plant, model)
 
 
 def _again(folder: Path, which: str, out: Path | None, as_json: bool) -> None:

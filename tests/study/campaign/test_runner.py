@@ -1,5 +1,6 @@
 """Campaigns go on where they stopped, and come out the same however they are driven."""
 
+import math
 import os
 import signal
 import subprocess
@@ -168,5 +169,13 @@ def test_the_plan_a_folder_keeps_makes_the_same_campaign(tmp_path):
     kept = read_plan(tmp_path)
     assert kept is not None
     assert planned(kept) == CampaignConfig("random", ("none",), 3, 2, plant="kinematic")
-    with pytest.raises(CohelmError, match="not a campaign's plan"):
-        planned({"suite": "random"})
+    for wrong in ({"suite": "random"}, kept | {"n": math.inf}, kept | {"laws": 5}):
+        with pytest.raises(CohelmError, match="not a campaign's plan"):
+            planned(wrong)
+
+
+def test_the_digest_of_the_code_is_of_every_room_that_a_row_can_depend_on():
+    loaded = "import sys, cohelm.study.campaign.worker as w; print(*sys.modules)"
+    said = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True).stdout
+    rooms = {name.split(".")[1] for name in said.split() if name.startswith("cohelm.")}
+    assert {"robot", "study"} <= rooms <= set(drive.ROOMS)

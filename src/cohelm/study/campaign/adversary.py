@@ -24,7 +24,6 @@ from cohelm.study.campaign.episode import (
     PAPER,
     AdversarialRollout,
     Episode,
-    Law,
     least_clearance,
     sequence,
 )
@@ -93,7 +92,7 @@ class WorstAttack(NamedTuple):
     evaluations: int
 
 
-def searched(case: Episode, law: Law, evaluations: int = EVALUATIONS) -> WorstAttack:
+def searched(case: Episode, law: str, evaluations: int = EVALUATIONS) -> WorstAttack:
     """CMA-ES (Hansen 2016) for the sequence of deflections with the smallest clearance.
 
     The same case and law give the same sequence. case: one with an adversarial rollout.

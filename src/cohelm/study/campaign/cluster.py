@@ -18,7 +18,6 @@ from distributed import Client, WorkerPlugin
 from distributed.comm.addressing import parse_address, parse_host_port
 
 from cohelm.core.errors import CohelmError
-from cohelm.study.campaign.episode import Law
 from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.campaign.suites import Suite
 from cohelm.study.campaign.worker import chunk, code
@@ -30,7 +29,7 @@ _held: dict[str, Suite] = {}
 
 @contextmanager
 def driven_on(
-    address: str, made: Suite, work: list[tuple[Law, tuple[int, ...]]]
+    address: str, made: Suite, work: list[tuple[str, tuple[int, ...]]]
 ) -> Generator[Iterator[list[EpisodeResult]]]:
     """The rows of the work as they come from the cluster at `address`.
 
@@ -61,7 +60,7 @@ def driven_on(
 
 
 def _as_they_come(
-    client: Any, name: str, work: list[tuple[Law, tuple[int, ...]]]
+    client: Any, name: str, work: list[tuple[str, tuple[int, ...]]]
 ) -> Iterator[list[EpisodeResult]]:
     futures = [
         client.submit(_on_worker, name, law, numbers, pure=False, key=f"{name}-{law}-{numbers[0]}")
@@ -96,5 +95,5 @@ class _Holder(WorkerPlugin):
         _held[self.name] = pickle.loads(self.packed)
 
 
-def _on_worker(name: str, law: Law, numbers: tuple[int, ...]) -> list[tuple[Any, ...]]:
+def _on_worker(name: str, law: str, numbers: tuple[int, ...]) -> list[tuple[Any, ...]]:
     return [tuple(row) for row in chunk(_held[name], law, numbers)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +24,11 @@ from cohelm.sim.heights import Heights
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup, with_pilot
 
-Law = Literal["guard", "paper", "none", "rvo", "vo"]
-LAWS: tuple[Law, ...] = ("guard", "paper", "none", "rvo", "vo")
+LAWS: tuple[str, ...] = ("guard", "paper", "none", "rvo", "vo")
 """Under which an episode may be driven: the guard, the paper's barrier, no filter at all, and
 two controllers of a peer, ir-sim: reciprocal velocity obstacles, and plain ones."""
 
-Plant = Literal["kinematic", "twin", "twin-rear", "twin-all-round"]
-PLANTS: tuple[Plant, ...] = ("kinematic", "twin", "twin-rear", "twin-all-round")
+PLANTS: tuple[str, ...] = ("kinematic", "twin", "twin-rear", "twin-all-round")
 """The plant: exact arcs and true obstacles; or the physics twin with its own sensors alone: the
 robot's LiDAR as it is, a second one at the back, or one all round."""
 
@@ -106,14 +104,14 @@ class Episode:
     setup: Setup
     goal: EpisodeGoal | None
     rollout: AdversarialRollout | None = None
-    plant: Plant = "kinematic"
+    plant: str = "kinematic"
     robot: RobotModel = field(default_factory=lambda: load.robot("sally"))
     """The robot that drives."""
     uneven: Uneven | None = None
     """Of the suite heights: its world and operator."""
 
 
-def under(setup: Setup, law: Law) -> Setup:
+def under(setup: Setup, law: str) -> Setup:
     """The setup with another law's filter, and nothing else changed.
 
     With the guard drives the pilot, as the suite has set it up, or else at its usual care.
@@ -128,7 +126,7 @@ def lively(gains: Gains) -> Gains:
     return gains._replace(k_psi=max(gains.k_psi, 2.0))
 
 
-def traced(case: Episode, law: Law, acted: Interventions) -> Iterator[Trace]:
+def traced(case: Episode, law: str, acted: Interventions) -> Iterator[Trace]:
     """The drive of a case, piece by piece, to its time limit.
 
     acted: where what gate and monitors did is counted, where there are any.
@@ -161,7 +159,7 @@ def _attacked_on_twin(case: Episode, acted: Interventions) -> Iterator[Trace]:
     return loop_run.attacked(case.setup, attack, pursuers, acted, _PIECE)
 
 
-def attacked(case: Episode, law: Law) -> Trace:
+def attacked(case: Episode, law: str) -> Trace:
     """The trace of an adversarial rollout on exact arcs."""
     assert case.rollout is not None
     chosen = case.rollout
@@ -175,14 +173,14 @@ _RULES = Rules(dt=DT)
 _NO_ROWS, _NO_H, _NO_DISCS = blank(0), np.empty((0, 0)), np.empty((0, 0, 6))
 
 
-def least_clearance(case: Episode, law: Law, chosen: AdversarialRollout) -> float:
+def least_clearance(case: Episode, law: str, chosen: AdversarialRollout) -> float:
     """The smallest clearance while the robot moved [m], of a rollout without a trace."""
     return _rollout(case, law, chosen, _NO_ROWS, _NO_H, _NO_DISCS)
 
 
 def _rollout(
     case: Episode,
-    law: Law,
+    law: str,
     chosen: AdversarialRollout,
     rows: NDArray[np.void],
     h: Floats,

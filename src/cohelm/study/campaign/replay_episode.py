@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
-
-import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import make_folder
 from cohelm.core.trace import Trace
 from cohelm.record.write import Recorder
+from cohelm.study.campaign import laws
 from cohelm.study.campaign.adversary import scripted
-from cohelm.study.campaign.episode import Episode, Interventions, Law, traced
+from cohelm.study.campaign.episode import Episode, Interventions
 from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.campaign.runner import planned
-from cohelm.study.campaign.rvo import PEERS, peer_trace
-from cohelm.study.campaign.scoring import scored
+from cohelm.study.campaign.scoring import arrival, scored
 from cohelm.study.campaign.store import read_plan, read_rows
-from cohelm.study.campaign.worker import is_own, own_trace
 from cohelm.study.metrics import plain
 from cohelm.study.single import RECORD, scene
 
@@ -31,7 +29,7 @@ class Again(NamedTuple):
     """An episode that was driven again."""
 
     case: Episode
-    law: Law
+    law: str
     trace: Trace
     row: EpisodeResult
     same: bool
@@ -50,7 +48,7 @@ def again(folder: Path, which: str) -> Again:
     law, _, number = which.rpartition("/")
     law = law or plan.laws[0]
     rows = read_rows(folder)
-    key = (law, int(number)) if number.isdigit() else None
+    key = (law, int(number)) if number.isdecimal() else None
     row = None if key is None else rows.get(key)
     if row is None:
         raise CohelmError(
@@ -62,45 +60,25 @@ def again(folder: Path, which: str) -> Again:
 
 def drive(case: Episode, row: EpisodeResult) -> Again:
     """A case driven as its row was. row: of the campaign."""
-    law: Law = row.law  # pyright: ignore[reportAssignmentType]
     if row.stick:
         case = scripted(case, row.stick)
     acted = Interventions()
-    if is_own(law):
-        whole = own_trace(case, law)
-    else:
-        whole = peer_trace(case, law) if law in PEERS else joined(case, law, acted)
-    trace = cut(whole, case)
-    found = scored(case, law, iter((trace,)), case.setup.limits, acted)._replace(stick=row.stick)
-    return Again(case, law, trace, found, _equal(found, row))
+    trace = joined(case, row.law, acted)
+    found = scored(case, row.law, iter((trace,)), acted)._replace(stick=row.stick)
+    return Again(case, row.law, trace, found, _equal(found, row))
 
 
-def joined(case: Episode, law: Law, acted: Interventions) -> Trace:
+def joined(case: Episode, law: str, acted: Interventions) -> Trace:
     """The whole drive of a case, to its arrival or time limit."""
     done: list[Trace] = []
-    for piece in traced(case, law, acted):
-        done.append(piece)
-        if arrival(piece, case) is not None:
+    for piece in laws.pieces(case, law, acted):
+        end = arrival(piece, case.goal)
+        if end is not None:
+            n = end + 1
+            done.append(replace(piece, rows=piece.rows[:n], h=piece.h[:n], discs=piece.discs[:n]))
             break
+        done.append(piece)
     return done[0].joined(*done[1:])
-
-
-def arrival(trace: Trace, case: Episode) -> int | None:
-    """The step in which a case has arrived, if it ever has."""
-    if case.goal is None:
-        return None
-    far = np.hypot(trace.rows["x"] - case.goal.x, trace.rows["y"] - case.goal.y)
-    there = np.flatnonzero(far < case.goal.near)
-    return int(there[0]) if there.size else None
-
-
-def cut(trace: Trace, case: Episode) -> Trace:
-    """A trace up to its arrival."""
-    end = arrival(trace, case)
-    if end is None:
-        return trace
-    n = end + 1
-    return Trace(trace.rows[:n], trace.h[:n], trace.discs[:n], trace.names, trace.dt)
 
 
 def record(found: Again, folder: Path) -> None:

@@ -20,13 +20,13 @@ from cohelm.core.types import Progress
 from cohelm.robot.keep.processes import end_with_parent
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.explain import nearest
-from cohelm.study.campaign.episode import Law, Plant
+from cohelm.study.campaign.laws import GROUP, factory, is_own
 from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.campaign.store import Key, Store
 from cohelm.study.campaign.suites import Suite, suite
-from cohelm.study.campaign.worker import GROUP, chunk, code, factory, is_own
+from cohelm.study.campaign.worker import chunk, code
 
-Work = tuple[Law, tuple[int, ...]]
+Work = tuple[str, tuple[int, ...]]
 """A law, and the numbers of the episodes to drive under it."""
 
 _FLUSH = 1.0  # rows are on the disk after at most so long [s]
@@ -38,12 +38,12 @@ class CampaignConfig:
     """The plan of a campaign."""
 
     suite: str
-    laws: tuple[Law, ...]
+    laws: tuple[str, ...]
     seed: int
     n: int | None = None
     """Episodes under each law; None for as many as the suite has by default."""
     data: Path | None = None
-    plant: Plant | None = None
+    plant: str | None = None
     robot: RobotModel | None = None
     """Both: None for the suite's own."""
 
@@ -106,8 +106,8 @@ def planned(kept: dict[str, Any]) -> CampaignConfig:
         plant, robot = str(kept["plant"]), kept.get("robot")
         model = None if robot is None else RobotModel.model_validate(robot)
         suite, seed, n = str(kept["suite"]), int(kept["seed"]), int(kept["n"])
-        return CampaignConfig(suite, laws, seed, n, data, plant, model)  # pyright: ignore[reportArgumentType]
-    except (KeyError, TypeError, ValueError) as error:
+        return CampaignConfig(suite, laws, seed, n, data, plant, model)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise CohelmError(
             "campaign.json is not a campaign's plan; choose another folder"
         ) from error
@@ -141,7 +141,7 @@ def check(plan: CampaignConfig, jobs: int) -> Suite:
 
 
 def remaining(
-    laws: tuple[Law, ...], episodes: int, size: int, there: set[Key]
+    laws: tuple[str, ...], episodes: int, size: int, there: set[Key]
 ) -> list[Work]:  # fmt: skip
     """The missing episodes, in chunks; each episode under all laws before the next."""
     work: list[Work] = []
@@ -262,6 +262,6 @@ def _begin(made: Suite) -> None:
     end_with_parent()
 
 
-def _in_process(law: Law, numbers: tuple[int, ...]) -> list[EpisodeResult]:
+def _in_process(law: str, numbers: tuple[int, ...]) -> list[EpisodeResult]:
     assert _suite is not None
     return chunk(_suite, law, numbers)

@@ -35,15 +35,15 @@ from cohelm.core.extras import missing
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, VX, VY, Floats, Twist, X, Y
 from cohelm.sim.world import place
-from cohelm.study.campaign.episode import DT, Episode, Law
+from cohelm.study.campaign.episode import DT, Episode
 from cohelm.study.controlled import Observation, driven
 
-PEERS: tuple[Law, ...] = ("rvo", "vo")
+PEERS: tuple[str, ...] = ("rvo", "vo")
 
 _HOLD = 5  # control steps for which one of its commands is held: 0.1 s
 
 
-def peer_trace(case: Episode, law: Law) -> Trace:
+def peer_trace(case: Episode, law: str) -> Trace:
     """The drive of a case by ir-sim's controller, to arrival or the time limit.
 
     Raises CohelmError where ir-sim is not installed.

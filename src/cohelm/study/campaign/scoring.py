@@ -13,14 +13,14 @@ from cohelm.core.jit import jit
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
 from cohelm.robot.clearance import disc_clearance
-from cohelm.robot.limits import Limits
 from cohelm.scenario.worlds.barn import score
 from cohelm.sim.heights import fallen
 from cohelm.sim.judge import FAR, Judged, clearance_to, judge
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import World, moves
+from cohelm.study.campaign import laws
 from cohelm.study.campaign.contact_analysis import NOTHING_TOUCHED, Touch, first_touch
-from cohelm.study.campaign.episode import DT, Episode, Interventions, Law, traced
+from cohelm.study.campaign.episode import DT, Episode, EpisodeGoal, Interventions
 from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.metrics import BACK_ON_PATH, LEADS_BELOW, spans
 
@@ -31,19 +31,26 @@ _HELD = 0.05
 """A stick deflected by more than this is held."""
 
 
-def run_episode(case: Episode, law: Law) -> EpisodeResult:
+def run_episode(case: Episode, law: str) -> EpisodeResult:
     """The row of a case under a law."""
     acted = Interventions()
-    return scored(case, law, traced(case, law, acted), case.setup.limits, acted)
+    return scored(case, law, laws.pieces(case, law, acted), acted)
 
 
-def scored(
-    case: Episode, law: Law, pieces: Iterator[Trace], limits: Limits, acted: Interventions
-) -> EpisodeResult:
+def arrival(trace: Trace, goal: EpisodeGoal | None) -> int | None:
+    """The first step of a trace that is near the goal; None if there is none."""
+    if goal is None:
+        return None
+    far = np.hypot(trace.rows["x"] - goal.x, trace.rows["y"] - goal.y)
+    there = np.flatnonzero(far < goal.near)
+    return int(there[0]) if there.size else None
+
+
+def scored(case: Episode, law: str, pieces: Iterator[Trace], acted: Interventions) -> EpisodeResult:
     """The row of a drive, from its trace alone; it is followed until it has arrived.
 
-    limits: those that hold for this robot. acted: what gate and monitors did in it, counted while
-    it was driven; nothing where there were none.
+    acted: what gate and monitors did in it, counted while it was driven; nothing where there were
+    none.
     """
     setup = case.setup
     walls = setup.obstacles.walls
@@ -54,12 +61,9 @@ def scored(
     arrived, nearest = False, ""
     for piece in pieces:
         rows, discs = piece.rows, piece.discs
-        if case.goal is not None:
-            far = np.hypot(rows["x"] - case.goal.x, rows["y"] - case.goal.y)
-            near = np.flatnonzero(far < case.goal.near)
-            if near.size:
-                arrived = True
-                rows, discs = rows[: near[0] + 1], discs[: near[0] + 1]
+        end = arrival(piece, case.goal)
+        if end is not None:
+            arrived, rows, discs = True, rows[: end + 1], discs[: end + 1]
         kept.append(rows)
         if setup.twin is not None:
             there.append(discs)
@@ -68,7 +72,7 @@ def scored(
             rows = _joined([last[0], rows])
             discs = np.concatenate((last[1], discs))
         before = seen.at, seen.clearance
-        seen = judge(seen, rows, discs, setup.outline, walls, limits, piece.dt)
+        seen = judge(seen, rows, discs, setup.outline, walls, setup.limits, piece.dt)
         if (seen.at, seen.clearance) != before:
             nearest = _nearest(setup, rows, discs, seen, piece.names)
         last = rows[-1:], discs[-1:]
@@ -103,7 +107,7 @@ def _nearest(
 
 
 def _row(
-    case: Episode, law: Law, rows: NDArray[np.void], seen: Judged, close: Proximity | None,
+    case: Episode, law: str, rows: NDArray[np.void], seen: Judged, close: Proximity | None,
     nearest: str, arrived: bool, touched: Touch, acted: Interventions,
 ) -> EpisodeResult:  # fmt: skip
     duration = float(rows["t"][-1])

@@ -17,13 +17,13 @@ from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.twin.settings import TwinModel, Twinned
 from cohelm.sim.world import Body, World, world
 from cohelm.study.campaign import adversary, barn, crowd, hands, heights, lab, movers, rooms
-from cohelm.study.campaign.episode import LAWS, PAPER, PLANTS, Episode, Law, Plant, lively
+from cohelm.study.campaign.episode import LAWS, PAPER, PLANTS, Episode, lively
 
 NAMES = ("lab", "random", "movers", "barn", "crowd", "adversary", "hands", "heights")
 
 _NEEDS_DATA = ("barn", "crowd", "hands")
 _TAKES_DATA = (*_NEEDS_DATA, "adversary")
-_DRIVEN_ON: dict[str, tuple[Plant, ...]] = {
+_DRIVEN_ON: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("lab", "random", "movers", "adversary"), PLANTS), "heights": ("twin",),
 }  # fmt: skip
 """The first one is the default; suites not listed are driven on exact arcs alone."""
@@ -44,7 +44,7 @@ class Suite:
     """How many there are by default."""
     notes: tuple[str, ...] = ()
     """What was left out, a sentence each."""
-    plant: Plant = "kinematic"
+    plant: str = "kinematic"
     robot: RobotModel | None = None
     """Drives instead of the suite's own."""
 
@@ -54,7 +54,7 @@ class Suite:
         return self.name != "adversary"
 
     @property
-    def laws(self) -> tuple[Law, ...]:
+    def laws(self) -> tuple[str, ...]:
         """Under which it can be driven."""
         if self.name == "heights":
             return ("guard",)
@@ -91,7 +91,7 @@ class Suite:
 
 
 def suite(
-    name: str, seed: int, data: Path | None, plant: Plant | None = None,
+    name: str, seed: int, data: Path | None, plant: str | None = None,
     robot: RobotModel | None = None,
 ) -> Suite:  # fmt: skip
     """A suite by its name. data: the folder of recordings and worlds made by others. plant, robot:
@@ -120,7 +120,7 @@ def suite(
     return replace(made, plant=plant, notes=notes, robot=robot)
 
 
-def _check(robot: RobotModel, name: str, plant: Plant) -> None:
+def _check(robot: RobotModel, name: str, plant: str) -> None:
     if name not in _DRIVEN_BY_ANY:
         raise CohelmError(
             f"the suite {name} is driven by its own robot: --robot goes with "
@@ -201,7 +201,7 @@ def sensing(model: RobotModel) -> TwinModel:
     )
 
 
-def equipped(model: RobotModel, plant: Plant) -> RobotModel:
+def equipped(model: RobotModel, plant: str) -> RobotModel:
     """The robot, with the LiDARs that this plant gives it."""
     if plant == "twin-rear":
         return with_rear_lidar(model)
@@ -230,7 +230,7 @@ def with_all_round_lidar(model: RobotModel) -> RobotModel:
     return model.model_copy(update={"lidar": model.lidar.model_copy(update=round_)})
 
 
-def on_twin(case: Episode, plant: Plant) -> Episode:
+def on_twin(case: Episode, plant: str) -> Episode:
     """The same episode on the twin."""
     model = equipped(case.robot, plant)
     assert model.lidar is not None
