@@ -9,6 +9,7 @@ import pytest
 
 import cohelm
 from cohelm.robot.adapter import RobotAdapter
+from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 
 SALLY = cohelm.load_robot("sally")
 REST = cohelm.Twist(0.0, 0.0)
@@ -105,6 +106,62 @@ def test_no_call_that_hangs_keeps_the_robot_from_being_stopped():
     slow.hangs.set()
     reader.join()
     port.close()
+
+
+class Late(Slow):
+    """Its `send` hangs, and then sets it going all the same."""
+
+    def send(self, twist):
+        self.hangs.wait(10.0)
+        self.stopped.clear()
+
+
+def test_a_robot_that_a_late_call_sets_going_again_is_stopped_again():
+    late = Late()
+    port = RobotAdapter(late)
+    late.hangs.clear()
+    sender = threading.Thread(target=port.send, args=(cohelm.Twist(0.5, 0.0),))
+    sender.start()
+    assert late.stopped.wait(5.0)
+    late.hangs.set()
+    sender.join()
+    assert late.stopped.wait(5.0)
+    port.close()
+
+
+class Timeless(Slow):
+    """Its clock fails."""
+
+    dead = False
+
+    def now(self):
+        if self.dead:
+            raise OSError("the line is dead")
+        return super().now()
+
+
+def test_a_robot_whose_clock_fails_is_stopped():
+    timeless = Timeless()
+    port = RobotAdapter(timeless)
+    port.send(cohelm.Twist(0.5, 0.0))
+    timeless.dead = True
+    assert timeless.stopped.wait(5.0)
+    timeless.stopped.clear()
+    port.stop()
+    assert timeless.stopped.wait(1.0)
+    timeless.dead = False
+    port.close()
+
+
+def test_a_gate_whose_robots_clock_fails_stops_it_before_it_says_so():
+    timeless = Timeless()
+    gated = LocalGatedRobot(RobotAdapter(timeless), rules(SALLY, 0.02), watched_by=())
+    timeless.dead = True
+    with pytest.raises(OSError, match="the line is dead"):
+        gated.fault("its clock failed")
+    assert timeless.stopped.is_set()
+    timeless.dead = False
+    gated.close()
 
 
 @pytest.mark.parametrize("method", ["read", "send", "stop"])

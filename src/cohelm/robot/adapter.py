@@ -105,6 +105,7 @@ class RobotAdapter:
                 self._robot.send(possible)
             except Exception as error:
                 self._failed["send"] = _said("send", error)
+            self._moves = True  # a stop while it hung came before it
         return possible
 
     def stop(self) -> None:
@@ -132,17 +133,24 @@ class RobotAdapter:
         return convex_outline(reported)
 
     def _brake(self) -> None:
-        now = self._robot.now()
+        now = self._time()
         if not self._moves and now - self._stopped < _AGAIN:
             return
         try:
             self._robot.stop()
-            self._moves, self._stopped = False, now
+            self._moves, self._stopped = False, now if now < math.inf else -math.inf
         except Exception as error:
             self._failed["stop"] = _said("stop", error)
 
+    def _time(self) -> float:
+        """The robot's clock; infinite where that fails, as then any command is too old [s]."""
+        try:
+            return self._robot.now()
+        except Exception:
+            return math.inf
+
     def _late(self) -> bool:
-        return self._moves and self._robot.now() - self._commanded >= self._robot.timeout - 1e-9
+        return self._moves and self._time() - self._commanded >= self._robot.timeout - 1e-9
 
     def _watch(self) -> None:
         """In real time: apply the time-out also without calls, or while a call hangs."""

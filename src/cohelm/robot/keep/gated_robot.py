@@ -182,15 +182,14 @@ class LocalGatedRobot:
         return worst
 
     def _apply(self, gate: Gate) -> None:
-        self._set_gate(gate)
-        if latched(gate.mode):
+        if latched(gate.mode):  # before it is said, which may fail
             self._robot.stop()
+        self._set_gate(gate)
 
     def _send(self, gate: Gate, passed: Passed) -> Passed:
         refused = gate.refused > self._gate.refused
-        self._set_gate(gate)
+        self._apply(gate)
         if latched(gate.mode):
-            self._robot.stop()
             return passed
         tried = self._robot.send(passed.out)
         if tried != passed.out:
