@@ -21,8 +21,8 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules, standing
-from cohelm.robot.model import shipped_path
-from cohelm.scenario.load import load_robot
+from cohelm.robot.model import RobotModel, shipped_path
+from cohelm.scenario.load import load_robot, parse
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
 from tests.calibrate.hidden import WALLS, Gyro, Hidden, drawn, ridden
@@ -199,3 +199,27 @@ def test_a_file_keeps_its_comments_and_gets_its_numbers():
     data["delay_s"], data["lidar"]["mount_x_m"] = 0.05, 0.30
     del data["lidar"]["mount_yaw_deg"]
     assert data == yaml.safe_load(text)
+
+
+IN_BRACES = """{name: on, footprint_m: [[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]],
+  track_m: 4e-1, wheel_radius_m: 0.1, limits: {speed_mps: 1, wheel_acceleration_mps2: 2}}
+"""
+IN_PART = """name: a
+footprint_m: [[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]]
+track_m: 0.4
+wheel_radius_m: 0.1
+limits:
+  wheel_acceleration_mps2: 2
+odometry: {slip: 1e-3}
+"""
+
+
+@pytest.mark.parametrize("text", [IN_BRACES, IN_PART])
+def test_a_file_in_braces_gets_its_numbers_and_is_read_as_before(text):
+    values = {"delay_s": 0.05, "limits.wheel_acceleration_mps2": 1.5, "odometry.slip": 1.2e-5}
+    before = parse(text, RobotModel, "before")
+    after = parse(rewritten(text, values), RobotModel, "after")
+    assert (after.delay_s, after.limits.wheel_acceleration_mps2) == (0.05, 1.5)
+    assert after.odometry.slip == 1.2e-5
+    changed = {"delay_s": 0.05, "limits": after.limits, "odometry": after.odometry}
+    assert before.model_copy(update=changed) == after

@@ -120,7 +120,7 @@ def test_with_a_load_the_worse_of_both_counts_and_the_rest_stays(tmp_path):
     empty = as_dict(findings(SALLY, answered(total=0.09), placed(x=0.35)))
     file = tmp_path / "calibration.json"
     file.write_text(json.dumps({"robot": "sally", "findings": empty, "odometry": {}}))
-    earlier = earlier_run(file, "sally")["findings"]
+    earlier, _ = earlier_run(file, "sally")
     both = with_load(findings(SALLY, answered(brake=1.2), placed()), earlier)
     write = {one.key: one.write for one in both}
     assert (write["delay_s"], write["lidar.mount_x_m"]) == (0.09, 0.35)
@@ -129,7 +129,12 @@ def test_with_a_load_the_worse_of_both_counts_and_the_rest_stays(tmp_path):
     assert {one.key for one in alone} == set(empty)
 
 
-@pytest.mark.parametrize("text", [None, "", "[]", '{"robot": "husky", "findings": {}}'])
+@pytest.mark.parametrize("text", [
+    None, "", "[]", '{"robot": "husky", "findings": {}}',
+    '{"robot": "sally", "findings": [], "odometry": {}}',
+    '{"robot": "sally", "findings": {"delay_s": {}}, "odometry": {}}',
+    '{"robot": "sally", "findings": {}, "odometry": {"odometry.slip": "small"}}',
+])  # fmt: skip
 def test_a_load_without_a_run_before_is_refused(tmp_path, text):
     if text is not None:
         (tmp_path / "run").write_text(text)

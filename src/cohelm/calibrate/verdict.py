@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -112,37 +111,40 @@ def odometry_noise(model: RobotModel, response: Response) -> dict[str, float]:
     }
 
 
-def earlier_run(file: Path, robot: str) -> dict[str, Any]:
-    """The run before, without a load, as its JSON file has it.
+def earlier_run(file: Path, robot: str) -> tuple[list[Comparison], dict[str, float]]:
+    """The findings, and the odometry's scatter, of the run before without a load, as its JSON file
+    has them.
 
     Raises CohelmError where there is none, or it is of another robot.
     """
     try:
         read: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        robot_then, *_ = read["robot"], read["findings"], read["odometry"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        robot_then = read["robot"]
+        found = [
+            Comparison(
+                key, None if one["assumed"] is None else float(one["assumed"]),
+                Measured(float(one["measured"]), float(one["off"])), float(one["write"]),
+                one["verdict"], str(one["why"]),
+            )
+            for key, one in read["findings"].items()
+        ]  # fmt: skip
+        odometry = {str(key): float(value) for key, value in read["odometry"].items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise CohelmError(f"--load needs a run without it first: {file} is none") from error
     if robot_then != robot:
         raise CohelmError(f"{file} is of {robot_then}, not of {robot}: give another --out")
-    return read
+    return found, odometry
 
 
-def with_load(found: list[Comparison], earlier: Mapping[str, Any]) -> list[Comparison]:
-    """The worse of two runs for what a load changes; the rest is of the run without it.
-
-    earlier: `as_dict` of that run.
-    """
+def with_load(found: list[Comparison], earlier: list[Comparison]) -> list[Comparison]:
+    """The worse of two runs for what a load changes; the rest is of the run without it."""
     loaded = {one.key: one for one in found}
     made: list[Comparison] = []
-    for key, before in earlier.items():
-        was = Comparison(
-            key, before["assumed"], Measured(before["measured"], before["off"]),
-            before["write"], before["verdict"], before["why"],
-        )  # fmt: skip
-        now = loaded.pop(key, was)
-        if key == "delay_s":
+    for was in earlier:
+        now = loaded.pop(was.key, was)
+        if was.key == "delay_s":
             made.append(max(now, was, key=lambda f: f.write))
-        elif key.startswith("limits."):
+        elif was.key.startswith("limits."):
             made.append(min(now, was, key=lambda f: f.write))
         else:
             made.append(was)

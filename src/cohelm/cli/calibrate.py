@@ -123,7 +123,7 @@ def calibrate(
     found = findings(made.model, answered, placed, made.delay(0.0) - made.model.delay_s)
     noise = odometry_noise(made.model, answered)
     if earlier is not None:
-        found, noise = with_load(found, earlier["findings"]), earlier["odometry"]
+        found, noise = with_load(found, earlier[0]), earlier[1]
     values = noise | {one.key: one.write for one in found if one.write != one.assumed}
     text = rewritten(file.read_text(encoding="utf-8"), values)
     parse(text, RobotModel, str(file))
