@@ -31,7 +31,9 @@ import numba
 import numpy as np
 from numba.core import config
 from numba.core.bytecode import FunctionIdentity
-from numba.core.caching import IndexDataCacheFile
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.runtime.nrt import rtsys
+from numba.cpython import hashing as hashing  # the names that compiled code knows its secrets by
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -138,18 +140,36 @@ class Files(IndexDataCacheFile):
         own._save_index(own._load_index() | {key: name})
 
 
+class Cache(FunctionCache):
+    """The cached code of one function.
+
+    Before numba loads any, it gets ready to compile: it imports all that it can compile, and
+    scipy's linear algebra, a third of a second in each process. What is compiled already needs its
+    memory management only; who compiles gets ready all the same.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The code for a signature; None where there is none, or it can not be read."""
+        own: Any = self
+        memory: Any = rtsys
+        memory.initialize(target_context)
+        with own._guard_against_spurious_io_errors():
+            return own._load_overload(sig, target_context)
+
+
 def _compile(function: F, **options: Any) -> F:
     chosen: Any = config
     before, room = chosen.CACHE_DIR, _room(function)
-    # The folder is read when the dispatcher is made; other users of numba keep their own.
+    # The folder is read when the cache is made; other users of numba keep their own.
     folder = chosen.CACHE_DIR = before or _cache_folder(room)
-    cached = bool(folder)  # with no folder numba would use its own, stale, or raise
+    made: Any = numba.njit(error_model="numpy", **options)(function)
     try:
-        made: Any = numba.njit(cache=cached, error_model="numpy", **options)(function)
+        # with no folder numba would use its own, stale, or raise
+        files: Any = Cache(function) if folder and not chosen.DISABLE_JIT else None
     finally:
         chosen.CACHE_DIR = before
-    if cached and not chosen.DISABLE_JIT:
-        files = made._cache
+    if files is not None:
+        made._cache = files
         about = files._impl
         stamp = about.locator.get_source_stamp()
         if room and not before:  # the folder's name stands for path and time of the source
