@@ -71,7 +71,9 @@ bench: $(PEERS)  ## time the law and the simulator beside their peers
 	$(BIN)/python benchmarks
 
 coverage: $(READY) ## test the law uncompiled, and show the lines no test reaches
+	@$(BIN)/uv sync --frozen --quiet --inexact --only-group coverage
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest tests/law --cov=cohelm.law
+	@$(BIN)/uv pip uninstall --quiet pytest-cov coverage
 
 clean:           ## remove what make made: environment, figures, caches
 	rm -rf .venv .venv-* .uv out/reproduce out/docs out/site dist .coverage .hypothesis .pytest_cache .ruff_cache .import_linter_cache
