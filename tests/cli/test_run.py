@@ -14,6 +14,12 @@ BRIEF = ("minimal", "--set", "simulation.duration_s=3")
 WRITTEN = {"record.mcap", "scenario.yaml", "metrics.json", "run.png", "run.svg"}
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """For who looks at no picture: it takes longer than a short run."""
+    monkeypatch.setattr(single, "_draw", lambda run, folder: None)
+
+
 def test_a_run_leaves_record_scenario_scores_and_picture(cohelm, tmp_path):
     said = cohelm("run", *BRIEF, "--out", "there")
     assert said.code == 0
@@ -25,6 +31,7 @@ def test_a_run_leaves_record_scenario_scores_and_picture(cohelm, tmp_path):
     assert (tmp_path / "there" / "run.svg").read_text().lstrip().startswith("<?xml")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_replay_gives_the_metrics_of_the_run_to_the_last_digit(cohelm, tmp_path):
     ran = json.loads(cohelm("run", "lab-shared", "--out", "there", "--json").out)
     replayed = json.loads(cohelm("replay", "there/record.mcap", "--json").out)
@@ -36,11 +43,13 @@ def test_a_replay_gives_the_metrics_of_the_run_to_the_last_digit(cohelm, tmp_pat
     assert set(ran["discs"]) == {"cone_1", "cone_2", "cone_3", "mover"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_run_is_replayed_by_its_folder(cohelm):
     cohelm("run", *BRIEF, "--out", "there")
     assert json.loads(cohelm("replay", "there", "--json").out)["record"] == "there/record.mcap"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_stored_scenario_repeats_the_run(cohelm, tmp_path):
     first = json.loads(cohelm("run", *BRIEF, "--out", "first", "--json").out)
     second = json.loads(cohelm("run", "first/scenario.yaml", "--out", "second", "--json").out)
@@ -51,6 +60,7 @@ def test_the_stored_scenario_repeats_the_run(cohelm, tmp_path):
     ).read_bytes()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_default_folder_has_name_and_time(cohelm, tmp_path):
     name = "../a b/" + "車" * 60
     said = cohelm("run", *BRIEF, "--set", f"name={name}", "--json")
@@ -77,6 +87,7 @@ def test_other_files_in_the_output_folder_are_kept(cohelm, tmp_path):
     assert {file.name for file in (tmp_path / "there").iterdir()} == {*WRITTEN, "notes.txt"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_warnings_are_printed_on_stderr_beside_the_json_object(cohelm):
     said = cohelm("run", *BRIEF, "--set", "reference.speed_mps=5", "--json")
     assert said.code == 0

@@ -12,6 +12,7 @@ from cohelm.cli import app
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+COMMAND = typer.main.get_command(app)
 AFTER = {">", "2>", "|", "&", "&&", ";"}
 
 
@@ -33,7 +34,7 @@ def test_commands_are_found():
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_command_in_the_docs_is_accepted(page):
     for words in shown(page):
-        command = typer.main.get_command(app)
+        command = COMMAND
         while hasattr(command, "commands"):
             assert words[0] in command.commands, words
             command = command.commands[words.pop(0)]

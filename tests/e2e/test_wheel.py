@@ -17,6 +17,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.few import first
+
 ROOT = Path(__file__).parents[2]
 SCENARIOS = (ROOT / "scenarios").glob("*.yaml")
 UV = shutil.which("uv") or str(ROOT / ".venv" / "bin" / "uv")
@@ -98,8 +100,9 @@ def test_without_node_no_wheel_is_made_and_the_missing_tool_is_named(clone, tmp_
     assert not list((tmp_path / "dist").glob("*.whl"))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scenario", sorted(path.stem for path in SCENARIOS))
+@pytest.mark.parametrize(
+    "scenario", first(sorted((path.stem for path in SCENARIOS), key=lambda name: name != "minimal"))
+)
 def test_every_shipped_scenario_runs_from_an_empty_folder(installed, tmp_path, scenario):
     command = (installed, "run", scenario, "--json")
     said = subprocess.run(command, cwd=tmp_path, env=CLEAN, capture_output=True, text=True)
@@ -154,6 +157,16 @@ def test_robot_drives_the_twin(installed, tmp_path):
     assert json.loads(said.stdout)["kind"] == "twin"
 
 
+def test_no_file_of_the_package_is_left_out(clone, installed):
+    (package,) = installed.parents[1].glob("lib/python*/site-packages/cohelm")
+    here, there = (
+        {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
+        for folder in (clone / "src" / "cohelm", package)
+    )
+    assert {name for name in here - there if not name.startswith("station/web/")} == set()
+
+
+@pytest.mark.slow  # all its files are in the wheel; what it does: tests/study/test_reproduce.py
 def test_the_paper_is_reproduced(installed, tmp_path):
     said = subprocess.run(
         (installed, "reproduce", "--json"), cwd=tmp_path, env=CLEAN, capture_output=True, text=True

@@ -59,8 +59,12 @@ def room(body, boxes, cam=CAM, floor=0.0):
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.where(rays[..., 2] < 0.0, (floor - at[2]) / rays[..., 2], math.inf)
         for box in np.array(boxes, dtype=float).reshape(-1, 6):
-            sides = np.sort(np.stack([(box[:3] - at) / rays, (box[3:] - at) / rays]), axis=0)
-            into, out = sides[0].max(axis=-1), sides[1].min(axis=-1)
+            ends = (
+                np.moveaxis((box[:3] - at) / rays, 2, 0),
+                np.moveaxis((box[3:] - at) / rays, 2, 0),
+            )
+            into = np.maximum.reduce(np.fmin(*ends))  # a ray along a side has no number there
+            out = np.minimum.reduce(np.maximum(*ends))
             depth = np.where((into <= out) & (into > 0.0), np.minimum(depth, into), depth)
     return depth
 

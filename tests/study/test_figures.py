@@ -1,6 +1,5 @@
 """The picture of any one run, with and without obstacles, walls or a person."""
 
-import numpy as np
 import pytest
 from PIL import Image
 
@@ -31,8 +30,7 @@ def made(name, *changes):
 def test_any_run_has_its_picture(tmp_path, name, changes):
     png, svg = draw_run(made(name, *changes), tmp_path, name)
     with Image.open(png) as image:
-        pixels = np.asarray(image.convert("RGB")).reshape(-1, 3)
-    assert len(np.unique(pixels, axis=0)) > 50
+        assert image.convert("RGB").getcolors(50) is None  # there are more
     assert "E_P" in svg.read_text(encoding="utf-8")
 
 
