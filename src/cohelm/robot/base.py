@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Twist
+from cohelm.robot.clock import sleep_until
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan
 from cohelm.robot.sensors import of_sensor
@@ -73,8 +74,7 @@ class Robot(ABC):
 
     def wait(self, until: float) -> None:
         """Return when `now()` has reached `until` [s]."""
-        while (left := until - self.now()) > 0.0:
-            time.sleep(left)
+        sleep_until(until, self.now)
 
     def odometry(self, pose: Pose, twist: Twist, age: float = 0.0) -> Odometry:
         """An odometry reading: pose in a continuous frame with any origin [m, m, rad], measured

@@ -7,9 +7,16 @@ call, and `wait` is the only call that lets time pass.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from cohelm.core.errors import CohelmError
 from cohelm.robot.model import RobotModel
+
+
+def sleep_until(until: float, now: Callable[[], float]) -> None:
+    """Return when `now()` has reached `until` [s]; at once, if it has passed."""
+    while (left := until - now()) > 0.0:
+        time.sleep(left)
 
 
 class SteppedClock:
@@ -39,10 +46,7 @@ class WallClock:
 
     def wait(self, until: float) -> None:
         """Sleep; an `until` that has passed returns at once."""
-        left = until - self.due()
-        while left > 0.0:
-            time.sleep(left)
-            left = until - self.due()
+        sleep_until(until, self.due)
 
 
 RobotClock = SteppedClock | WallClock

@@ -34,13 +34,13 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
     said.send(gated.pid)
     ask, wanted = gated._ask, False
 
-    def freezing(what: str, *more: Any) -> Any:
+    def freezing(what: str, *more: Any, **named: Any) -> Any:
         nonlocal wanted
         if what != wrong or not wanted:
-            return ask(what, *more)
+            return ask(what, *more, **named)
         wanted = False
         if what == "read":  # whose answer brings scan and frame, as one in a few does
-            more = ((-1, {}, -1),)
+            more = -1, {}, -1
         before = gated._answer
 
         def frozen(*given: Any) -> Any:
@@ -52,7 +52,7 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
             return answer
 
         gated._answer = frozen
-        return ask(what, *more)
+        return ask(what, *more, **named)
 
     gated._ask = freezing
     due = gated.now()
@@ -69,7 +69,7 @@ def drive(make: Traced, said: Connection, record: socket.socket, wrong: str) -> 
             gated.read()
         while wanted and wrong == "listens no more":
             gated._line.send((number, "read", (-1, {}, -1)))
-            gated._line.send((number, "truth", None))
+            gated._line.send((number, "truth", ()))
             time.sleep(0.001)
         due += PERIOD
         gated.wait(due)

@@ -219,8 +219,7 @@ class LocalGatedRobot:
         odometry = readings.odometry
         if odometry is None or not odometry.stamp > self._latched_at:
             return
-        v, omega = odometry.twist
-        if abs(v) < STANDS_V and abs(omega) < STANDS_OMEGA:
+        if standing(odometry.twist):
             after = odometry.stamp - self._latched_at
             self._publish(Event(odometry.stamp, "gate", f"stands, {after:.2f} s after"))
             self._latched_at = math.nan

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from cohelm.core.errors import CohelmError
+from cohelm.robot.clock import sleep_until
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import LocalGatedRobot
@@ -81,10 +82,7 @@ class RemoteGatedRobot:
 
     def wait(self, until: float) -> None:
         """Sleep."""
-        left = until - self.now()
-        while left > 0.0:
-            time.sleep(left)
-            left = until - self.now()
+        sleep_until(until, self.now)
 
     def read(self) -> Readings:
         """The newest of everything; each scan and frame is transferred once."""
@@ -93,7 +91,7 @@ class RemoteGatedRobot:
             {name: scan.number for name, scan in self._further.items()},
             self._frame.number if self._frame else -1,
         )
-        readings = self._memory.take(self._ask("read", have))
+        readings = self._memory.take(self._ask("read", *have))
         self._scan = readings.scan or self._scan
         self._further |= {scan.sensor: scan for scan in readings.further}
         self._frame = readings.frame or self._frame
@@ -102,7 +100,7 @@ class RemoteGatedRobot:
 
     def draw_at(self, rate: float) -> None:
         """As `LocalGatedRobot.draw_at`."""
-        self._ask("draw", rate)
+        self._ask("draw_at", rate)
 
     def propose(self, proposal: Proposal) -> Passed:
         """Through the gate to the wheels."""
@@ -118,7 +116,7 @@ class RemoteGatedRobot:
 
     def reset(self) -> str:
         """Clear a stop or fault, into IDLE."""
-        return self._ask("reset", None)
+        return self._ask("reset")
 
     def drive(self, mode: GateMode) -> str:
         """Set the gate's mode."""
@@ -126,25 +124,26 @@ class RemoteGatedRobot:
 
     def truth(self) -> Any:
         """Ground truth of a simulated robot; None for any other."""
-        return self._ask("truth", None)
+        return self._ask("truth")
 
     def record_into(self, end: socket.socket | None) -> None:
         """The recorder's end is passed to the gate process, and closed here."""
-        self._ask("record", None, None if end is None else end.fileno())
+        self._ask("record_into", handle=None if end is None else end.fileno())
         if end is not None:
             end.close()
 
     def close(self) -> None:
         """Stop the robot; the gate process closes it once it stands."""
         with contextlib.suppress(OSError, CohelmError):
-            self._ask("close", None)
+            self._ask("close")
         with contextlib.suppress(OSError):
             self._line.close()
         self._process.join(BRAKING + 2.0)
         if self._process.is_alive():  # it brings the robot to stand as soon as it can
             detach(self._process)
 
-    def _ask(self, what: str, with_: Any, handle: int | None = None) -> Any:
+    def _ask(self, what: str, *with_: Any, handle: int | None = None) -> Any:
+        """Have a method of `LocalGatedRobot` called there; what it returns."""
         self._number += 1
         try:
             taken = self._line.send((self._number, what, with_), handle)

@@ -111,25 +111,14 @@ def _serve_requests(
 
 
 def _answer(
-    gated: LocalGatedRobot, memory: SharedMemory, what: str, with_: Any, handle: int | None
-) -> Any:
+    gated: LocalGatedRobot, memory: SharedMemory, what: str, with_: tuple[Any, ...],
+    handle: int | None,
+) -> Any:  # fmt: skip
     if what == "read":
         return memory.put(_unsent(gated.read(), *with_))
-    if what == "propose":
-        return gated.propose(with_)
-    if what == "draw":
-        return gated.draw_at(with_)
-    if what == "stop":
-        return gated.stop(with_)
-    if what == "fault":
-        return gated.fault(with_)
-    if what == "reset":
-        return gated.reset()
-    if what == "record":
+    if what == "record_into":
         return gated.record_into(None if handle is None else socket.socket(fileno=handle))
-    if what == "drive":
-        return gated.drive(with_)
-    return gated.truth() if what == "truth" else None
+    return None if what == "close" else getattr(gated, what)(*with_)
 
 
 def _send_answer(

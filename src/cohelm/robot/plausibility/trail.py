@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cohelm.core.types import Floats, Twist
+from cohelm.core.types import Floats
 from cohelm.robot.port import Odometry
 
 _KEPT = 3.0  # [s]
@@ -54,14 +54,6 @@ class Trail:
         rows = self.rows
         return rows[np.searchsorted(rows[:, 0], t) :]
 
-    def at(self, times: Floats) -> Floats:
-        """Interpolated, held at both ends; (len(times), columns)."""
-        rows = self.rows
-        out = np.empty((len(times), rows.shape[1] - 1))
-        for column in range(out.shape[1]):
-            out[:, column] = np.interp(times, rows[:, 0], rows[:, column + 1])
-        return out
-
 
 def extended(trail: Trail, odometry: Odometry) -> None:
     """Append a reading: x, y, unwrapped heading, v, omega."""
@@ -70,11 +62,3 @@ def extended(trail: Trail, odometry: Odometry) -> None:
         before = float(trail.rows[-1, 3])
         psi = before + math.remainder(psi - before, 2.0 * math.pi)
     trail.add(odometry.stamp, x, y, psi, *odometry.twist)
-
-
-def moving(trail: Trail, since: float) -> Twist:
-    """The largest absolute speed and yaw rate by odometry since then."""
-    rows = trail.since(since)
-    if not len(rows):
-        return Twist(0.0, 0.0)
-    return Twist(float(np.abs(rows[:, 4]).max()), float(np.abs(rows[:, 5]).max()))
