@@ -2,24 +2,13 @@
 //
 // It is stored where only pages of the same origin, port included, can read it. A cookie would be
 // sent to every port of this machine, and with requests of other sites.
+import { keep, kept } from './kept'
+
 const KEY = 'cohelm.session'
 let known: string | null = null
 
 export function session(): string | null {
-  try {
-    return localStorage.getItem(KEY) ?? known
-  } catch {
-    return known // without storage it lasts until the page is reloaded
-  }
-}
-
-function keep(given: string): void {
-  known = given
-  try {
-    localStorage.setItem(KEY, given)
-  } catch {
-    // see above
-  }
+  return kept('localStorage', KEY) ?? known
 }
 
 /** `fetch` with the session. */
@@ -36,7 +25,8 @@ export async function logIn(token: string): Promise<string> {
     return 'The station does not answer.'
   }
   if (answer.ok) {
-    keep(await answer.text())
+    known = await answer.text()
+    keep('localStorage', KEY, known)
     return ''
   }
   return answer.status === 429 ? 'Too many wrong tokens.' : 'Wrong token.'

@@ -1,6 +1,7 @@
 // The WebSocket to the station: reconnects it when it is lost, and detects silence.
 import { batch } from '@preact/signals'
 import { decode, painted, zoned, type MapPart, type ZonePart } from './binary'
+import { keep, kept } from './kept'
 import type { Do, FromPage, ToPage } from './messages'
 import { authorizedFetch, onLogIn, session } from './session'
 import * as s from './state'
@@ -82,7 +83,7 @@ async function connect(): Promise<void> {
   const url = new URL('./ws', location.href)
   url.protocol = location.protocol === 'https:' ? 'wss:' : 'ws:'
   url.hash = ''
-  const key = storedKey()
+  const key = kept('sessionStorage', KEY)
   if (key !== null) url.searchParams.set('key', key)
   socket?.close()
   const opened = new WebSocket(url, ['cohelm', session() ?? 'none'])
@@ -130,14 +131,6 @@ async function reconnect(): Promise<void> {
 export async function retry(): Promise<void> {
   wait = FIRST_WAIT_MS
   await reconnect()
-}
-
-function storedKey(): string | null {
-  try {
-    return sessionStorage.getItem(KEY)
-  } catch {
-    return null
-  }
 }
 
 function receive(data: string | ArrayBuffer): void {
@@ -194,45 +187,23 @@ function dispatch(message: ToPage): void {
       s.welcome.value = message
       s.connection.value = 'open'
       wait = FIRST_WAIT_MS
-      try {
-        sessionStorage.setItem(KEY, message.key)
-      } catch {
-        // without storage a reload makes a new operator
-      }
+      keep('sessionStorage', KEY, message.key) // else a reload makes a new operator
       break
-    case 'Hello':
-      s.robot.value = message
-      break
+    case 'Hello': s.robot.value = message; break
     case 'Status':
       s.state.value = message
       s.stateAt.value = performance.now()
       if (message.stopped !== '') answerStop()
       send({ type: 'got', stream: 'state' })
       break
-    case 'who':
-      s.who.value = message
-      break
-    case 'Discs':
-      s.discs.value = message.rows
-      break
-    case 'Polyline':
-      s.lines.value = { ...s.lines.value, [message.what]: message.points }
-      break
-    case 'Docks':
-      s.docks.value = message.all
-      break
-    case 'LinkState':
-      s.link.value = message
-      break
-    case 'HealthReport':
-      s.health.value = message
-      break
-    case 'Records':
-      s.records.value = message.all
-      break
-    case 'PlaybackPosition':
-      s.playing.value = message
-      break
+    case 'who': s.who.value = message; break
+    case 'Discs': s.discs.value = message.rows; break
+    case 'Polyline': s.lines.value = { ...s.lines.value, [message.what]: message.points }; break
+    case 'Docks': s.docks.value = message.all; break
+    case 'LinkState': s.link.value = message; break
+    case 'HealthReport': s.health.value = message; break
+    case 'Records': s.records.value = message.all; break
+    case 'PlaybackPosition': s.playing.value = message; break
     case 'checked':
       s.checked.value = message
       if (!message.ok && !message.only_check) refuse(`route: ${message.why}`)

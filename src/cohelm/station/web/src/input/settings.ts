@@ -1,5 +1,6 @@
 // The operator's stick settings, stored by the browser.
 import { signal } from '@preact/signals'
+import { keep, kept } from '../kept'
 import { clamp } from './stick'
 
 export interface Settings {
@@ -55,7 +56,7 @@ export function sound(kept: unknown): Settings {
 
 function load(): Settings {
   try {
-    return sound(JSON.parse(localStorage.getItem(KEY) ?? 'null'))
+    return sound(JSON.parse(kept('localStorage', KEY) ?? 'null'))
   } catch {
     return DEFAULTS
   }
@@ -65,9 +66,5 @@ export const settings = signal<Settings>(load())
 
 export function change(part: Partial<Settings>): void {
   settings.value = sound({ ...settings.value, ...part })
-  try {
-    localStorage.setItem(KEY, JSON.stringify(settings.value))
-  } catch {
-    // used, but not stored
-  }
+  keep('localStorage', KEY, JSON.stringify(settings.value))
 }

@@ -95,46 +95,27 @@ function drawZones(ctx: Ctx, v: View, size: Size, zones: Zones): void {
 function drawDock(ctx: Ctx, v: View, size: Size, dock: DockPlace, robot: Hello | null): void {
   const { pose, approach } = dock
   if (pose === null || approach === null) return
-  line(ctx, v, size, [fromBody(pose, [-approach, 0]), [pose[0], pose[1]]], {
-    stroke: colour.faint, width: 1.5, dash: [2, 3],
-  })
-  const [bx, by] = toPixel(v, size, fromBody(pose, [-approach, 0]))
-  circle(ctx, bx, by, 4)
-  ctx.stroke()
+  const begin = fromBody(pose, [-approach, 0])
+  line(ctx, v, size, [begin, [pose[0], pose[1]]], FAINT)
+  circle(ctx, toPixel(v, size, begin), 4)
+  stroke(ctx, { ...FAINT, dash: [] })
   if (robot === null) return
   outline(ctx, v, size, pose, robot.outline)
-  ctx.strokeStyle = colour.faint
-  ctx.lineWidth = 1.5
-  ctx.setLineDash([2, 3])
-  ctx.stroke()
-  ctx.setLineDash([])
+  stroke(ctx, FAINT)
   const front = Math.max(...robot.outline.map((c) => c[0]))
   const [x, y] = toPixel(v, size, fromBody(pose, [front, 0]))
-  ctx.font = 'bold 12px system-ui, sans-serif'
-  ctx.textAlign = 'center'
   const text = `dock ${dock.name}`
+  ctx.font = LABEL
   const beyond = ctx.measureText(text).width / 2 + 0.2 * v.scale
   const at: Point = [x + beyond * Math.cos(pose[2]), y + 4 - (12 + 0.2 * v.scale) * Math.sin(pose[2])]
-  ctx.lineWidth = 3
-  ctx.strokeStyle = '#fff'
-  ctx.strokeText(text, ...at)
-  ctx.fillStyle = colour.ink
-  ctx.fillText(text, ...at)
-  ctx.textAlign = 'start'
+  label(ctx, text, at, colour.ink)
 }
 
 function drawSpeeds(ctx: Ctx, v: View, size: Size, zones: Zones): void {
-  ctx.font = 'bold 12px system-ui, sans-serif'
-  ctx.textAlign = 'center'
   for (const { at, text } of zones.labels) {
     const [x, y] = toPixel(v, size, at)
-    ctx.lineWidth = 3
-    ctx.strokeStyle = '#fff'
-    ctx.strokeText(text, x, y + 4)
-    ctx.fillStyle = '#6b4700'
-    ctx.fillText(text, x, y + 4)
+    label(ctx, text, [x, y + 4], '#6b4700')
   }
-  ctx.textAlign = 'start'
 }
 
 /** An arrow from a robot inside a keep-out zone to the nearest exit. */
@@ -158,7 +139,7 @@ function drawExit(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   ctx.lineTo(-3, -9)
   ctx.fill()
   ctx.restore()
-  ctx.font = 'bold 12px system-ui, sans-serif'
+  ctx.font = LABEL
   ctx.fillText('nearest exit', x + 14, y - 8)
 }
 
@@ -166,14 +147,10 @@ function drawScale(ctx: Ctx, v: View, size: Size): void {
   const steps = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20]
   const metres = steps.find((m) => m * v.scale > 60) ?? 50
   const y = size.height - 14
-  ctx.strokeStyle = ctx.fillStyle = colour.ink
-  ctx.lineWidth = 2
-  ctx.beginPath()
-  ctx.moveTo(12, y - 5)
-  ctx.lineTo(12, y)
-  ctx.lineTo(12 + metres * v.scale, y)
-  ctx.lineTo(12 + metres * v.scale, y - 5)
-  ctx.stroke()
+  const end = 12 + metres * v.scale
+  trace(ctx, [[12, y - 5], [12, y], [end, y], [end, y - 5]])
+  stroke(ctx, { stroke: colour.ink, width: 2 })
+  ctx.fillStyle = colour.ink
   ctx.font = '12px system-ui, sans-serif'
   ctx.fillText(`${metres} m`, 16, y - 5)
 }
@@ -184,34 +161,51 @@ interface Pen {
   dash?: number[]
 }
 
-function line(ctx: Ctx, v: View, size: Size, points: Point[], pen: Pen): void {
-  if (points.length < 2) return
-  ctx.beginPath()
-  for (const [i, point] of points.entries()) {
-    const [x, y] = toPixel(v, size, point)
-    if (i === 0) ctx.moveTo(x, y)
-    else ctx.lineTo(x, y)
-  }
+const FAINT: Pen = { stroke: colour.faint, width: 1.5, dash: [2, 3] }
+const LABEL = 'bold 12px system-ui, sans-serif'
+
+/** Stroke the present path. */
+function stroke(ctx: Ctx, pen: Pen): void {
   ctx.strokeStyle = pen.stroke
   ctx.lineWidth = pen.width
   ctx.setLineDash(pen.dash ?? [])
   ctx.stroke()
+}
+
+/** A path along pixels. */
+function trace(ctx: Ctx, pixels: Point[]): void {
+  ctx.beginPath()
+  for (const [x, y] of pixels) ctx.lineTo(x, y) // the first one begins the path
+}
+
+function line(ctx: Ctx, v: View, size: Size, points: Point[], pen: Pen): void {
+  if (points.length < 2) return
+  trace(ctx, points.map((point) => toPixel(v, size, point)))
+  stroke(ctx, pen)
+}
+
+/** A bold text with a white rim, centred at a pixel. */
+function label(ctx: Ctx, text: string, at: Point, fill: string): void {
+  ctx.font = LABEL
+  ctx.textAlign = 'center'
+  ctx.lineWidth = 3
+  ctx.strokeStyle = '#fff'
   ctx.setLineDash([])
+  ctx.strokeText(text, ...at)
+  ctx.fillStyle = fill
+  ctx.fillText(text, ...at)
+  ctx.textAlign = 'start'
 }
 
 function drawDiscs(ctx: Ctx, v: View, size: Size, discs: Discs['rows']): void {
   for (const [x, y, vx, vy, radius, safe] of discs) {
-    const [px, py] = toPixel(v, size, [x, y])
-    circle(ctx, px, py, Math.max(radius * v.scale, 2))
+    const at = toPixel(v, size, [x, y])
+    circle(ctx, at, Math.max(radius * v.scale, 2))
     ctx.fillStyle = '#6b7278'
     ctx.fill()
     if (safe > radius) {
-      circle(ctx, px, py, safe * v.scale)
-      ctx.strokeStyle = '#6b7278'
-      ctx.lineWidth = 1
-      ctx.setLineDash([3, 3])
-      ctx.stroke()
-      ctx.setLineDash([])
+      circle(ctx, at, safe * v.scale)
+      stroke(ctx, { stroke: '#6b7278', width: 1, dash: [3, 3] })
     }
     if (Math.hypot(vx, vy) > 0.02) {
       line(ctx, v, size, [[x, y], [x + vx, y + vy]], { stroke: colour.warning, width: 2 })
@@ -219,7 +213,7 @@ function drawDiscs(ctx: Ctx, v: View, size: Size, discs: Discs['rows']): void {
   }
 }
 
-function circle(ctx: Ctx, x: number, y: number, r: number): void {
+function circle(ctx: Ctx, [x, y]: Point, r: number): void {
   ctx.beginPath()
   ctx.arc(x, y, r, 0, 2 * Math.PI)
 }
@@ -239,13 +233,11 @@ function drawWaypoints(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   for (const [i, point] of scene.waypoints.entries()) {
     const [x, y] = toPixel(v, size, point)
     const bad = scene.worst === i
-    circle(ctx, x, y, scene.editing ? 9 : 3)
+    circle(ctx, [x, y], scene.editing ? 9 : 3)
     ctx.fillStyle = scene.editing ? '#fff' : colour.path
     ctx.fill()
     if (!scene.editing) continue
-    ctx.strokeStyle = bad ? colour.danger : colour.operator
-    ctx.lineWidth = scene.chosen === i ? 4 : 2
-    ctx.stroke()
+    stroke(ctx, { stroke: bad ? colour.danger : colour.operator, width: scene.chosen === i ? 4 : 2 })
     ctx.fillStyle = bad ? colour.danger : colour.ink
     ctx.font = 'bold 11px system-ui, sans-serif'
     ctx.textAlign = 'center'
@@ -255,12 +247,7 @@ function drawWaypoints(ctx: Ctx, v: View, size: Size, scene: Scene): void {
 }
 
 function outline(ctx: Ctx, v: View, size: Size, pose: Pose, corners: Point[]): void {
-  ctx.beginPath()
-  for (const [i, corner] of corners.entries()) {
-    const [x, y] = toPixel(v, size, fromBody(pose, corner))
-    if (i === 0) ctx.moveTo(x, y)
-    else ctx.lineTo(x, y)
-  }
+  trace(ctx, corners.map((corner) => toPixel(v, size, fromBody(pose, corner))))
   ctx.closePath()
 }
 
@@ -270,21 +257,18 @@ function drawRobot(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   line(ctx, v, size, [[state.pose[0], state.pose[1]], ...state.ahead], {
     stroke: colour.operator, width: 3,
   })
-  if (state.reference !== null) drawReference(ctx, v, size, state.reference)
+  if (state.reference !== null) {
+    circle(ctx, toPixel(v, size, [state.reference[0], state.reference[1]]), 5)
+    stroke(ctx, { stroke: colour.path, width: 2 })
+  }
   if (ghost !== null) {
     outline(ctx, v, size, ghost, robot.outline)
-    ctx.strokeStyle = colour.operator
-    ctx.lineWidth = 1.5
-    ctx.setLineDash([4, 3])
-    ctx.stroke()
-    ctx.setLineDash([])
+    stroke(ctx, { stroke: colour.operator, width: 1.5, dash: [4, 3] })
   }
   outline(ctx, v, size, state.pose, robot.outline)
   ctx.fillStyle = scene.lost ? 'rgba(180, 85, 0, 0.5)' : 'rgba(255, 255, 255, 0.85)'
   ctx.fill()
-  ctx.strokeStyle = scene.lost ? colour.warning : colour.ink
-  ctx.lineWidth = 2.5
-  ctx.stroke()
+  stroke(ctx, { stroke: scene.lost ? colour.warning : colour.ink, width: 2.5 })
   drawNose(ctx, v, size, state.pose, robot.outline)
   const { limiting } = state.guarding
   if (limiting !== null) drawLimiting(ctx, v, size, limiting)
@@ -299,22 +283,10 @@ function drawNose(ctx: Ctx, v: View, size: Size, pose: Pose, corners: Point[]): 
   ctx.fill()
 }
 
-function drawReference(ctx: Ctx, v: View, size: Size, pose: Pose): void {
-  const [x, y] = toPixel(v, size, [pose[0], pose[1]])
-  ctx.strokeStyle = colour.path
-  ctx.lineWidth = 2
-  circle(ctx, x, y, 5)
-  ctx.stroke()
-}
-
 function drawLimiting(ctx: Ctx, v: View, size: Size, at: Point): void {
   const [x, y] = toPixel(v, size, at)
-  ctx.strokeStyle = colour.warning
-  ctx.lineWidth = 3
-  ctx.beginPath()
-  ctx.moveTo(x - 7, y - 7)
-  ctx.lineTo(x + 7, y + 7)
-  ctx.moveTo(x + 7, y - 7)
-  ctx.lineTo(x - 7, y + 7)
-  ctx.stroke()
+  for (const side of [7, -7]) {
+    trace(ctx, [[x - side, y - 7], [x + side, y + 7]])
+    stroke(ctx, { stroke: colour.warning, width: 3 })
+  }
 }
