@@ -18,6 +18,7 @@ from OpenSSL import SSL
 
 from cohelm.link import udp
 from cohelm.link.dtls import Channel, HandshakeRefused
+from cohelm.link.rate import TokenBucket
 from cohelm.link.udp import Address
 
 _PER_TURN = 16
@@ -56,8 +57,7 @@ class Listener:
         self.address: Address = self.socket.getsockname()
         self._listener = Channel(made, server=True)
         self._under_way: dict[Address, _Handshake] = {}
-        self._tokens = _HANDSHAKES
-        self._filled = clock()
+        self._handshakes = TokenBucket(_HANDSHAKES, _HANDSHAKES, clock())
         self.counts: Counter[str] = Counter()
         """Refusals, by reason."""
         self._logged: dict[str, float] = {}
@@ -110,12 +110,9 @@ class Listener:
             udp.send(self.socket, channel.waiting(), address)
             return
         self._listener = Channel(self._context, server=True)
-        self._tokens = min(_HANDSHAKES, self._tokens + (now - self._filled) * _HANDSHAKES)
-        self._filled = now
-        if self._tokens < 1.0:
+        if not self._handshakes.take(now):
             self.refuse(address, "too many handshakes")
             return
-        self._tokens -= 1.0
         same = [other for other in self._under_way if other[0] == address[0]]
         if len(same) >= _UNDER_WAY // 2:  # nobody may take all the places
             self._drop(same[0], "too many handshakes from there")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 EVERY = 1.0
-"""Repetitions within this time are counted, and logged as one line [s]."""
+"""Least time between two lines about the same thing [s]."""
 _MOST_KEYS = 64
 
 
@@ -37,9 +37,7 @@ class Coalesced:
     """Log lines by key: the first is logged at once, repetitions within a second as one line with
     their count. Memory is bounded for any number of keys."""
 
-    def __init__(self, every: float = EVERY) -> None:
-        """every: least time between two lines about the same thing [s]."""
-        self._every = every
+    def __init__(self) -> None:
         self._kept: dict[object, _Kept] = {}
 
     def add(self, now: float, key: object, text: str) -> list[str]:
@@ -59,7 +57,7 @@ class Coalesced:
         """The lines that have waited long enough; to be called now and then."""
         due: list[str] = []
         for key, kept in list(self._kept.items()):
-            if now - kept.since < self._every:
+            if now - kept.since < EVERY:
                 continue
             if kept.times == 0:
                 del self._kept[key]

@@ -24,7 +24,7 @@ def listed() -> list[str]:
     """The sticks found here, a line each."""
     lines: list[str] = []
     for path in _evdev_paths():
-        device = _evdev(path)
+        device = _made("evdev_stick", "EvdevStick", path)
         lines.append(f"{path}: {device.name}{', with force feedback' if device.force else ''}")
         device.close()
     return lines + [f"{number}: {name}" for number, name in enumerate(_sdl_names())]
@@ -35,16 +35,16 @@ def opened(device: str | None) -> StickDevice:
     if device is None:
         paths = _evdev_paths()
         if paths:
-            return _evdev(paths[0])
+            return _made("evdev_stick", "EvdevStick", paths[0])
         if _sdl_names():
-            return _sdl(0)
+            return _made("sdl_stick", "SdlStick", 0)
         raise CohelmError(
             "no stick is plugged in here (or you may not read /dev/input: join the group 'input')"
         )
     if device.isdigit():
-        return _sdl(int(device))
+        return _made("sdl_stick", "SdlStick", int(device))
     if device.startswith("/dev/"):
-        return _evdev(device)
+        return _made("evdev_stick", "EvdevStick", device)
     if device.startswith(SCHEME):
         return BrunnerStick(parameters(device))
     return FileStick(recordings.read(device), Path(device).name, time.monotonic)
@@ -57,22 +57,14 @@ def _evdev_paths() -> list[str]:
         return []
 
 
-def _evdev(path: str) -> StickDevice:
-    return _of_extra("evdev_stick", lambda module: module.EvdevStick(path))
-
-
 def _sdl_names() -> list[str]:
-    return _of_extra("sdl_stick", lambda module: module.found())
+    return _made("sdl_stick", "found")
 
 
-def _sdl(number: int) -> StickDevice:
-    return _of_extra("sdl_stick", lambda module: module.SdlStick(number))
-
-
-def _of_extra(name: str, made: Callable[[Any], Any]) -> Any:
-    """What is made of a module that needs the extra `stick`."""
+def _made(module: str, name: str, *given: object) -> Any:
+    """What a function or class returns that needs the extra `stick`."""
     try:
-        return made(import_module(f"cohelm.link.sticks.{name}"))
+        return getattr(import_module(f"cohelm.link.sticks.{module}"), name)(*given)
     except ImportError:
         raise missing("a stick of this machine", "stick") from None
 

@@ -12,6 +12,10 @@ from cohelm.core.types import CENTRED, Stick
 from cohelm.link.sticks.feel import bounded
 from cohelm.link.sticks.port import Feel
 
+_MOST_SWINGS, _WIDTH, _PAUSE = 10, 0.3, 0.5
+"""So many changes of side are an oscillation, each beyond this deflection, and none after a longer
+pause [s]."""
+
 
 class ForceRules(NamedTuple):
     """Parameters of the force."""
@@ -78,20 +82,18 @@ class Swings:
     A spring with a delay returns more energy than was put in.
     """
 
-    def __init__(self, width: float = 0.3, most: int = 10, pause: float = 0.5) -> None:
-        """most: changes of side, each beyond `width` and none after a longer pause [s]."""
-        self._width, self._most, self._pause = width, most, pause
+    def __init__(self) -> None:
         self._sides, self._counts, self._last = [0, 0], [0, 0], [-1e9, -1e9]
 
     def too_many(self, stick: Stick, now: float) -> bool:
         """Whether the stick oscillates now."""
         for axis, deflection in enumerate(stick):
-            side = (deflection > self._width) - (deflection < -self._width)
+            side = (deflection > _WIDTH) - (deflection < -_WIDTH)
             if side and side != self._sides[axis]:
-                on = now - self._last[axis] <= self._pause
+                on = now - self._last[axis] <= _PAUSE
                 self._counts[axis] = self._counts[axis] + 1 if on else 0
                 self._sides[axis], self._last[axis] = side, now
-        return max(self._counts) >= self._most
+        return max(self._counts) >= _MOST_SWINGS
 
 
 def _axis(deflection: float, rate: float, spring: float, push: float, damping: float) -> float:

@@ -108,13 +108,12 @@ class Helm:
     """Forwards a stick, 50 times a second or faster, and gives force feedback."""
 
     def __init__(
-        self, end: StationEnd, device: StickDevice, limits: SpeedLimits, k_s: float,
-        rules: CueRules | None = None,
-    ) -> None:  # fmt: skip
+        self, end: StationEnd, device: StickDevice, limits: SpeedLimits, k_s: float
+    ) -> None:
         """k_s: constant of the spring (35)."""
         self._end, self._device, self._limits = end, device, limits
         self._spring = spring(k_s)
-        self._rules = rules or CueRules()
+        self._rules = CueRules()
         self._push = STILL
         self._armed = False
         self._last = math.nan

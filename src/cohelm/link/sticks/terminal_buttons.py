@@ -10,8 +10,7 @@ import termios
 import tty
 from typing import Any
 
-from cohelm.link.messages import Device
-from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice
+from cohelm.link.sticks.port import Button, Reading, StickDevice
 
 KEYS = {
     ord(" "): Button.STOP,
@@ -27,6 +26,8 @@ class TerminalButtons:
     def __init__(self, device: StickDevice, fd: int | None = None) -> None:
         """fd: of the terminal; else that of stdin."""
         self._device = device
+        self.name, self.kind, self.force = device.name, device.kind, device.force
+        self.feel = device.feel
         self._fd, self._before = -1, list[Any]()
         with contextlib.suppress(OSError, ValueError, termios.error):
             found = sys.stdin.fileno() if fd is None else fd
@@ -40,30 +41,11 @@ class TerminalButtons:
         """Whether there is a terminal."""
         return self._fd >= 0
 
-    @property
-    def name(self) -> str:
-        """The stick's name."""
-        return self._device.name
-
-    @property
-    def kind(self) -> Device:
-        """The stick's kind."""
-        return self._device.kind
-
-    @property
-    def force(self) -> bool:
-        """Whether the stick can push."""
-        return self._device.force
-
     def read(self) -> Reading:
         """The state of the stick, with the buttons of both."""
         reading = self._device.read()
         keys = self._keys()
         return reading._replace(pressed=reading.pressed + keys) if keys else reading
-
-    def feel(self, feel: Feel) -> None:
-        """Pass the feedback to the stick."""
-        self._device.feel(feel)
 
     def close(self) -> None:
         """Close the stick, and restore the terminal."""
