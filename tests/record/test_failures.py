@@ -25,6 +25,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.record import period
 from cohelm.record.file import METADATA
+from cohelm.record.messages import messages
 from cohelm.record.read import IncompleteRecord, read
 from cohelm.record.write import Recorder
 from cohelm.sim.run import pieces
@@ -333,6 +334,18 @@ def test_a_record_of_another_program_is_reported(tmp_path: Path) -> None:
         writer.finish()
     with pytest.raises(CohelmError, match=r"no record of cohelm \(it was written by their"):
         read(path)
+
+
+def test_a_topic_without_a_definition_is_reported(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/odom", "cdr", 0)  # no schema
+        writer.add_message(channel, time.time_ns(), b"\x00\x01\x00\x00\x01", 0)
+        writer.finish()
+    with pytest.raises(CohelmError, match="/odom in it has no definition"):
+        list(messages(path, ("/odom",)))
 
 
 def encoded(piece: Trace) -> list[bytes]:

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-
 from cohelm.core.errors import CohelmError
 from cohelm.core.plugins import plugin
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
+from cohelm.record.topics import NO_WALLS
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.base import Robot
 from cohelm.robot.clock import clock_of
@@ -131,7 +130,6 @@ def _made(make: Callable[..., Any], model: RobotModel) -> Robot:
 
 
 Kind = Literal["kinematic", "twin"]
-NO_WALLS: Floats = np.empty((0, 4))
 
 
 @dataclass(frozen=True)

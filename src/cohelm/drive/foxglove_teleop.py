@@ -8,31 +8,27 @@ robot stands for both, and no other mode is driven in this way.
 
 from __future__ import annotations
 
+import asyncio
+import json
 import math
+import struct
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosed
 
 from cohelm.core.types import CENTRED, Stick, Twist
 from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.link.operator import is_current
+from cohelm.record.period import STORE
 
 if TYPE_CHECKING:
     from cohelm.law.gains import Gains
     from cohelm.link.keys import Keys
     from cohelm.link.station_end import StationEnd
-
-
-import asyncio
-import json
-import struct
-from typing import Any
-
-from websockets.asyncio.server import ServerConnection
-from websockets.exceptions import ConnectionClosed
-
-from cohelm.record.period import STORE
 
 ALIVE = 0.5
 """A connection that has not answered for so long counts as lost [s]."""

@@ -255,15 +255,10 @@ def on_topics(
 
 def optional_topics(config: TopicsConfig, space: str) -> tuple[Wanted, ...]:
     """Topics whose messages may come at any time, in a namespace."""
-    return (
-        *(Wanted(resolved(one, space), (GOAL, PATH), ONCE, "--goals-from") for one in config.ways),
-        *(
-            Wanted(resolved(one, space), (POSE,), ONCE, "--initial-pose-from")
-            for one in (config.initial,) if one
-        ),
-        *(Wanted(resolved(one, space), (JOY,), SENSOR, "--joy") for one in (config.joy,) if one),
-        *(
-            Wanted(resolved(one, space), (EMPTY,), RESET, "--reset-from")
-            for one in (config.resets,) if one
-        ),
-    )  # fmt: skip
+    wanted = (
+        *(Wanted(one, (GOAL, PATH), ONCE, "--goals-from") for one in config.ways),
+        Wanted(config.initial, (POSE,), ONCE, "--initial-pose-from"),
+        Wanted(config.joy, (JOY,), SENSOR, "--joy"),
+        Wanted(config.resets, (EMPTY,), RESET, "--reset-from"),
+    )
+    return tuple(one._replace(topic=resolved(one.topic, space)) for one in wanted if one.topic)

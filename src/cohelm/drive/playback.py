@@ -28,7 +28,6 @@ from cohelm.record.replay import recorded_model
 from cohelm.record.shown import TOPICS as SHOWN, ZONES, from_message
 from cohelm.record.topics import IMAGE, scan_topic
 from cohelm.robot.gate.modes import GateMode
-from cohelm.robot.model import RobotModel
 from cohelm.scenario import load
 from cohelm.scenario.model import Scenario
 from cohelm.station.robot_link import News
@@ -88,10 +87,14 @@ class Playback:
         found = periods(path, topics, self._add)
         self._simulated = found.kind == "run"
         self._rows = _filled(found.rows) if self._simulated else found.rows
-        self._model = _robot(path, found)
+        site = _site(path, found)
+        model = site.robot if self._simulated and site is not None else recorded_model(path)
+        if isinstance(model, str):
+            raise CohelmError(f"{path}: its scenario names a robot without describing it")
+        self._model, usual = model, _NAN if site is None else site.reference.speed_mps
         for topic in ZONES:
             if topic in self._series:
-                series, usual = self._series[topic], _usual(path, found)
+                series = self._series[topic]
                 series.all = [one._replace(usual=usual) for one in series.all]
         camera = IMAGE in self._series
         seen = self._model if camera else self._model.model_copy(update={"camera": None})
@@ -99,7 +102,7 @@ class Playback:
         if "/scene" in self._series:  # one for each outline
             series = self._series["/scene"]
             series.all = [self._hello._replace(outline=one) for one in series.all]
-        self._docks = _docks(path, found)
+        self._docks = docks_message([] if site is None else [one.dock() for one in site.docks])
         self._lidars = [
             ("/scan" if k == 0 else scan_topic(one.name), one.lidar().mount)
             for k, one in enumerate(self._model.lidars)
@@ -214,29 +217,11 @@ def _derived_words(row: np.void) -> StatusWords:
     return _NO_WORDS._replace(mode=mode, why=why)
 
 
-def _usual(path: Path, found: RecordedPeriods) -> float:
-    """The speed that speed zones are percentages of [m/s]; NaN if the record lacks it."""
+def _site(path: Path, found: RecordedPeriods) -> Scenario | None:
+    """The scenario in a record; None where that of a drive can not be read."""
     try:
-        return load.parse(found.scenario, Scenario, str(path)).reference.speed_mps
+        return load.parse(found.scenario, Scenario, str(path))
     except CohelmError:
-        return _NAN
-
-
-def _docks(path: Path, found: RecordedPeriods) -> b.Docks:
-    """The docks; none if the record lacks them."""
-    try:
-        return docks_message(
-            [one.dock() for one in load.parse(found.scenario, Scenario, str(path)).docks]
-        )
-    except CohelmError:
-        return b.Docks(())
-
-
-def _robot(path: Path, found: RecordedPeriods) -> RobotModel:
-    """The robot of a drive, or of the scenario of a run."""
-    if found.kind != "run":
-        return recorded_model(path)
-    robot = load.parse(found.scenario, Scenario, str(path)).robot
-    if not isinstance(robot, RobotModel):
-        raise CohelmError(f"{path}: its scenario names a robot without describing it")
-    return robot
+        if found.kind == "run":  # its robot is described nowhere else
+            raise
+        return None

@@ -157,7 +157,7 @@ def choice(of: type[E]) -> WireField[E]:
 
 def text(most: int) -> WireField[str]:
     """UTF-8 of at most `most` bytes, without control characters; a longer text ends with "…"."""
-    count = whole("B" if most < 256 else "H")
+    count = _count("B" if most < 256 else "H", most, "bytes of text")
 
     def write(into: bytearray, value: str) -> None:
         clean = "".join(c if c.isprintable() else " " for c in value)
@@ -168,11 +168,8 @@ def text(most: int) -> WireField[str]:
         into += cut
 
     def read(reader: Reader) -> str:
-        length = count.read(reader)
-        if length > most:
-            raise Malformed(f"a text of {length} bytes where {most} are allowed")
         try:
-            value = reader.take(length).decode("utf-8")
+            value = reader.take(count.read(reader)).decode("utf-8")
         except UnicodeDecodeError:
             raise Malformed("a text that is not UTF-8") from None
         if not value.isprintable():
@@ -184,7 +181,7 @@ def text(most: int) -> WireField[str]:
 
 def many(item: WireField[T], most: int) -> WireField[tuple[T, ...]]:
     """Up to `most` items; of more, the first."""
-    count = whole("B" if most < 256 else "H")
+    count = _count("B" if most < 256 else "H", most, "items")
 
     def write(into: bytearray, values: tuple[T, ...]) -> None:
         count.write(into, min(len(values), most))
@@ -192,10 +189,7 @@ def many(item: WireField[T], most: int) -> WireField[tuple[T, ...]]:
             item.write(into, value)
 
     def read(reader: Reader) -> tuple[T, ...]:
-        length = count.read(reader)
-        if length > most:
-            raise Malformed(f"{length} of what may be there {most} times")
-        return tuple(item.read(reader) for _ in range(length))
+        return tuple(item.read(reader) for _ in range(count.read(reader)))
 
     return WireField(write, read, count.most + most * item.most)
 
@@ -207,7 +201,7 @@ def array(dtype: str, columns: int, most: int) -> WireField[NDArray[Any]]:
     """
     kind = np.dtype(dtype).newbyteorder("<")
     wide = max(columns, 1)
-    count = whole("I")
+    count = _count("I", most, "rows")
 
     def write(into: bytearray, values: NDArray[Any]) -> None:
         rows = np.ascontiguousarray(values[:most], dtype=kind)
@@ -218,8 +212,6 @@ def array(dtype: str, columns: int, most: int) -> WireField[NDArray[Any]]:
 
     def read(reader: Reader) -> NDArray[Any]:
         length = count.read(reader)
-        if length > most:
-            raise Malformed(f"{length} rows where {most} are allowed")
         raw = reader.take(length * wide * kind.itemsize)
         rows = np.frombuffer(raw, kind).reshape((length, columns) if columns else (length,))
         return rows.astype(kind.newbyteorder("="))
@@ -229,19 +221,14 @@ def array(dtype: str, columns: int, most: int) -> WireField[NDArray[Any]]:
 
 def blob(most: int) -> WireField[bytes]:
     """Up to `most` bytes as they are."""
-    count = whole("I")
+    count = _count("I", most, "bytes")
 
     def write(into: bytearray, value: bytes) -> None:
-        if len(value) > most:
-            raise ValueError(f"{len(value)} bytes where {most} are allowed")
         count.write(into, len(value))
         into += value
 
     def read(reader: Reader) -> bytes:
-        length = count.read(reader)
-        if length > most:
-            raise Malformed(f"{length} bytes where {most} are allowed")
-        return reader.take(length)
+        return reader.take(count.read(reader))
 
     return WireField(write, read, count.most + most)
 
@@ -274,6 +261,13 @@ def checked(field: WireField[T], wrong: Callable[[T], str]) -> WireField[T]:
         return value
 
     return WireField(write, read, field.most)
+
+
+def _count(form: str, most: int, what: str) -> WireField[int]:
+    """The number of things that follow, of which at most `most` are allowed."""
+    return checked(
+        whole(form), lambda n: f"{n} {what} where {most} are allowed" if n > most else ""
+    )
 
 
 class UpTo(NamedTuple):

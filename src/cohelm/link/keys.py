@@ -244,21 +244,18 @@ def _loaded(certificate: bytes) -> x509.Certificate:
 
 
 def write(path: Path, content: bytes, fresh: bool = False) -> None:
-    """Write a file that only its owner may read, atomically."""
+    """Write a file that only its owner may read; atomically, or (`fresh`) only a new one."""
     try:
         make_folder(path.parent)
         if path.is_relative_to(home()):
             guarded(path.parent, within=home())
-        if fresh:
-            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-            with os.fdopen(descriptor, "wb") as file:
-                file.write(content)
-            return
-        part = path.with_name(path.name + ".part")
-        part.unlink(missing_ok=True)
-        with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        made = path if fresh else path.with_name(path.name + ".part")
+        if not fresh:
+            made.unlink(missing_ok=True)
+        with os.fdopen(os.open(made, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
             file.write(content)
-        part.replace(path)
+        if not fresh:
+            made.replace(path)
     except OSError as error:
         if isinstance(error, FileExistsError) and path.exists():
             raise CohelmError(f"{path} is there already: name another file") from None

@@ -13,6 +13,7 @@ from mcap.records import Attachment, Channel, DataEnd, Message, Schema
 from mcap.stream_reader import StreamReader
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
@@ -54,21 +55,10 @@ def messages(
     A file that was cut short, or is damaged, is read up to there. Raises CohelmError as `records`
     does, and for a definition that can not be read.
     """
-    decoders: dict[int, Callable[[bytes], Any]] = {}
-    names: dict[int, str] = {}
-    schemas: dict[int, Schema] = {}
+    decoder = Decoder(path, topics.__contains__)
     for record in records(path, damaged):
-        match record:
-            case Schema():
-                schemas[record.id] = record
-            case Channel() if record.topic in topics:
-                names[record.id] = record.topic
-                decoders[record.id] = decoder(schemas[record.schema_id], path)
-            case Message() if record.channel_id in names:
-                decode = decoders[record.channel_id]
-                yield names[record.channel_id], record.log_time, decode(record.data)
-            case _:
-                pass
+        if (found := decoder.take(record)) is not None:
+            yield found[0], record.log_time, found[1]
 
 
 def attachment(path: Path, name: str) -> bytes | None:
@@ -77,19 +67,44 @@ def attachment(path: Path, name: str) -> bytes | None:
     return next(found, None)
 
 
-def decoder(schema: Schema, path: Path) -> Callable[[bytes], Any]:
-    """Decoder of messages, by a definition in the file. CohelmError if that can not be read."""
-    store = get_typestore(Stores.EMPTY)
-    try:
-        store.register(get_types_from_msg(schema.data.decode(), schema.name))
-    except (TypesysError, UnicodeDecodeError) as error:
-        problem = f"{path}: the definition of {schema.name} in it can not be read ({error})"
-        raise CohelmError(f"{problem}: record it again") from error
+class Decoder:
+    """Decodes the messages on some topics, by the definitions in their file."""
 
-    def decode(data: bytes) -> object:
+    def __init__(self, path: Path, wanted: Callable[[str], bool]) -> None:
+        """wanted: says so of a topic."""
+        self._path, self._wanted = path, wanted
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, tuple[str, str, Typestore]] = {}
+        """Topic, type and its definition."""
+
+    def take(self, record: Any) -> tuple[str, Any] | None:
+        """Topic and content of a message on a wanted topic; None for any other record. To be called
+        with all, in order. CohelmError for a definition or message that can not be read."""
+        match record:
+            case Schema():
+                self._schemas[record.id] = record
+            case Channel() if self._wanted(record.topic):
+                if (schema := self._schemas.get(record.schema_id)) is None:
+                    raise CohelmError(f"{self._path}: {record.topic} in it has no definition")
+                self._channels[record.id] = record.topic, schema.name, self._defined(schema)
+            case Message() if record.channel_id in self._channels:
+                topic, name, store = self._channels[record.channel_id]
+                try:
+                    return topic, store.deserialize_cdr(record.data, name)
+                except SerdeError as error:
+                    why = f"{self._path}: a {name} can not be read ({error})"
+                    raise CohelmError(why) from error
+            case _:
+                pass
+        return None
+
+    def _defined(self, schema: Schema) -> Typestore:
+        store = get_typestore(Stores.EMPTY)
         try:
-            return store.deserialize_cdr(data, schema.name)
-        except SerdeError as error:
-            raise CohelmError(f"{path}: a {schema.name} can not be read ({error})") from error
-
-    return decode
+            store.register(get_types_from_msg(schema.data.decode(), schema.name))
+        except (TypesysError, UnicodeDecodeError) as error:
+            raise CohelmError(
+                f"{self._path}: the definition of {schema.name} in it can not be read ({error}): "
+                "record it again"
+            ) from error
+        return store

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
+from mcap.records import Attachment, Header, Metadata
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
@@ -20,7 +20,7 @@ from cohelm.core.trace import Trace
 from cohelm.core.types import Floats
 from cohelm.record import period
 from cohelm.record.file import METADATA, RECORD, SCENARIO, STOPPED
-from cohelm.record.messages import decoder, records
+from cohelm.record.messages import Decoder, records
 from cohelm.record.topics import scan_topic
 
 Handle = Callable[[str, float, Any], None]
@@ -162,9 +162,7 @@ def periods(path: Path, topics: Sequence[str] = (), handle: Handle = _ignore) ->
     version, or has no period.
     """
     found, library, damage = RecordedPeriods({}), "", list[str]()
-    schemas: dict[int, Schema] = {}
-    names: dict[int, str] = {}
-    decoders: dict[int, Callable[[bytes], Any]] = {}
+    decoder = Decoder(path, lambda topic: bool(found.about) and _wanted(topic, topics))
     for record in records(path, damage.append):
         match record:
             case Header():
@@ -176,17 +174,12 @@ def periods(path: Path, topics: Sequence[str] = (), handle: Handle = _ignore) ->
                 damage.append(f"the run was stopped by {record.metadata.get('by')}")
             case Attachment(name=name) if name == SCENARIO:
                 found.scenario = record.data.decode(errors="replace")
-            case Schema():
-                schemas[record.id] = record
-            case Channel() if found.about and _wanted(record.topic, topics):
-                names[record.id] = record.topic
-                decoders[record.id] = decoder(schemas[record.schema_id], path)
-            case Message() if record.channel_id in names:
-                topic, decode = names[record.channel_id], decoders[record.channel_id]
+            case _ if (came := decoder.take(record)) is not None:
+                topic, message = came
                 if topic != period.TOPIC:
-                    handle(topic, 1e-9 * (record.log_time - found.epoch), decode(record.data))
+                    handle(topic, 1e-9 * (record.log_time - found.epoch), message)
                 elif record.sequence == len(found.periods):
-                    found.periods.append(decode(record.data))
+                    found.periods.append(message)
                 else:
                     damage.append(f"period {len(found.periods)} is missing")
                     break

@@ -8,7 +8,6 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -19,6 +18,7 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose, Twist
 from cohelm.record.file import ROBOT
 from cohelm.record.messages import attachment, messages
+from cohelm.record.ros2 import yaw
 from cohelm.record.topics import IMAGE, scan_topic
 from cohelm.robot.clock import ClockedRobot, RobotClock
 from cohelm.robot.model import RobotModel
@@ -141,7 +141,7 @@ def _read(
         if zero < 0:
             continue
         if topic == "/odom":
-            psi += wrap(_yaw(m.pose.pose.orientation) - psi)  # goes on round and round, as it came
+            psi += wrap(yaw(m.pose.pose.orientation) - psi)  # goes on round and round, as it came
             place, twist = m.pose.pose.position, m.twist.twist
             now = Odometry(t, Pose(place.x, place.y, psi), Twist(twist.linear.x, twist.angular.z))
             if not odometry or t > odometry[-1].stamp:
@@ -162,7 +162,3 @@ def _read(
         raise CohelmError(f"{path} holds no odometry (/odom): give the record of a drive")
     first, *further = scans.values()
     return odometry, first, driven, photos, further
-
-
-def _yaw(q: Any) -> float:
-    return 2.0 * math.atan2(q.z, q.w)

@@ -41,6 +41,11 @@ def pose(x: float, y: float, psi: float) -> PoseMessage:
     return PoseMessage(Point(x, y, 0.0), Quaternion(0.0, 0.0, math.sin(half), math.cos(half)))
 
 
+def yaw(turned: Any) -> float:
+    """Heading of a planar quaternion [rad]."""
+    return 2.0 * math.atan2(turned.z, turned.w)
+
+
 def twist(made: Twist) -> TwistMessage:
     """A twist in the body frame."""
     return TwistMessage(Vector3(float(made.v), 0.0, 0.0), Vector3(0.0, 0.0, float(made.omega)))

@@ -35,7 +35,7 @@ from cohelm.link.bulk_messages import LineKind, Map, Polyline, Zone, ZoneMap
 from cohelm.link.messages import Alarm, Discs, Mode, Severity
 from cohelm.link.recorded_status import StatusWords
 from cohelm.record.markers import OBSTACLE_COLOUR, SAFE_COLOUR, marker
-from cohelm.record.ros2 import header, path, pose
+from cohelm.record.ros2 import header, path, pose, yaw
 
 TOPICS = {
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
@@ -178,8 +178,8 @@ def _zones(topic: str, message: Any) -> ZoneMap:
 
 
 def _origin(about: Any) -> Pose:
-    at, turned = about.origin.position, about.origin.orientation
-    return Pose(at.x, at.y, 2.0 * math.atan2(turned.z, turned.w))
+    at = about.origin.position
+    return Pose(at.x, at.y, yaw(about.origin.orientation))
 
 
 def _cells(message: Any) -> bytes:

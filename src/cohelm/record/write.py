@@ -21,6 +21,7 @@ from cohelm.link.bulk_messages import LineKind, Map, Polyline, ZoneMap
 from cohelm.link.messages import Discs
 from cohelm.link.recorded_status import Displayed
 from cohelm.record.file import About, RecordWriter
+from cohelm.record.topics import NO_WALLS
 from cohelm.robot.port import Odometry
 
 EPOCH = 946_684_800_000_000_000
@@ -33,8 +34,6 @@ RATE = 50.0
 OBSTACLE_RATE = 10.0
 """Rate of `/obstacles`, while one moves [Hz]."""
 
-_NO_WALLS: Floats = np.empty((0, 4))
-
 
 @dataclass(frozen=True)
 class RunScene:
@@ -45,7 +44,7 @@ class RunScene:
     """
 
     outline: Floats = field(default_factory=lambda: np.empty((0, 2)))
-    walls: Floats = field(default_factory=lambda: _NO_WALLS)
+    walls: Floats = field(default_factory=lambda: NO_WALLS)
     lines: tuple[Polyline, ...] = ()
     zones: tuple[ZoneMap, ...] = ()
 

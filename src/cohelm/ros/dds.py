@@ -156,8 +156,6 @@ class DdsTransport:
         self._closed.set()
         self._thread.join(2.0)
         with self._lock:
-            for reader, _, _ in self._readers:
-                self._waiting.detach(reader)
             self._readers.clear()
             self._writers.clear()
             self._built.clear()

@@ -30,14 +30,7 @@ class Layout(NamedTuple):
 
 def layout(scan: Any, topic: str) -> Layout:
     """Of a `sensor_msgs/msg/LaserScan`. CohelmError for numbers that are none of a scan."""
-    return _checked(_layout(scan), topic)
-
-
-def _layout(scan: Any) -> Layout:
-    return Layout(float(scan.angle_min), float(scan.angle_increment), len(scan.ranges))
-
-
-def _checked(made: Layout, topic: str) -> Layout:
+    made = Layout(float(scan.angle_min), float(scan.angle_increment), len(scan.ranges))
     first, step, n = made
     if (
         not (math.isfinite(step) and math.isfinite(first))
@@ -127,10 +120,9 @@ class Ranges:
         """(beams,) [m]: NaN where nothing was measured, which drivers also report as 0; -inf too
         near, inf nothing there. Several on one beam: the nearest. CohelmError for an invalid
         scan."""
-        found = _layout(scan)
+        found = layout(scan, "the scan")
         if found != self._layout:
-            self._beams = self._beams_of(_checked(found, "the scan"))
-            self._layout = found
+            self._layout, self._beams = found, self._beams_of(found)
         with np.errstate(invalid="ignore"):  # bytes may be any kind of NaN
             ranges: Floats = np.array(scan.ranges, dtype=np.float64)
         ranges[ranges == 0.0] = math.nan

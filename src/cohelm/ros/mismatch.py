@@ -29,7 +29,7 @@ def nothing_received(
     """Why nothing is received on a topic. option: by which another one is named. damage: what was
     wrong with a message, if one came. cure: what to do where no node publishes it; by
     default to start a driver."""
-    there = [one for one in seen if one.publishes and one.topic == topic]
+    there = _publishers(topic, seen)
     right = [one for one in there if one.type == kind]
     if not there:
         cure = cure or f"start its driver, or name another topic with {option}"
@@ -65,7 +65,7 @@ def never(
 ) -> str:  # fmt: skip
     """Why no publisher of a topic can be received; empty: one can, or there is none yet. kinds: of
     messages that can. option: as above."""
-    there = [one for one in seen if one.publishes and one.topic == topic]
+    there = _publishers(topic, seen)
     if not there or any(one.type in kinds and not reaches(one.qos, qos) for one in there):
         return ""
     kind = next((one.type for one in there if one.type in kinds), kinds[0])
@@ -117,7 +117,7 @@ def base_type(topic: str, wanted: bool | None, qos: Qos, seen: list[Endpoint]) -
 
 def bypass(topic: str, seen: list[Endpoint]) -> str:
     """An error if another node commands the base past the filter; empty: none does."""
-    there = [one for one in seen if one.publishes and one.topic == topic]
+    there = _publishers(topic, seen)
     if not there:
         return ""
     if all(one.node.endswith(f"/{GATE}") for one in there):
@@ -134,7 +134,7 @@ def bypass(topic: str, seen: list[Endpoint]) -> str:
 def commands(topic: str, out: str, period: float, seen: list[Endpoint]) -> str:
     """A notice on who publishes commands. out: the topic of safe commands, and so no controller's.
     period: from one command to the next; NaN: none came [s]."""
-    there = [one for one in seen if one.publishes and one.topic == topic]
+    there = _publishers(topic, seen)
     others = _publishing((TWIST, STAMPED), [one for one in seen if one.topic not in (topic, out)])
     instead = f"; there is {others}" if others else ""
     if not there:
@@ -150,7 +150,7 @@ def commands(topic: str, out: str, period: float, seen: list[Endpoint]) -> str:
 
 def alone(topic: str, kind: str, what: str, seen: list[Endpoint]) -> tuple[str, str]:
     """Whether one thing is published by one node: a notice, and an error."""
-    there = [one for one in seen if one.publishes and one.topic == topic and one.type == kind]
+    there = [one for one in _publishers(topic, seen) if one.type == kind]
     if len({one.node for one in there}) > 1:
         further = ", and describe a further LiDAR under further_lidars" if what == "LiDAR" else ""
         return "", (
@@ -166,7 +166,7 @@ def frames(topic: str, named: list[str], seen: list[Endpoint]) -> str:
     """That what comes on a topic is of two sensors; nothing where all is in one frame."""
     if len(named) < 2:
         return ""
-    there = [one for one in seen if one.publishes and one.topic == topic]
+    there = _publishers(topic, seen)
     return (
         f"{topic} comes in the frames {', '.join(map(repr, named[:_MOST_NAMED]))}{_by(there)}, and "
         "one LiDAR is needed: let each have a topic of its own, and describe the other under "
@@ -174,37 +174,37 @@ def frames(topic: str, named: list[str], seen: list[Endpoint]) -> str:
     )
 
 
-def lock(
-    topic: str, seen: list[Endpoint], other: Collection[str] = ()
-) -> tuple[str, str]:  # fmt: skip
+def lock(topic: str, seen: list[Endpoint], other: Collection[str] = ()) -> tuple[str, str]:
     """A notice on who publishes the lock, and why it is never received, or nothing. other: topics
     that are known to be none."""
-    there = [one for one in seen if one.publishes and one.topic == topic]
-    if not there:
-        others = _publishing((BOOL,), [one for one in seen if one.topic not in other])
-        instead = f"; Bool is on {others}: is it that (--lock)?" if others else ""
-        return f"emergency stop: no node publishes {topic}{instead}", ""
-    wrong = [one for one in there if one.type != BOOL]
-    if wrong:
-        return "", (
-            f"{topic} is {wrong[0].type}{_by(wrong)}, and {BOOL} is needed, true while nothing may "
-            f"move: name another topic with --lock, or none with --lock ''{_others(BOOL, seen)}"
-        )
-    return f"emergency stop: {topic}{_by(there)}", ""
+    others = _publishing((BOOL,), [one for one in seen if one.topic not in other])
+    return _optional(
+        "emergency stop", topic, BOOL, seen,
+        f"; Bool is on {others}: is it that (--lock)?" if others else "",
+        ", true while nothing may move: name another topic with --lock, or none with --lock ''",
+    )  # fmt: skip
 
 
 def footprint(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
     """A notice on who publishes the robot's outline, and why it is never received, or nothing."""
-    there = [one for one in seen if one.publishes and one.topic == topic]
+    return _optional(
+        "footprint", topic, POLYGON, seen, " yet; that of the robot's file counts",
+        ": name another topic with --footprint",
+    )  # fmt: skip
+
+
+def _optional(
+    what: str, topic: str, kind: str, seen: list[Endpoint], missing: str, cure: str
+) -> tuple[str, str]:
+    """A notice and an error about a topic that may have no publisher."""
+    there = _publishers(topic, seen)
     if not there:
-        return f"footprint: no node publishes {topic} yet; that of the robot's file counts", ""
-    wrong = [one for one in there if one.type != POLYGON]
+        return f"{what}: no node publishes {topic}{missing}", ""
+    wrong = [one for one in there if one.type != kind]
     if wrong:
-        return "", (
-            f"{topic} is {wrong[0].type}{_by(wrong)}, and {POLYGON} is needed: name another topic "
-            f"with --footprint{_others(POLYGON, seen)}"
-        )
-    return f"footprint: {topic}{_by(there)}", ""
+        needed = f"and {kind} is needed{cure}{_others(kind, seen)}"
+        return "", f"{topic} is {wrong[0].type}{_by(wrong)}, {needed}"
+    return f"{what}: {topic}{_by(there)}", ""
 
 
 def no_camera_info(topic: str, info: str, seen: list[Endpoint]) -> str:
@@ -250,6 +250,10 @@ def slow(topic: str, rate: float) -> str:
         f"late, and a lost LiDAR after {3.5 / rate:.1f} s: let its driver scan more often, or "
         "drive slowly among people (limits.speed_mps)"
     )
+
+
+def _publishers(topic: str, seen: list[Endpoint]) -> list[Endpoint]:
+    return [one for one in seen if one.publishes and one.topic == topic]
 
 
 def _by(there: list[Endpoint]) -> str:

@@ -57,14 +57,9 @@ class Topics(NamedTuple):
     def of_lidars(self, model: RobotModel) -> tuple[str, ...]:
         """The topics of its LiDARs' scans, the first one first. CohelmError for a topic of a LiDAR
         that the robot does not have."""
-        names, named = [lidar.name for lidar in model.further_lidars], dict(self.further)
-        if strange := [name for name in named if name not in names]:
-            raise CohelmError(
-                f"{model.name} has no further LiDAR {strange[0]!r}: describe it under "
-                "further_lidars in the robot's YAML file"
-            )
-        usual = (resolved(f"scan_{name}", self.namespace) for name in names)
-        topics = (self.scan, *(named.get(*one) for one in zip(names, usual, strict=True)))
+        usual = {one.name: f"scan_{one.name}" for one in model.further_lidars}
+        why = f"{model.name} has no further LiDAR", "further_lidars"
+        topics = (self.scan, *self._named(self.further, usual, *why))
         if shared := [one for i, one in enumerate(topics) if one in topics[:i]]:
             raise CohelmError(
                 f"two LiDARs of {model.name} can not share a topic, and both are on {shared[0]}: "
@@ -87,17 +82,21 @@ class Topics(NamedTuple):
     def of_contacts(self, model: RobotModel) -> tuple[str, ...]:
         """The topics of its bumpers and cliff sensors. CohelmError for one that the robot does not
         have."""
-        named = dict(self.contacts)
-        names = [one.name for one in model.contacts]
-        if strange := [name for name in named if name not in names]:
+        usual = {one.name: usual_topic(one) for one in model.contacts}
+        why = f"{model.name} has no bumper or cliff sensor", "bumpers or cliff_sensors"
+        return tuple(self._named(self.contacts, usual, *why))
+
+    def _named(
+        self, named: tuple[tuple[str, str], ...], usual: dict[str, str], none: str, where: str
+    ) -> list[str]:
+        """The topics of sensors by their names: the user's, or the usual ones. none, where: that
+        there is none of that name, and where the robot's file has them."""
+        if strange := [name for name, _ in named if name not in usual]:
             raise CohelmError(
-                f"{model.name} has no bumper or cliff sensor {strange[0]!r}: describe it under "
-                "bumpers or cliff_sensors in the robot's YAML file"
+                f"{none} {strange[0]!r}: describe it under {where} in the robot's YAML file"
             )
-        return tuple(
-            named.get(one.name) or resolved(usual_topic(one), self.namespace)
-            for one in model.contacts
-        )
+        topics = {name: resolved(topic, self.namespace) for name, topic in usual.items()}
+        return list((topics | dict(named)).values())
 
 
 def _pairs(named: Sequence[str], what: str, space: str) -> tuple[tuple[str, str], ...]:

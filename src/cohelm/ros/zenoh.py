@@ -45,12 +45,10 @@ class ZenohTransport:
         "router the one that its nodes use, or connected to it?"
     )
 
-    def __init__(
-        self, node: str = "cohelm", namespace: str = "/", url: str = "", domain: int | None = None
-    ) -> None:
+    def __init__(self, node: str = "cohelm", namespace: str = "/", url: str = "") -> None:
         """url: of the router; empty: from the environment, else `URL`. Raises CohelmError where
         zenoh is not installed, or no router answers."""
-        self.domain, self._zenoh = domain_id(domain), _zenoh()
+        self.domain, self._zenoh = domain_id(), _zenoh()
         config, self._url = self._config(url)
         self.name = f"zenoh, {self._url}, domain {self.domain}"
         self._lock = threading.RLock()
