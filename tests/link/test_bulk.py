@@ -153,6 +153,15 @@ def test_the_robot_sends_no_more_of_a_record_than_requested(both, tmp_path):
     assert [p.offset for p in both.got(Piece)] == [100_000, 132_768, 150_000, 600_000]
 
 
+@pytest.mark.parametrize("offset", [700_000, 2**63, 2**64 - 1])
+def test_a_part_beyond_a_records_end_is_empty(both, tmp_path, caplog, offset):
+    (tmp_path / "run.mcap").write_bytes(os.urandom(1000))
+    both.up.send(Fetch("run.mcap", offset, 10))
+    until(lambda: both.got(Piece), turn=both.turn)
+    assert both.got(Piece) == [Piece("run.mcap", offset, b"")]
+    assert "an error in the link" not in caplog.text
+
+
 def test_an_unpaired_station_gets_nothing(both):
     stranger = pair_here("stranger")[1]._replace(trusted=both.keys.trusted)
     both.down.publish(HealthReport(0.5, ()))

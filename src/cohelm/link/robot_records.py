@@ -55,7 +55,6 @@ class RecordTransfer:
 
     def __init__(self, name: str, file: IO[bytes], at: int, end: int) -> None:
         self.name, self._file, self._at, self._end = name, file, at, end
-        file.seek(at)
 
     def more(self, offset: int, size: int) -> bool:
         """Extend the request by what follows; False: it does not follow."""
@@ -72,8 +71,9 @@ class RecordTransfer:
     def piece(self) -> Piece:
         """The next piece. Where the file ends too soon it is empty, and the last."""
         try:
+            self._file.seek(self._at)
             data = self._file.read(min(PIECE, self._end - self._at))
-        except OSError:
+        except (OSError, ValueError):  # also an offset that no file has
             data = b""
         piece = Piece(self.name, self._at, data)
         self._at = self._at + len(data) if data else self._end
