@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMessage
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Twist
 from cohelm.link.bulk_messages import Map
@@ -236,3 +237,37 @@ def test_the_outline_goes_to_the_topic_beside_the_bases_own_and_can_be_left_out(
     assert robot.said == [f"map -> {robot.odom} is published on /tf"]
     assert quiet.odom not in parents()
     assert quiet.said == []
+
+
+class Refusing:
+    """A transport that refuses the first messages, as a network without room."""
+
+    def __init__(self, refused: int) -> None:
+        self.refused, self.sent = refused, []
+
+    def publish(self, topic: str, kind: str, qos: object) -> Refusing:
+        return self
+
+    def subscribe(self, *_: object) -> None:
+        pass
+
+    def send(self, message: object) -> None:
+        if self.refused:
+            self.refused -= 1
+            raise CohelmError("a pose can not be sent: out of resources")
+        self.sent.append(message)
+
+
+def test_a_message_that_can_not_be_sent_is_reported_once_and_the_next_ones_are_sent():
+    said: list[str] = []
+    transport = Refusing(3)
+    localized = Localized(transport, found("/", "odom"), said.append, transforms=False)
+    stamps = itertools.count(1)
+
+    def turn() -> None:
+        now = 0.1 * next(stamps)
+        localized.take(seen(), Odometry(now, ODOM, Twist(0.0, 0.0)), now, None)
+
+    until(lambda: (turn(), transport.sent)[1], within=10.0)
+    localized.close()
+    assert said == ["a pose can not be sent: out of resources"]

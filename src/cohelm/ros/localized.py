@@ -77,6 +77,8 @@ class Localized:
         self._other = ""
         """The parent that another node gives that frame."""
         self._warned_other = False
+        self._refusals: set[str] = set()
+        """Why messages could not be sent."""
         self._sent: deque[tuple[int, int]] = deque(maxlen=_SENT)
         self._tf: Any = None
         self._pose = transport.publish(resolved(f"{NODE}/pose", space), POSE, COMMAND)
@@ -172,8 +174,10 @@ class Localized:
                     self._path.send(path(line, self.frame, self._stamp(0.0)))
                 if place is not None:
                     self._publish_pose(place)
-            except CohelmError:  # the transport has been closed meanwhile
-                return
+            except CohelmError as error:  # the network has no room: the next may pass
+                if str(error) not in self._refusals:
+                    self._refusals.add(str(error))
+                    self._log(str(error))
             time.sleep(_EVERY)
 
     def _send_map(self, drawn: Map) -> None:
