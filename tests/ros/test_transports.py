@@ -25,12 +25,13 @@ from cohelm.core.errors import CohelmError
 from cohelm.record.ros2 import header
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.ros.contact import Contacts, ContactTopic, contact_messages
+from cohelm.ros.dds import DdsTransport
 from cohelm.ros.foxglove import FoxgloveTransport
 from cohelm.ros.joy import JOY, JoyOperator, JoyParams
 from cohelm.ros.mismatch import RANGE, SCAN, TF, TWIST
 from cohelm.ros.port import COMMAND, LATCHED, SENSOR, Qos, Received
 from cohelm.ros.types import HAZARDS
-from tests.ros.stage import until
+from tests.ros.stage import alone, until
 from tests.ros.transports import TRANSPORTS, bridge, foxglove
 
 pytestmark = pytest.mark.xdist_group("realtime")
@@ -298,3 +299,18 @@ def test_joysticks_ranges_and_hazards_come_as_they_were_sent(pair):
 
     assert until(came)
     joy.close()
+
+
+def test_dds_forgets_the_nodes_of_participants_that_have_left():
+    """Each `ros2 topic echo` is one, and a robot may drive for weeks."""
+    alone()
+    ours = DdsTransport("ours")
+    for k in range(3):
+        other = DdsTransport(f"other_{k}")
+        other.publish("/said", STRING, COMMAND)
+        node = f"/other_{k}"
+        assert until(lambda n=node: n in {one.node for one in ours.endpoints()})
+        other.close()
+    own = {ours._participant.guid.bytes}
+    assert until(lambda: not ours.endpoints() and set(ours._others) <= own)
+    ours.close()

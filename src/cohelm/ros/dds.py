@@ -89,9 +89,11 @@ class DdsTransport:
             ) from error
         kept = dds.Qos(dds.Policy.Reliability.Reliable(0), dds.Policy.Durability.TransientLocal)
         anything = dds.ViewState.Any | dds.InstanceState.Any | dds.SampleState.Any
-        self._built: dict[bool, tuple[Any, Any]] = {}
+        self._built: dict[bool | None, tuple[Any, Any]] = {}
+        """Discovery: of publishers, of subscribers, and (None) of participants."""
         for publishes, topic in (
             (True, dds.BuiltinTopicDcpsPublication), (False, dds.BuiltinTopicDcpsSubscription),
+            (None, dds.BuiltinTopicDcpsParticipant),
         ):  # fmt: skip
             reader = dds.BuiltinDataReader(self._participant, topic, kept)
             self._built[publishes] = reader, dds.ReadCondition(reader, anything)
@@ -139,6 +141,9 @@ class DdsTransport:
                     key = sample.key.bytes
                     if sample.sample_info.instance_state != dds.InstanceState.Alive:
                         self._ends.pop(key, None)
+                        self._others.pop(key, None)  # of each `ros2 topic echo` there was one
+                    elif publishes is None:
+                        continue
                     elif sample.sample_info.valid_data and sample.participant_key != own:
                         topic, kind = ros_topic(sample.topic_name), ros_type(sample.type_name)
                         if topic:
