@@ -1,16 +1,25 @@
 """Detour, faults and clearance that stations are sent."""
 
+import zlib
+
 import numpy as np
 import pytest
 
+from cohelm.core.types import Pose
 from cohelm.drive.factory import simulated
+from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.link.bulk_messages import HealthReport, LineKind, Polyline
+from cohelm.drive.shown import recordable
+from cohelm.link.bulk_messages import HealthReport, LineKind, Map, Polyline
 from cohelm.link.messages import Mode, RequestKind
 from cohelm.link.operator import Scripted
+from cohelm.link.recorded_status import Displayed
+from cohelm.record.messages import messages
+from cohelm.robot.keep.record_pipe import RecordLine
 from tests.drive.faults import CORRIDOR
 from tests.drive.resuming import Drive
 from tests.drive.simulated_link import CENTRED
+from tests.robot.keep.robots import SALLY
 
 POST = "obstacles=[{name: post, center_m: [3.0, 0.1], radius_m: 0.15}]"
 
@@ -81,3 +90,45 @@ def test_the_clearance_is_shown_whether_the_filter_acts_on_it_or_not(mode):
         session.run(look, mode)
         assert session.loop.supervisor.mode == mode
     assert np.abs(off).max() < 0.08  # what is shown is a scan older
+
+
+def large_map():
+    """A building of 200 m with rough walls, too large for one message to a record."""
+    rng, cells = np.random.default_rng(1), np.full((4001, 4000), 255, dtype=np.uint8)
+    along = np.arange(4000)
+    for k in range(0, 4000, 200):
+        cells[k + 10 : k + 60, :] = 0
+        for wall in (9, 60):
+            cells[np.clip(k + wall + rng.integers(-2, 3, 4000), 0, 4000), along] = 100
+            cells[along, np.clip(k + wall + rng.integers(-2, 3, 4000), 0, 3999)] = 100
+    return Map(
+        1, Pose(-3.0, 4.0, 0.5), 0.05, 4000, 4001, 0, 0, 4000, 4001, zlib.compress(cells.tobytes())
+    ), cells  # fmt: skip
+
+
+def test_a_large_map_is_recorded_with_wider_cells(tmp_path):
+    made, cells = large_map()
+    recording = Recording(tmp_path / "drive.mcap", SALLY)
+    recording.begin(0)
+    line = RecordLine(recording.loop)
+    line(Displayed(1.0, made))
+    assert line.dropped == 1
+    line(Displayed(2.0, recordable(made)))
+    assert line.dropped == 1
+    assert recording.close()
+    [(_, _, grid)] = messages(recording.path, ("/map",))
+    assert (grid.info.width, grid.info.height) == (2000, 2001)
+    assert grid.info.resolution == pytest.approx(0.1)
+    rows, columns = np.nonzero(cells == 100)
+    found = grid.data.reshape(2001, 2000)
+    assert (found[rows // 2, columns // 2] == 100).all()
+    assert np.count_nonzero(found == 100) <= len(rows)
+    assert found[-1, 0] == -1
+    assert found[15, 7] == 0
+
+
+def test_what_fits_is_recorded_as_it_is():
+    line = Polyline(LineKind.REFERENCE, np.zeros((5, 2), dtype=np.float32))
+    small = Map(1, Pose(0.0, 0.0, 0.0), 0.05, 3, 2, 0, 0, 3, 2, zlib.compress(bytes(6)))
+    assert recordable(line) is line
+    assert recordable(small) is small

@@ -16,6 +16,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.drive.jobs import Jobs
 from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session
+from cohelm.drive.shown import recordable
 from cohelm.drive.station_publisher import StationPublisher
 from cohelm.link.bulk_messages import Map, Polyline, ZoneMap
 from cohelm.loop.loop import Loop
@@ -75,7 +76,7 @@ class RecordSwitch:
             loop.record_into(RecordLine(made.loop))
             loop.gated.record_into(made.gated)
             for one in self._drawn():
-                loop.log.show(one)
+                loop.log.show(recordable(one))
 
     def close(self) -> None:
         """Finish the present record, after the loop has ended."""

@@ -16,7 +16,7 @@ from cohelm.drive.live import Live, LiveConfig
 from cohelm.drive.outline_check import OutlineCheck
 from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import EventSink, Recording
-from cohelm.drive.shown import map_message, reference_lines, zone_messages
+from cohelm.drive.shown import map_message, recordable, reference_lines, zone_messages
 from cohelm.law.reference import Reference
 from cohelm.link.bulk_messages import ZoneMap
 from cohelm.link.messages import Mode
@@ -168,7 +168,7 @@ class Session:
                 _loop_params(plan), has_map=has_map, live=live, docks=docks,
             )  # fmt: skip
             if known is not None:
-                self.loop.log.show(map_message(known))
+                self.loop.log.show(recordable(map_message(known)))
                 self._outline_check = OutlineCheck(self.loop, known)
             for line in (*self.zone_maps, *reference_lines(robot.scenario.reference.spline())):
                 self.loop.log.show(line)

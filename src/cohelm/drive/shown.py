@@ -17,8 +17,11 @@ from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.plan.course import Course, poses_along
 from cohelm.plan.docks import Dock
 from cohelm.plan.zones import CELL, Cells, Zones
+from cohelm.robot.keep.record_pipe import LARGEST
 
 _STEP = 0.1  # spacing of points along a path [m]
+_MOST_CELLS = LARGEST - 1000
+"""Packed cells of a map that a record or live view is sent [B]."""
 NO_ZONES = tuple(
     ZoneMap(what, Pose(0.0, 0.0, 0.0), CELL, math.nan, 0, 0, zlib.compress(b"")) for what in Zone
 )
@@ -34,6 +37,24 @@ def map_message(known: LocalizationMap) -> Map:
         1, known.origin, known.resolution, columns, rows, 0, 0, columns, rows,
         zlib.compress(np.ascontiguousarray(cells).tobytes()),
     )  # fmt: skip
+
+
+def recordable(shown: Map | ZoneMap | Polyline) -> Map | ZoneMap | Polyline:
+    """The same for records and live views. Of a map that does not fit into one message, cells twice
+    as wide, as often as needed: occupied where one of the four is, else free where one is."""
+    while isinstance(shown, Map) and len(shown.cells) > _MOST_CELLS:
+        cells = np.frombuffer(zlib.decompress(shown.cells), dtype=np.uint8)
+        rows, columns = -(-shown.rows // 2), -(-shown.columns // 2)
+        known = np.full((2 * rows, 2 * columns), -1, dtype=np.int8)
+        known[: shown.rows, : shown.columns] = cells.reshape(shown.rows, shown.columns).view(
+            np.int8
+        )
+        coarse = known.reshape(rows, 2, columns, 2).max(axis=(1, 3)).view(np.uint8)
+        shown = Map(
+            shown.number, shown.origin, 2.0 * shown.resolution, columns, rows, 0, 0, columns, rows,
+            zlib.compress(coarse.tobytes()),
+        )  # fmt: skip
+    return shown
 
 
 def zone_messages(zones: Zones | None, u_d: float) -> tuple[ZoneMap, ...]:
