@@ -135,19 +135,21 @@ class DdsTransport:
         dds = _cyclonedds()
         with self._lock:
             self._open()
-            own, nodes = self._participant.guid, self._nodes()
+            own, nodes, gone = self._participant.guid, self._nodes(), set[bytes]()
             for publishes, (reader, anything) in self._built.items():
                 for sample in reader.take(_MOST_ENDPOINTS, anything):  # what is new since last time
                     key = sample.key.bytes
                     if sample.sample_info.instance_state != dds.InstanceState.Alive:
                         self._ends.pop(key, None)
-                        self._others.pop(key, None)  # of each `ros2 topic echo` there was one
+                        gone.add(key)
                     elif publishes is None:
-                        continue
+                        gone.discard(key)  # it is back, and may have published its nodes again
                     elif sample.sample_info.valid_data and sample.participant_key != own:
                         topic, kind = ros_topic(sample.topic_name), ros_type(sample.type_name)
                         if topic:
                             self._ends[key] = Endpoint(topic, kind, _qos(sample.qos), publishes, "")
+            for key in gone:  # of each `ros2 topic echo` there was one
+                self._others.pop(key, None)
             return sorted(e._replace(node=nodes.get(key, "")) for key, e in self._ends.items())
 
     def lost(self) -> str:
