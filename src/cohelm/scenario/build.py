@@ -197,7 +197,7 @@ def _check_start(made: Setup, alone: Scenario) -> None:
 def _check_world(made: Setup, alone: Scenario) -> None:
     """The same for what the world's file holds; on a map the robot stands in no solid cell."""
     clearance = outline_clearance(
-        made.start, made.outline, float(np.hypot(*made.outline.T).max()),
+        made.start, made.outline, made.reach,
         made.obstacles.discs[len(alone.obstacles) :],
         made.obstacles.walls[len(alone.walls_m) :], NOWHERE,
     )  # fmt: skip

@@ -33,6 +33,7 @@ from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import noise_seed, scan
+from cohelm.sim.odometer import next_reading_tick
 from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay, operate, replayed
 from cohelm.sim.wheels import SimulatedState, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, outline_clearance, place
@@ -218,7 +219,9 @@ class Scanner:
     seed: int
     """Of its noise."""
     due: int = 0
-    """The step of its next scan."""
+    """The step of its next scan, ..."""
+    number: int = 0
+    """... and the number of that."""
 
 
 def scanners(piloted: Piloted, seed: int) -> list[Scanner]:
@@ -256,24 +259,14 @@ def perceived(
 
 def _scanned(k: int, dt: float, now: Now, scene: Scene, scanner: Scanner) -> Scan:
     """The scan of step k."""
-    lidar, rate = scanner.lidar, scanner.rate
-    scanner.due = _next_scan(k, dt, rate)
+    lidar, number = scanner.lidar, scanner.number
+    scanner.due = next_reading_tick(k, scanner.rate, dt)
     discs = np.empty((len(scene.obstacles.discs), 6))
     place(discs, scene.obstacles, k * dt)
     ranges = np.empty(len(lidar.beams))
-    pose, number = now.robot.pose, _scans(k, dt, rate)
-    scan(pose, lidar, discs, scene.barred, scene.grid, scanner.seed, number, ranges)
+    scan(now.robot.pose, lidar, discs, scene.barred, scene.grid, scanner.seed, number, ranges)
+    scanner.number += 1
     return Scan(k * dt, k, ranges, 0.0, scanner.sensor)
-
-
-def _scans(k: int, dt: float, rate: float) -> int:
-    """How many scans there were before step k, that of the very first not counted."""
-    return int(k * dt * rate + 1e-9)
-
-
-def _next_scan(k: int, dt: float, rate: float) -> int:
-    """The next step after k with a scan."""
-    return max(math.ceil((_scans(k, dt, rate) + 1 - 1e-9) / (dt * rate)), k + 1)
 
 
 @jit

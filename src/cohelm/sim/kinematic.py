@@ -21,7 +21,7 @@ from cohelm.robot.port import Health, Readings, Scan, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import NO_GRID, Grid, borders
 from cohelm.sim.lidar import noise_seed, scan
-from cohelm.sim.odometer import Odometer
+from cohelm.sim.odometer import Odometer, next_reading_tick, reading_tick
 from cohelm.sim.world import NOWHERE, World, outline_clearance, place, world
 
 TICK = 0.002
@@ -158,7 +158,9 @@ class Kinematic(ClockedRobot):
         self._catch_up()
         m = self._motion
         place(self._discs, self._world, self._tick * self._step)
-        clearance = _clearance(m.pose, self._outline, self._reach, self._discs, self._world.walls)
+        clearance = outline_clearance(
+            m.pose, self._outline, self._reach, self._discs, self._world.walls, NOWHERE
+        )
         return KinematicTruth(
             self._tick * self._step, m.pose, m.twist, clearance, m.least, m.least_moving
         )
@@ -222,23 +224,6 @@ class Kinematic(ClockedRobot):
         scanner.newest = Scan(tick * self._step, number, ranges, 0.0, scanner.model.name)
         scanner.number += 1
         scanner.next = next_reading_tick(tick, scanner.model.rate_hz, self._step)
-
-
-def reading_tick(rate: float, number: int, step: float) -> int:
-    """The tick of reading `number` of a sensor of this rate [Hz], number 0 at tick 0. step: of the
-    simulated time [s]."""
-    return math.ceil(number / (rate * step) - 1e-6)
-
-
-def next_reading_tick(tick: int, rate: float, step: float) -> int:
-    """The tick of the first reading after this one."""
-    number = math.floor(tick * step * rate + 1e-6) + 1
-    return max(reading_tick(rate, number, step), tick + 1)
-
-
-@jit
-def _clearance(pose: Pose, outline: Floats, reach: float, discs: Floats, walls: Floats) -> float:
-    return outline_clearance(pose, outline, reach, discs, walls, NOWHERE)
 
 
 @jit

@@ -47,3 +47,15 @@ class Odometer:
             x + chord * math.cos(psi + half), y + chord * math.sin(psi + half), psi + turned
         )
         return Odometry(stamp, self._pose, Twist(way / dt, rate))
+
+
+def reading_tick(rate: float, number: int, step: float) -> int:
+    """The tick of reading `number` of a sensor of this rate [Hz], number 0 at tick 0. step: of the
+    simulated time [s]."""
+    return math.ceil(number / (rate * step) - 1e-6)
+
+
+def next_reading_tick(tick: int, rate: float, step: float) -> int:
+    """The tick of the first reading after this one."""
+    number = math.floor(tick * step * rate + 1e-6) + 1
+    return max(reading_tick(rate, number, step), tick + 1)

@@ -13,7 +13,7 @@ from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import Desired, Floats, Twist
 from cohelm.law.gains import Gains
-from cohelm.law.reference import evaluate, tabulate
+from cohelm.law.reference import tabulate
 from cohelm.law.step import control_step
 from cohelm.law.track import pose_error
 from cohelm.pilot.behavior import FOLLOWING
@@ -36,11 +36,9 @@ def run(setup: Setup) -> Trace:
 def _piloted(setup: Setup, pilot: Piloted, length: int) -> Iterator[Trace]:
     wanted = route(setup.reference)
     planner = Planner(wanted, pilot.settings, pilot.path_params, pilot.replan_params)
-    end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
-    reach = float(np.hypot(*setup.outline.T).max())
     scene = Scene(
         setup.obstacles, setup.grid, pilot.max_acceleration, setup.recorded_stick,
-        setup.operator, setup.seed, reach, np.array([end.x, end.y]), setup.near,
+        setup.operator, setup.seed, setup.reach, np.array(setup.goal), setup.near,
         nearly_done(wanted.line, setup.near), setup.obstacles.walls if setup.barred is None
         else setup.barred, pilot.lidar is not None,
     )  # fmt: skip
@@ -64,17 +62,15 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
     state, person = at_rest(setup.start), IDLE
     queue = np.zeros((setup.delay_steps, 2))
     m = len(setup.obstacles.discs)
-    reach = float(np.hypot(*setup.outline.T).max())
-    end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
-    goal = (end.x, end.y, setup.near)
+    goal = (*setup.goal, setup.near)
     for k in range(0, setup.steps, length):
         n = min(length, setup.steps - k)
         rows = blank(n)
         h, discs = np.empty((n, m)), np.empty((n, m, 6))
         state, person = _advance(
             k, setup.dt, state, person, desired, goal, setup.obstacles, setup.recorded_stick,
-            setup.operator, setup.seed, setup.gains, setup.limits, setup.outline, reach, queue,
-            rows, h, discs,
+            setup.operator, setup.seed, setup.gains, setup.limits, setup.outline, setup.reach,
+            queue, rows, h, discs,
         )  # fmt: skip
         yield Trace(rows, h, discs, setup.names, setup.dt, setup.scenario)
 

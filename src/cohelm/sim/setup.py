@@ -11,7 +11,7 @@ from cohelm.core.types import VX, VY, Floats, Pose
 from cohelm.law.gains import Gains
 from cohelm.law.govern import PaceParams
 from cohelm.law.guard.step import Rules
-from cohelm.law.reference import Reference
+from cohelm.law.reference import Reference, evaluate
 from cohelm.perceive.track.params import TrackerParams
 from cohelm.pilot.step import Settings
 from cohelm.plan.evasion.params import HURRY, EvasionParams, adapted
@@ -69,6 +69,18 @@ class Setup:
             duration = self.reference.duration
             duration = duration if self.pilot is None else 2.0 * duration + 30.0
         return math.floor(duration / self.dt + 1e-9) + 1
+
+    @property
+    def goal(self) -> tuple[float, float]:
+        """The end of the reference [m]."""
+        path = self.reference
+        end = evaluate(path.knots, path.coeffs, path.duration)
+        return float(end.x), float(end.y)
+
+    @property
+    def reach(self) -> float:
+        """Distance from the body's origin to the outline's farthest corner [m]."""
+        return float(np.hypot(*self.outline.T).max())
 
     @property
     def delay_steps(self) -> int:

@@ -17,7 +17,7 @@ from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.human import human, limited
-from cohelm.law.reference import desired, evaluate
+from cohelm.law.reference import desired
 from cohelm.law.track import pose_error
 from cohelm.law.verdict import INVALID, UNTOUCHED
 from cohelm.pilot.behavior import FOLLOWING
@@ -165,8 +165,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
         )
     n, m, dt = setup.steps, len(setup.obstacles.discs), setup.dt
     rows, h, discs = blank(n), np.empty((n, m)), np.empty((n, m, 6))
-    end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
-    goal, reach = (float(end.x), float(end.y)), float(np.hypot(*setup.outline.T).max())
+    goal, reach = setup.goal, setup.reach
     moving = _moving(setup)
     pose, applied, person = setup.start, Twist(0.0, 0.0), IDLE
     queue = [Twist(0.0, 0.0)] * setup.delay_steps

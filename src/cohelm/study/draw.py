@@ -199,7 +199,7 @@ def robot(axes: Axes, run: Run, t: float, color: str = ROBOT, *, filled: bool = 
 
 def clock(axes: Axes, run: Run, times: Sequence[float]) -> None:
     """Times along the robot's path, on its left-hand side."""
-    away = 0.2 + float(np.hypot(*run.setup.outline.T).max())
+    away = 0.2 + run.setup.reach
     for t in times:
         row = run.trace.rows[run.step(t)]
         left = row["psi_d"] + 0.5 * math.pi

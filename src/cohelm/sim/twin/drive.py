@@ -20,7 +20,6 @@ from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.step import Rules
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.human import supplied_energy
-from cohelm.law.reference import evaluate
 from cohelm.law.track import pose_error
 from cohelm.perceive.pipeline import Perception
 from cohelm.pilot.margin_inflation import SLOP, inflated, noise
@@ -113,8 +112,7 @@ class TwinRun(ABC):
         )  # fmt: skip
         self.person, self.stick, self.energy = IDLE, Stick(0.0, 0.0), 0.0
         self.truth: TwinTruth = self.robot.truth()
-        end = evaluate(setup.reference.knots, setup.reference.coeffs, setup.reference.duration)
-        self.goal = (end.x, end.y)
+        self.goal = setup.goal
         self.done = nearly_done(self.pilot.planner.route.line, setup.near)
         self.arrived = False
         self.courses = 0

@@ -20,9 +20,8 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Health, Readings, Scan, untouched
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID, Grid, borders
-from cohelm.sim.kinematic import next_reading_tick, reading_tick
 from cohelm.sim.lidar import measure, noise_seed
-from cohelm.sim.odometer import Odometer
+from cohelm.sim.odometer import Odometer, next_reading_tick, reading_tick
 from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
 from cohelm.sim.twin.engine import mujoco
 from cohelm.sim.twin.mjcf import mjcf, rolling_torque, servo_gain, torque_limit

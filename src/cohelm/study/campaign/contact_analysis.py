@@ -45,7 +45,7 @@ def first_touch(
     which = int(np.argmin(clearances))
     disc = at[which] if which < len(at) else None
     speed = 0.0 if disc is None else math.hypot(disc[VX], disc[VY])
-    turn = float(np.hypot(*setup.outline.T).max()) * abs(float(rows["applied_omega"][k]))
+    turn = setup.reach * abs(float(rows["applied_omega"][k]))
     driven = abs(float(rows["applied_v"][k])) + turn
     first = twin.robot.lidar
     if first is None:

@@ -28,7 +28,7 @@ from cohelm.ros.mismatch import IMAGE
 from cohelm.ros.types import packed, unpacked
 from cohelm.sim.adversarial import BANG, SPIN, Attack, deflection
 from cohelm.sim.heights import DepthCamera, Heights, fallen, picture
-from cohelm.sim.kinematic import next_reading_tick
+from cohelm.sim.odometer import next_reading_tick
 from cohelm.sim.twin.drive import stepped
 from cohelm.sim.twin.robot import Twin, TwinScanner
 from cohelm.study.campaign.episode import Episode, Interventions, Load

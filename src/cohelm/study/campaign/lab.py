@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cohelm.law.reference import PathMotion, evaluate
 from cohelm.scenario import build, load
 from cohelm.scenario.model import Scenario
 from cohelm.sim.setup import REACHED, Setup
@@ -30,10 +29,7 @@ def limited(setup: Setup, times: float) -> Setup:
 
 def goal(setup: Setup) -> EpisodeGoal:
     """The end of the reference."""
-    end: PathMotion = evaluate(
-        setup.reference.knots, setup.reference.coeffs, setup.reference.duration
-    )
-    return EpisodeGoal(end.x, end.y, REACHED)
+    return EpisodeGoal(*setup.goal, REACHED)
 
 
 def _varied(base: Scenario, seed: int, number: int) -> Scenario:

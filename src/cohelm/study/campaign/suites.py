@@ -266,7 +266,7 @@ def _field(case: Episode) -> World:
     """What there is to hit; points are thin posts, which a LiDAR can see."""
     assert case.rollout is not None
     scene = case.rollout.scene
-    reach = float(np.hypot(*case.setup.outline.T).max())
+    reach = case.setup.reach
     bodies = [Body(tuple(row)) for row in scene.discs.tolist()]
     bodies += [Body(disc(x, y, POST, POST + reach)) for x, y in scene.points.tolist()]
     return world((bodies, scene.walls))
