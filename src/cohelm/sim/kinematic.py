@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from cohelm.core.jit import jit
-from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.achievable import achievable
-from cohelm.robot.clock import ClockedRobot, RobotClock
+from cohelm.robot.clock import RobotClock
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits, unbraked
+from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Health, Readings, Scan, untouched
-from cohelm.robot.sensors import Lidar, LidarModel
-from cohelm.sim.grid import NO_GRID, Grid, borders
-from cohelm.sim.lidar import noise_seed, scan
-from cohelm.sim.odometer import Odometer, next_reading_tick, reading_tick
-from cohelm.sim.world import NOWHERE, World, outline_clearance, place, world
+from cohelm.sim.grid import NO_GRID, Grid
+from cohelm.sim.lidar import scan
+from cohelm.sim.odometer import next_reading_tick
+from cohelm.sim.simulated import SimulatedLidar, SimulatedRobot
+from cohelm.sim.world import NOWHERE, World, outline_clearance, place
 
 TICK = 0.002
 """The simulated world moves on in steps of this [s]."""
@@ -46,21 +42,6 @@ class KinematicTruth(NamedTuple):
     """The smallest there was while the robot moved: below 0 it drove into something."""
 
 
-@dataclass
-class KinematicScanner:
-    """One LiDAR at work."""
-
-    model: LidarModel
-    lidar: Lidar
-    seed: int
-    """Of its noise."""
-    number: int = 0
-    """Of the next scan, ..."""
-    next: int = 0
-    """... and its tick."""
-    newest: Scan | None = None
-
-
 class KinematicState(NamedTuple):
     """What changes from tick to tick."""
 
@@ -74,7 +55,7 @@ class KinematicState(NamedTuple):
     least_moving: float
 
 
-class Kinematic(ClockedRobot):
+class Kinematic(SimulatedRobot):
     """A differential drive that follows commands within its wheels' limits, after a delay.
 
     It passes through what it hits; `truth` reports it. Movers of `obstacles` go with the robot's
@@ -96,62 +77,13 @@ class Kinematic(ClockedRobot):
         """timeout: without a new command for so long the robot stops by itself [s]. step: of the
         simulated world [s]; with the control period the wheels keep one speed through a period, as
         in the compiled stepper."""
-        super().__init__(model, clock)
-        self._step = step
-        self._limits = model.bounds()
-        self._outline, self._reach = model.outline, model.reach
-        obstacles = world(([], np.empty((0, 4)))) if obstacles is None else obstacles
-        self._seen_walls = obstacles.walls  # a LiDAR sees the grid itself
-        self._world = obstacles._replace(walls=np.vstack((obstacles.walls, borders(grid))))
-        self._discs = np.empty((len(obstacles.discs), 6))
-        self._grid = grid
-        self._timeout = max(round(timeout / self._step), 1)
-        self._delay = round(model.delay_s / self._step)
+        super().__init__(model, obstacles, grid, seed, clock, timeout, step, sweeps=False)
+        self._world = self._world._replace(walls=self._walls)
         self._tick = 0
         self._command = Twist(0.0, 0.0)
-        self._coming: deque[tuple[int, Twist]] = deque()
-        self._commanded_at = 0
         start = Pose(*map(float, start))  # compiled code knows no whole numbers
         self._motion = KinematicState(start, Twist(0.0, 0.0), 0.0, 0.0, 0.0, NOWHERE, NOWHERE)
-        self._odometer = Odometer(model.odometry, seed)
-        self._odometry = self._odometer.start(0.0)
-        self._next_odometry = reading_tick(model.odometry.rate_hz, 1, step)
-        self._scanners = [
-            KinematicScanner(lidar, lidar.lidar(), noise_seed(seed, i))
-            for i, lidar in enumerate(model.lidars)
-        ]
         self._on(0)
-
-    def read(self) -> Readings:
-        """Odometry and scan as of now."""
-        self._catch_up()
-        scans = [scanner.newest for scanner in self._scanners]
-        return Readings(
-            self._odometry, scans[0] if scans else None, None, Health(self.now(), math.nan, ()),
-            tuple(scan for scan in scans[1:] if scan is not None),
-            untouched(self._model, self.now()),
-        )  # fmt: skip
-
-    def send(self, twist: Twist) -> Twist:
-        """Send a command; it reaches the wheels after the robot's delay."""
-        self._catch_up()
-        self._commanded_at = self._tick
-        if not (is_finite(twist.v) and is_finite(twist.omega)):
-            twist = Twist(0.0, 0.0)
-        twist = Twist(float(twist.v), float(twist.omega))
-        possible = achievable(twist, Twist(0.0, 0.0), unbraked(self._limits), self._step)
-        self._coming.append((self._tick + self._delay, possible))
-        self._arrive()
-        return possible
-
-    def stop(self) -> None:
-        """Brake; what is still on its way to the wheels no longer matters, but for a stop."""
-        self._catch_up()
-        zero = Twist(0.0, 0.0)
-        under_way = [at for at, twist in self._coming if twist == zero]
-        self._coming.clear()
-        self._coming.append((min([self._tick + self._delay, *under_way]), zero))
-        self._arrive()
 
     def truth(self) -> KinematicTruth:
         """How it really is."""
@@ -159,7 +91,7 @@ class Kinematic(ClockedRobot):
         m = self._motion
         place(self._discs, self._world, self._tick * self._step)
         clearance = outline_clearance(
-            m.pose, self._outline, self._reach, self._discs, self._world.walls, NOWHERE
+            m.pose, self._outline, self._reach, self._discs, self._walls, NOWHERE
         )
         return KinematicTruth(
             self._tick * self._step, m.pose, m.twist, clearance, m.least, m.least_moving
@@ -172,15 +104,17 @@ class Kinematic(ClockedRobot):
         was = self._motion.pose
         self._motion = self._motion._replace(pose=Pose(was.x + x, was.y + y, was.psi + psi))
 
-    def _catch_up(self) -> None:
-        """Move the world on to now."""
+    def _catch_up(self) -> int:
+        """Move the world on to now; the tick that it is then."""
         self._open()
+        self._arrive()
         due = math.floor(self._clock.due() / self._step + 1e-6)
         while self._tick < due:
             events = [due, self._next_odometry, self._commanded_at + self._timeout]
             events += [scanner.next for scanner in self._scanners]
             events += [self._coming[0][0]] if self._coming else []
             self._on(min(at for at in events if at > self._tick))
+        return self._tick
 
     def _on(self, tick: int) -> None:
         """Move on to a tick, the next at which anything happens, and let it happen."""
@@ -210,20 +144,14 @@ class Kinematic(ClockedRobot):
         self._motion = m._replace(left=0.0, right=0.0, yaw=0.0)
         self._next_odometry = next_reading_tick(tick, rate, self._step)
 
-    def _look(self, tick: int, scanner: KinematicScanner) -> None:
-        lidar, number = scanner.lidar, scanner.number
-        ranges = np.empty(len(lidar.beams))
+    def _look(self, tick: int, scanner: SimulatedLidar) -> None:
+        ranges = np.empty(len(scanner.lidar.beams))
         place(self._discs, self._world, tick * self._step)
         scan(
-            self._motion.pose, lidar, self._discs, self._seen_walls, self._grid, scanner.seed,
-            number, ranges,
+            self._motion.pose, scanner.lidar, self._discs, self._seen_walls, self._grid,
+            scanner.seed, scanner.number, ranges,
         )  # fmt: skip
-        if scanner.model.range_sensor:
-            ranges[:] = ranges.min()
-        ranges.flags.writeable = False
-        scanner.newest = Scan(tick * self._step, number, ranges, 0.0, scanner.model.name)
-        scanner.number += 1
-        scanner.next = next_reading_tick(tick, scanner.model.rate_hz, self._step)
+        scanner.measured(ranges, tick, tick, self._step)
 
 
 @jit

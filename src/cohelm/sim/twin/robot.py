@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import math
 import sys
-from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Pose, Twist
-from cohelm.robot.achievable import achievable
-from cohelm.robot.clock import ClockedRobot, RobotClock, SteppedClock
-from cohelm.robot.limits import unbraked
+from cohelm.robot.clock import RobotClock, SteppedClock
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Health, Readings, Scan, untouched
-from cohelm.robot.sensors import LidarModel
-from cohelm.sim.grid import NO_GRID, Grid, borders
-from cohelm.sim.lidar import measure, noise_seed
-from cohelm.sim.odometer import Odometer, next_reading_tick, reading_tick
+from cohelm.robot.port import Frame, Health
+from cohelm.sim.grid import NO_GRID, Grid
+from cohelm.sim.lidar import measure
+from cohelm.sim.odometer import next_reading_tick
+from cohelm.sim.simulated import SimulatedLidar, SimulatedRobot
 from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
 from cohelm.sim.twin.engine import mujoco
 from cohelm.sim.twin.mjcf import mjcf, rolling_torque, servo_gain, torque_limit
@@ -29,7 +25,7 @@ from cohelm.sim.twin.movers import MovingDiscs, Pursuers, Pursuit
 from cohelm.sim.twin.physics import STATE, PhysicsHistory, WheelDrives, advance, views
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.twin.sweep import rows, sweep
-from cohelm.sim.world import NOWHERE, World, moves, outline_clearance, place, world
+from cohelm.sim.world import NOWHERE, World, moves, outline_clearance, place
 
 STEP = 0.005
 """Physics moves on in steps of this, or a little less: a whole number of them make 10 ms [s]."""
@@ -68,26 +64,7 @@ class TwinTruth(NamedTuple):
     """What the drives have put in; braking gives nothing back [J]."""
 
 
-class TwinScanner:
-    """One LiDAR at work."""
-
-    def __init__(self, model: LidarModel, seed: int, sweep: int) -> None:
-        """seed: of its noise. sweep: from a scan's first beam to its last, in steps."""
-        self.model, self.lidar, self.seed, self.sweep = model, model.lidar(), seed, sweep
-        self.coming: deque[tuple[int, Scan]] = deque()
-        """Scans that are measured, with the steps at which they can be read."""
-        self.number, self.next = 0, sweep
-        """Of the next scan, and the step of its last beam."""
-        self._newest: Scan | None = None
-
-    def come(self, step: int) -> Scan | None:
-        """The newest scan that can be read."""
-        while self.coming and self.coming[0][0] <= step:
-            self._newest = self.coming.popleft()[1]
-        return self._newest
-
-
-class Twin(ClockedRobot):
+class Twin(SimulatedRobot):
     """A differential-drive robot simulated in MuJoCo.
 
     What it hits holds it back. Movers of `obstacles` go with the robot's clock; one that bumps into
@@ -116,13 +93,8 @@ class Twin(ClockedRobot):
         pursuers: those of the moving discs that pursue the robot.
         """
         model = settings.fitted(model)
-        super().__init__(model, clock)
-        self._step, self._grid = step, grid
-        self._limits, self._outline, self._reach = model.bounds(), model.outline, model.reach
-        obstacles = world(([], np.empty((0, 4)))) if obstacles is None else obstacles
-        self._walls = np.vstack((obstacles.walls, borders(grid)))
-        self._seen_walls = obstacles.walls
-        self._discs = np.empty((len(obstacles.discs), 6))
+        super().__init__(model, obstacles, grid, seed, clock, timeout, step, sweeps=True)
+        obstacles = self._world
         place(self._discs, obstacles, 0.0)
         moving = [i for i in range(len(self._discs)) if moves(i, obstacles)]
         max_acceleration = (
@@ -153,17 +125,6 @@ class Twin(ClockedRobot):
         s["x"], s["y"], s["psi"] = start
         s["clearance"], s["since"] = -NOWHERE, 0.0  # look at once
         s["least"] = s["least_moving"] = NOWHERE
-        self._timeout = self._steps(timeout)
-        self._delay = self._steps(model.delay_s)
-        self._commanded_at = 0
-        self._orders: deque[tuple[int, float, float]] = deque()
-        self._odometer = Odometer(model.odometry, seed)
-        self._odometry = self._odometer.start(0.0)
-        self._next_odometry = reading_tick(model.odometry.rate_hz, 1, step)
-        self._scanners = [
-            TwinScanner(lidar, noise_seed(seed, i), self._steps(lidar.sweep_s))
-            for i, lidar in enumerate(model.lidars)
-        ]
         longest = max((scanner.sweep for scanner in self._scanners), default=0)
         size = rows(longest * step, step) + _CHUNK
         self._trail = PhysicsHistory(np.empty((size, 3)), np.empty((size, len(moving), 2)))
@@ -175,37 +136,6 @@ class Twin(ClockedRobot):
             size, self._frame_rate = (model.camera.width, model.camera.height), model.camera.rate_hz
             self._eye = Eye(self.mujoco, *size, camera, not isinstance(self._clock, SteppedClock))
         self._happen()
-
-    def read(self) -> Readings:
-        """The newest readings."""
-        self._catch_up()
-        scans = [scanner.come(int(self._state[0]["step"])) for scanner in self._scanners]
-        return Readings(
-            self._odometry, scans[0] if scans else None,
-            self._eye.newest() if self._eye is not None and self._frame_rate > 0.0 else None,
-            self._health(),
-            tuple(scan for scan in scans[1:] if scan is not None),
-            untouched(self._model, self.now()),
-        )  # fmt: skip
-
-    def send(self, twist: Twist) -> Twist:
-        """Send a command; it reaches the drives after the robot's delay."""
-        self._catch_up()
-        self._commanded_at = int(self._state[0]["step"])
-        if not (is_finite(twist.v) and is_finite(twist.omega)):
-            twist = Twist(0.0, 0.0)
-        possible = achievable(twist, Twist(0.0, 0.0), unbraked(self._limits), self._step)
-        self._orders.append((self._commanded_at + self._delay, possible.v, possible.omega))
-        return possible
-
-    def stop(self) -> None:
-        """Brake; what was on its way to the drives no longer matters."""
-        self._catch_up()
-        # A stop that is under way already stays: sent again and again it would never arrive.
-        stops = [order for order in self._orders if order[1:] == (0.0, 0.0)]
-        self._orders.clear()
-        due = int(self._state[0]["step"]) + self._delay
-        self._orders.append(stops[0] if stops else (due, 0.0, 0.0))
 
     def close(self) -> None:
         """Ends it; no calls afterwards."""
@@ -287,11 +217,8 @@ class Twin(ClockedRobot):
         d.time = 0.0
         mujoco.mj_forward(self.mujoco, d)
 
-    def _steps(self, seconds: float) -> int:
-        return round(seconds / self._step)
-
-    def _catch_up(self) -> None:
-        """Move the world on to now."""
+    def _catch_up(self) -> int:
+        """Move the world on to now; the step that it is at then."""
         self._open()
         due = math.floor(self._clock.due() / self._step + 1e-6)
         step = int(self._state[0]["step"])
@@ -300,16 +227,17 @@ class Twin(ClockedRobot):
             last = min([last, *(scanner.next for scanner in self._scanners)])
             if self._eye is not None:
                 last = min(last, self._next_frame)
-            orders = np.array(self._orders, dtype=np.float64).reshape(-1, 3)
+            orders = np.array([(at, *twist) for at, twist in self._coming], dtype=np.float64)
             advance(
                 last, self._commanded_at + self._timeout, self._step, self._views, self._state,
-                orders, self._limits, self._wheels, self._outline, self._reach, self._discs,
-                self._walls, self._movers, self._trail,
+                orders.reshape(-1, 3), self._limits, self._wheels, self._outline, self._reach,
+                self._discs, self._walls, self._movers, self._trail,
             )  # fmt: skip
             step = last
-            while self._orders and self._orders[0][0] < step:
-                self._orders.popleft()
+            while self._coming and self._coming[0][0] < step:
+                self._coming.popleft()
             self._happen()
+        return step
 
     def _happen(self) -> None:
         """What the sensors do at this step."""
@@ -330,24 +258,21 @@ class Twin(ClockedRobot):
             self._frames += 1
             self._next_frame = self._frame_due(step)
 
-    def _scan(self, step: int, scanner: TwinScanner) -> None:
+    def _scan(self, step: int, scanner: SimulatedLidar) -> None:
         """The scan whose last beam is measured at this step."""
-        model, lidar, number = scanner.model, scanner.lidar, scanner.number
-        ranges = np.empty(len(lidar.beams))
+        ranges = np.empty(len(scanner.lidar.beams))
         began = step - scanner.sweep
         sweep(
-            began, scanner.sweep, self._trail, lidar, self._discs.copy(), self._movers,
+            began, scanner.sweep, self._trail, scanner.lidar, self._discs.copy(), self._movers,
             self._seen_walls, self._grid, ranges,
         )  # fmt: skip
-        measure(lidar, scanner.seed, number, ranges)
-        if model.range_sensor:
-            ranges[:] = ranges.min()
-        ranges.flags.writeable = False
-        stamp, length = began * self._step, scanner.sweep * self._step
-        made = Scan(stamp, number, ranges, length, model.name)
-        scanner.coming.append((step + self._steps(model.latency_s), made))
-        scanner.number += 1
-        scanner.next = scanner.sweep + next_reading_tick(began, model.rate_hz, self._step)
+        measure(scanner.lidar, scanner.seed, scanner.number, ranges)
+        readable = step + self._steps(scanner.model.latency_s)
+        scanner.measured(ranges, began, readable, self._step)
+
+    def _frame(self) -> Frame | None:
+        """The newest picture, of a camera that is used."""
+        return self._eye.newest() if self._eye is not None and self._frame_rate > 0.0 else None
 
     def _frame_due(self, step: int) -> int:
         """The step of the next picture after this one."""
@@ -361,6 +286,7 @@ class Twin(ClockedRobot):
         )  # fmt: skip
 
     def _health(self) -> Health:
+        """Whether physics is still sound, and it upright."""
         s = self._state[0]
         stamp = int(s["step"]) * self._step
         if not math.isfinite(s["x"] + s["y"] + s["psi"]):

@@ -22,15 +22,14 @@ from cohelm.link.messages import Arming, Mode
 from cohelm.record.ros2 import header
 from cohelm.robot.clearance import segment_clearance
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Scan
 from cohelm.ros.depth import DepthRanges, Intrinsics, described
 from cohelm.ros.mismatch import IMAGE
 from cohelm.ros.types import packed, unpacked
 from cohelm.sim.adversarial import BANG, SPIN, Attack, deflection
 from cohelm.sim.heights import DepthCamera, Heights, fallen, picture
-from cohelm.sim.odometer import next_reading_tick
+from cohelm.sim.simulated import SimulatedLidar
 from cohelm.sim.twin.drive import stepped
-from cohelm.sim.twin.robot import Twin, TwinScanner
+from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign.episode import Episode, Interventions, Load
 from cohelm.study.campaign.loop_run import Looped
 
@@ -67,23 +66,18 @@ class UnevenTwin(Twin):
             self._delay = self._steps(load.delay)
         return super().send(twist)
 
-    def _scan(self, step: int, scanner: TwinScanner) -> None:
+    def _scan(self, step: int, scanner: SimulatedLidar) -> None:
         made = self._ranges.get(scanner.model.name)
         if made is None:
             super()._scan(step, scanner)
             return
-        s, model = self._state[0], scanner.model
+        s = self._state[0]
         pose = Pose(float(s["x"]), float(s["y"]), float(s["psi"]))
-        stamp = step * self._step
-        message, damage = unpacked(self._image(pose, stamp), IMAGE)
+        message, damage = unpacked(self._image(pose, step * self._step), IMAGE)
         if damage:
             raise CohelmError(damage)
-        ranges = made.of(message)
-        ranges.flags.writeable = False
-        scan = Scan(stamp, scanner.number, ranges, 0.0, model.name, made.edges)
-        scanner.coming.append((step + self._steps(model.latency_s), scan))
-        scanner.number += 1
-        scanner.next = next_reading_tick(step, model.rate_hz, self._step)
+        readable = step + self._steps(scanner.model.latency_s)
+        scanner.measured(made.of(message), step, readable, self._step, made.edges)
 
     def _image(self, pose: Pose, stamp: float) -> bytes:
         """The bytes of the message."""
