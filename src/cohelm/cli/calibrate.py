@@ -15,10 +15,7 @@ from cohelm.cli.ros import Bridge, LockTimeout, TopicNames, Transports, on_ros
 
 
 @app.command(
-    epilog=examples(
-        "cohelm calibrate sally",
-        "cohelm calibrate my-robot.yaml --ros2 --floor 3",
-    ),
+    epilog=examples("cohelm calibrate sally", "cohelm calibrate my-robot.yaml --ros2 --floor 3")
 )
 def calibrate(
     name: Annotated[str, typer.Argument(metavar="ROBOT", help="A shipped robot, or its file.")],
@@ -46,8 +43,7 @@ def calibrate(
         bool, typer.Option("--yes", help="The floor is free: drive without asking.")
     ] = False,
     out: Annotated[
-        Path,
-        typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder to write into."),
+        Path, typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder to write into.")
     ] = Path("out/calibrate"),
     as_json: Json = False,
 ) -> None:
@@ -65,13 +61,7 @@ def calibrate(
     from cohelm.calibrate.response import response
     from cohelm.calibrate.rewrite import rewritten
     from cohelm.calibrate.ride import PERIOD, ride
-    from cohelm.calibrate.verdict import (
-        as_dict,
-        earlier_run,
-        findings,
-        odometry_noise,
-        with_load,
-    )
+    from cohelm.calibrate.verdict import as_dict, earlier_run, findings, odometry_noise, with_load
     from cohelm.core.errors import CohelmError
     from cohelm.core.files import check_folder
     from cohelm.drive.operate import DriveOptions, end_signals, robot_factory

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         "cohelm campaign random --n 100 --plant twin --out out/rooms",
         "cohelm campaign random --n 100 --robot turtlebot4",
         "cohelm campaign out/rooms --replay 17",
-    ),
+    )
 )
 def campaign(
     suite: Annotated[
@@ -85,8 +85,7 @@ def campaign(
     ] = None,
     out: Out = None,
     cluster: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Drive on this Dask scheduler instead."),
+        str | None, typer.Option(metavar="ADDRESS", help="Drive on this Dask scheduler instead.")
     ] = None,
     replay: Annotated[
         str | None,

@@ -55,8 +55,7 @@ Seed = Annotated[
     typer.Option(metavar="N", min=0, max=2**32 - 1, help="Seed of the simulated sensors' errors."),
 ]
 Seconds = Annotated[
-    float | None,
-    typer.Option("--for", metavar="SECONDS", min=0.1, help="End after this time."),
+    float | None, typer.Option("--for", metavar="SECONDS", min=0.1, help="End after this time.")
 ]
 CarryOn = Annotated[
     bool, typer.Option("--carry-on", help="Continue without operator when a stick in use is lost.")

@@ -11,24 +11,18 @@ from cohelm.cli.app import app, examples
 from cohelm.cli.output import Json, plain, print_json, print_table, say
 
 pair = typer.Typer(
-    help="Pair stations with robots: keys that allow to drive.",
-    no_args_is_help=True,
+    help="Pair stations with robots: keys that allow to drive.", no_args_is_help=True
 )
 app.add_typer(pair, name="pair")
 
 
-@pair.command(
-    epilog=examples(
-        "cohelm pair new desk",
-    ),
-)
+@pair.command(epilog=examples("cohelm pair new desk"))
 def new(
     station: Annotated[str, typer.Argument(metavar="NAME", help="Name of the station.")],
     robot: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME",
-            help="Name of this robot, when it is paired for the first time.",
+            metavar="NAME", help="Name of this robot, when it is paired for the first time."
         ),
     ] = None,
     out: Annotated[
@@ -52,11 +46,7 @@ def new(
     say(f"the robot shows this certificate: {keys.fingerprint(own.certificate)}")
 
 
-@pair.command(
-    epilog=examples(
-        "cohelm pair install desk.pair",
-    ),
-)
+@pair.command(epilog=examples("cohelm pair install desk.pair"))
 def install(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="The file that `cohelm pair new` wrote.")
@@ -95,11 +85,7 @@ def listed(as_json: Json = False) -> None:
         say(f"nothing is paired here, in {plain(str(keys.home()))}")
 
 
-@pair.command(
-    epilog=examples(
-        "cohelm pair remove desk",
-    ),
-)
+@pair.command(epilog=examples("cohelm pair remove desk"))
 def remove(
     station: Annotated[str, typer.Argument(metavar="NAME", help="The station to revoke.")],
 ) -> None:
@@ -115,10 +101,8 @@ def remove(
 
 @app.command(
     epilog=examples(
-        "cohelm stick --list",
-        "cohelm stick --drive",
-        "cohelm stick --robot 192.168.1.20",
-    ),
+        "cohelm stick --list", "cohelm stick --drive", "cohelm stick --robot 192.168.1.20"
+    )
 )
 def stick(
     robot: Annotated[

@@ -23,16 +23,7 @@ from cohelm.cli.drive_options import (
     Twin,
 )
 from cohelm.cli.live import Foxglove, FoxgloveTeleop, live, shown_at
-from cohelm.cli.output import (
-    Json,
-    Pictures,
-    named,
-    plain,
-    print_json,
-    print_table,
-    say,
-    starting,
-)
+from cohelm.cli.output import Json, Pictures, named, plain, print_json, print_table, say, starting
 from cohelm.cli.print_config import PrintConfig, print_found
 from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transports, on_ros
 
@@ -49,7 +40,7 @@ if TYPE_CHECKING:
         "cohelm robot lab-guard --mode automatic --arrive --record drive.mcap",
         "cohelm robot my-robot.yaml --driver my_package:MyRobot --listen 0.0.0.0",
         "cohelm robot my-robot.yaml --ros2 --map map.yaml --goals-from /goal_pose",
-    ),
+    )
 )
 def robot(
     name: RobotOrScenario = "lab-guard",

@@ -225,15 +225,10 @@ def filter_(
             opened.close()
 
 
-@app.command(
-    epilog=examples(
-        "cohelm base turtlebot4 --controller 0.3,0",
-    ),
-)
+@app.command(epilog=examples("cohelm base turtlebot4 --controller 0.3,0"))
 def base(
     name: Annotated[
-        str,
-        typer.Argument(metavar="ROBOT|SCENARIO", help="A robot in --scenario, or a scenario."),
+        str, typer.Argument(metavar="ROBOT|SCENARIO", help="A robot in --scenario, or a scenario.")
     ] = "lab-guard",
     scenario: Annotated[
         str, typer.Option(metavar="SCENARIO", help="Where the robot drives.")

@@ -27,7 +27,7 @@ from cohelm.cli.output import (
         "cohelm run minimal",
         "cohelm run lab-guard --set law.guard.hard_margin_m=0.05",
         "cohelm run my.yaml --stick tried.csv --out out/mine",
-    ),
+    )
 )
 def run(
     scenario: Annotated[
@@ -86,12 +86,7 @@ def run(
         say(f"record, scores and picture: {plain(str(folder))}")
 
 
-@app.command(
-    epilog=examples(
-        "cohelm reproduce",
-        "cohelm reproduce --out figures",
-    ),
-)
+@app.command(epilog=examples("cohelm reproduce", "cohelm reproduce --out figures"))
 def reproduce(out: Out = None, as_json: Json = False) -> None:
     """Repeat the paper's three experiments.
 
@@ -111,10 +106,7 @@ def reproduce(out: Out = None, as_json: Json = False) -> None:
 
 
 @app.command(
-    epilog=examples(
-        "cohelm replay out/minimal-20261126-120000",
-        "cohelm replay drive.mcap --json",
-    ),
+    epilog=examples("cohelm replay out/minimal-20261126-120000", "cohelm replay drive.mcap --json")
 )
 def replay(
     record: Annotated[
@@ -156,12 +148,7 @@ def replay(
         raise typer.Exit(1)
 
 
-@app.command(
-    epilog=examples(
-        "cohelm bench",
-        "cohelm bench --json",
-    ),
-)
+@app.command(epilog=examples("cohelm bench", "cohelm bench --json"))
 def bench(as_json: Json = False) -> None:
     """Time it beside its peers, in a minute.
 
@@ -187,11 +174,7 @@ def _benchmark() -> Any:
     return import_module("benchmarks.bench.compare")
 
 
-@app.command(
-    epilog=examples(
-        "cohelm schema > scenario.schema.json",
-    ),
-)
+@app.command(epilog=examples("cohelm schema > scenario.schema.json"))
 def schema() -> None:
     """Print the JSON Schema of scenarios.
 

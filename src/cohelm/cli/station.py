@@ -35,8 +35,7 @@ Port = Annotated[
 Host = Annotated[
     str,
     typer.Option(
-        metavar="ADDRESS",
-        help="Address to listen on. Any but loopback needs --tls as well.",
+        metavar="ADDRESS", help="Address to listen on. Any but loopback needs --tls as well."
     ),
 ]
 _LAST_WORDS = 1.0  # pages get the quality of the link four times a second [s]
@@ -63,7 +62,7 @@ InClear = Annotated[
         "cohelm station --robot 192.168.1.20",
         "cohelm station --robot 192.168.1.20 --host 0.0.0.0 --tls",
         "cohelm station --replay drive.mcap",
-    ),
+    )
 )
 def station(
     robot: Annotated[
@@ -109,7 +108,7 @@ def station(
         "cohelm drive my-robot.yaml --scenario lab-shared",
         "cohelm drive my-robot.yaml --driver my_package:MyRobot",
         "cohelm drive my-robot.yaml --ros2 --map map.yaml",
-    ),
+    )
 )
 def drive(
     name: RobotOrScenario = "lab-guard",

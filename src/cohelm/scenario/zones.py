@@ -18,13 +18,7 @@ from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.match.surfaces import MOST_CELLS
 from cohelm.plan.zones import CELL, Cells, KeepOut, SpeedZones, Zones, keep_out
 from cohelm.ros.masks import KEEP_OUT, SPEED, FilterMask
-from cohelm.scenario.worlds.maps import (
-    OCCUPIED,
-    OccupancyMap,
-    SpeedMask,
-    read_map,
-    read_speed_mask,
-)
+from cohelm.scenario.worlds.maps import OCCUPIED, OccupancyMap, SpeedMask, read_map, read_speed_mask
 
 Corners = Annotated[list[tuple[Coordinate, Coordinate]], Field(min_length=3, max_length=10_000)]
 File = Annotated[str, Field(min_length=1)]

@@ -161,11 +161,7 @@ def table(ex: Experiments) -> list[tuple[str, str, str]]:
             f"{ex.longest_above_settled_s:.1f} s",
             "< 2 s",
         ),
-        (
-            f"back to E_P {SETTLED} from a 90° heading error",
-            _seconds(ex.settle_s),
-            "< 2 s",
-        ),
+        (f"back to E_P {SETTLED} from a 90° heading error", _seconds(ex.settle_s), "< 2 s"),
     ]
     for name, disc in avoid.discs.items():
         rows.append((f"barrier: smallest h, {name}", f"{disc.min_h:.3f} m²", "> 0"))

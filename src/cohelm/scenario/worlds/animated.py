@@ -23,8 +23,7 @@ _NUMBER = r"\s*([-+.\deE]+?)f?\s*"
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _PERIOD = re.compile(rf"PoseAnimation\(\s*\"[^\"]*\"\s*,{_NUMBER},\s*(true|false)\s*\)")
 _FRAME = re.compile(
-    rf"CreateKeyFrame\({_NUMBER}\).*?Translation\([\w:\s]*Vector3d\({_NUMBER},{_NUMBER},",
-    re.DOTALL,
+    rf"CreateKeyFrame\({_NUMBER}\).*?Translation\([\w:\s]*Vector3d\({_NUMBER},{_NUMBER},", re.DOTALL
 )
 
 
