@@ -112,30 +112,24 @@ class Summary(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """As plain values for JSON; what there is not is None."""
+        least = {name: s.least for name, s in self.spreads.items()}
         return plain(
             {
                 "law": self.law,
                 "episodes": self.episodes,
-                "arrived": None if self.arrived is None else self.arrived.count,
-                "arrived_share": None if self.arrived is None else _bounds(self.arrived),
-                "success": None if self.success is None else self.success.count,
-                "success_share": None if self.success is None else _bounds(self.success),
-                "contacts_moving": self.moving.count,
-                "contacts_moving_share": _bounds(self.moving),
-                "contacts_moving_unseen": None if self.unseen is None else self.unseen.count,
-                "contacts_standing": self.standing.count,
-                "contacts_standing_share": _bounds(self.standing),
-                "contacts_departing": self.departing.count,
-                "contacts_departing_share": _bounds(self.departing),
-                "falls": None if self.fell is None else self.fell.count,
-                "falls_share": None if self.fell is None else _bounds(self.fell),
-                "stuck": None if self.stuck is None else self.stuck.count,
-                "touched": self.touched.count,
-                "touched_share": _bounds(self.touched),
+                **_counted("arrived", self.arrived),
+                **_counted("success", self.success),
+                **_counted("contacts_moving", self.moving),
+                "contacts_moving_unseen": self.unseen and self.unseen.count,
+                **_counted("contacts_standing", self.standing),
+                **_counted("contacts_departing", self.departing),
+                **_counted("falls", self.fell),
+                "stuck": self.stuck and self.stuck.count,
+                **_counted("touched", self.touched),
                 "untouched_share": self.untouched_share,
-                "closest_m": self.spreads["min_clearance_m"].least,
-                "min_clearance_m": self.spreads["min_clearance_m"].least,
-                "min_clearance_moving_m": self.spreads["min_clearance_moving_m"].least,
+                "closest_m": least["min_clearance_m"],
+                "min_clearance_m": least["min_clearance_m"],
+                "min_clearance_moving_m": least["min_clearance_moving_m"],
                 "score": self.score,
                 "limit_excess": self.limit_excess,
                 "faults": self.faults,
@@ -145,8 +139,12 @@ class Summary(NamedTuple):
         )
 
 
-def _bounds(s: Share) -> dict[str, float]:
-    return {"share": s.count / s.of if s.of else math.nan, "low": s.low, "high": s.high}
+def _counted(name: str, s: Share | None) -> dict[str, Any]:
+    """A share's count and, beside it, its bounds; None where there is none."""
+    if s is None:
+        return {name: None, f"{name}_share": None}
+    share = s.count / s.of if s.of else math.nan
+    return {name: s.count, f"{name}_share": {"share": share, "low": s.low, "high": s.high}}
 
 
 def _untouched(rows: Sequence[EpisodeResult]) -> float:
