@@ -115,6 +115,8 @@ def test_a_run_too_long_for_memory_is_refused_with_what_fits():
     assert "shorten duration_s or raise step_s" in refusal("reference.speed_mps=1e-9")
     late = refusal("simulation.delay_s=60", "simulation.duration_s=30")
     assert "longer than the run" in late
+    twin = refusal("simulation.plant=twin", "simulation.delay_s=2", "simulation.duration_s=9")
+    assert "simulation.delay_s: 2 s and the robot's own" in twin
 
 
 def test_a_reference_beyond_the_robot_is_a_warning_not_an_error():

@@ -24,6 +24,8 @@ UpTo100 = Annotated[float, Field(gt=0.0, le=LARGEST["speed"])]
 Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
+LONGEST_DELAY = 1.0
+"""From a command to the wheels [s]."""
 BEYOND = 1.0
 """Largest distance of a LiDAR or contact sensor beyond the outline's reach, on a boom [m]."""
 
@@ -71,7 +73,7 @@ class RobotModel(Schema):
     """Mass, all in all."""
     limits: LimitsModel = LimitsModel()
     """Speed and acceleration limits."""
-    delay_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    delay_s: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY)] = 0.0
     """From a command to the wheels."""
     odometry: OdometryModel = OdometryModel()
     """Pose and twist from the wheels."""

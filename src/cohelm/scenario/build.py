@@ -17,7 +17,7 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import Settings
 from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.robot.limits import Limits
-from cohelm.robot.model import RobotModel
+from cohelm.robot.model import LONGEST_DELAY, RobotModel
 from cohelm.scenario.load import digest, dump, standing_alone
 from cohelm.scenario.model import Scenario
 from cohelm.scenario.stick import StickFile, StickOperator, StickScript
@@ -172,6 +172,12 @@ def _check_length(made: Setup, alone: Scenario) -> None:
             f"{alone.name}: simulation: {steps:.3g} steps of {made.dt:g} s would take "
             f"{steps * row / 2**30:.3g} GiB to hold; at most {longest:.3g} s fit: "
             "shorten duration_s or raise step_s"
+        )
+    if made.twin is not None and made.twin.robot.delay_s + made.delay > LONGEST_DELAY:
+        raise CohelmError(
+            f"{alone.name}: simulation.delay_s: {made.delay:g} s and the robot's own "
+            f"{made.twin.robot.delay_s:g} s are more than the {LONGEST_DELAY:g} s that a twin can "
+            "be late: shorten it, or set simulation.plant to kinematic"
         )
     if made.delay_steps > steps:
         raise CohelmError(
