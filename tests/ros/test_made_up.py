@@ -22,6 +22,7 @@ from cohelm.ros.topics import Topics
 from cohelm.scenario.load import load_robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.world import world
+from tests.few import first
 from tests.ros.stage import HALL, alone
 from tests.ros.transports import bridge
 
@@ -81,7 +82,7 @@ def rover(tmp_path_factory):
     transport.close()
 
 
-@pytest.mark.parametrize("way", ["dds", "foxglove"])
+@pytest.mark.parametrize("way", first(["dds", "foxglove"]))
 def test_it_is_found_with_the_description_and_the_command_of_the_page(rover, way):
     options = [] if way == "dds" else ["--url", bridge().url]
     done = subprocess.run(
