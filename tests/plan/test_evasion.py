@@ -121,23 +121,33 @@ SLOW = {"turtlebot3_burger", "turtlebot3_waffle", "turtlebot4"}
 """Shipped robots slower than walkers."""
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_only_robots_that_can_escape_keep_off_movers_that_may_set_off(name):
-    model = robot(name)
-    e = adapted(EvasionParams(), model.outline, model.bounds())
-    assert e.sets_off_weight == (0.0 if name in SLOW else EvasionParams().sets_off_weight)
-    assert e.horizon == horizon(model.outline, model.bounds(), EvasionParams())
+def test_the_slower_a_robot_leaves_the_less_movers_that_may_set_off_count():
+    full = EvasionParams().sets_off_weight
+    weights = {}
+    for name in SHIPPED:
+        model = robot(name)
+        e = adapted(EvasionParams(), model.outline, model.bounds())
+        assert e.horizon == horizon(model.outline, model.bounds(), EvasionParams())
+        weights[name] = e.sets_off_weight
+    assert weights["sally"] == weights["jackal"] == full  # as it was tuned for Sally
+    assert all(weights[name] < 0.1 * full for name in SLOW)
+    assert 0.1 * full < weights["husky"] < weights["mir100"] < full
+    square = np.array([[0.3, 0.3], [-0.3, 0.3], [-0.3, -0.3], [0.3, -0.3]])
+    limits = [Limits(1.2, a, 2.0, 6.0) for a in (4.0, 1.0, 0.7, 0.4, 0.0)]
+    found = [adapted(EvasionParams(), square, one).sets_off_weight for one in limits]
+    assert found == sorted(found, reverse=True)
+    assert (found[0], found[-1]) == (full, 0.0)
 
 
 def test_scenarios_and_campaigns_adapt_evasion_to_the_robot_alike():
     burger = robot("turtlebot3_burger")
     pilot = under(rooms.case(8577, 9, burger).setup, "guard").pilot
     assert pilot is not None
-    assert pilot.settings.evasion.sets_off_weight == 0.0
     params = EvasionModel().params(burger.outline, burger.bounds(), 0.1)
-    assert params.sets_off_weight == 0.0
     chosen = EvasionModel(horizon_s=2.0).params(burger.outline, burger.bounds(), 0.1)
-    assert (chosen.horizon, chosen.sets_off_weight) == (2.0, 0.0)
+    assert params.sets_off_weight == chosen.sets_off_weight < EvasionParams().sets_off_weight
+    assert pilot.settings.evasion.sets_off_weight == params.sets_off_weight
+    assert chosen.horizon == 2.0
 
 
 @pytest.mark.parametrize("number", [9, 22])

@@ -88,25 +88,21 @@ _SHORTEST, _LONGEST = 3.0, 6.0
 """Bounds of the horizon [s]: shorter, and movers are noticed late; longer, and the uncertainty of
 where they will be, which grows by up to 0.6 m/s, is wider than any gap between them."""
 _WIDE = 0.5  # radius of a wide mover [m]
+_COMES_NEAR = 0.75  # how far one comes that sets off, without its counting less [m]
 
 
 def adapted(e: EvasionParams, outline: Floats, limits: Limits) -> EvasionParams:
-    """The parameters for a robot: its horizon, and whether a mover that may set off is a risk."""
-    e = e._replace(horizon=horizon(outline, limits, e))
-    return e if escapes(outline, limits, e) else e._replace(sets_off_weight=0.0)
+    """The parameters for a robot: its horizon, and how much movers that may set off count.
 
-
-def escapes(outline: Floats, limits: Limits, e: EvasionParams) -> bool:
-    """Whether a robot gets farther within the horizon than a wide mover comes that sets off at it
-    while it leaves the way of that mover.
-
-    One that does not is in reach of every walker wherever it goes. The risk that some mover may set
-    off, added up over all of them, then outweighs the contacts that are predicted. outline: (k, 2)
-    [m].
+    The farther a wide mover comes that sets off at the robot while the robot leaves its way, the
+    more movers are within that distance, as its square, and the longer they stay there. So each
+    counts less by its cube: else their sum keeps a slow robot off its path. outline: (k, 2) [m].
     """
     (speed, _), (push, _) = speeds(limits), ramps(limits)
     leaving = _time_from_rest(_out_of_way(outline), speed, push)
-    return 0.5 * e.sets_off_acceleration * leaving * leaving < speed * e.horizon
+    comes = 0.5 * e.sets_off_acceleration * leaving * leaving
+    weight = e.sets_off_weight * (_COMES_NEAR / max(comes, _COMES_NEAR)) ** 3
+    return e._replace(horizon=horizon(outline, limits, e), sets_off_weight=weight)
 
 
 def horizon(outline: Floats, limits: Limits, e: EvasionParams) -> float:
