@@ -10,10 +10,12 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.localize.localization_map import MOST_BORDER, map_from_occupancy
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.map.mapping_scans import mapping_scans
 from cohelm.perceive.map.raster import raster
 from cohelm.perceive.match.surfaces import MOST_CELLS, surfaces
-from cohelm.robot.port import Odometry, Scan
+from cohelm.perceive.pipeline import Perception
+from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import borders, grid
 
@@ -71,3 +73,17 @@ def test_odometry_that_no_drive_can_have_is_refused_before_the_work():
     scans = [Scan(0.1 * k, k, np.full(180, 2.0), 0.0) for k in range(10)]
     with pytest.raises(CohelmError, match=r"the odometry spans 1e\+09 m"):
         mapping_scans(lidar, path, scans)
+
+
+@pytest.mark.parametrize(("half", "far"), [(1.0, 8.0), (0.15, 0.15)])
+def test_a_map_of_another_place_or_of_a_cupboard_leaves_the_robot_lost(half, far):
+    corners = half * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+    known = map_from_geometry(np.hstack((corners, np.roll(corners, -1, axis=0))), HERE)
+    lidar = LidarModel(beams=180, field_of_view_deg=360.0, range_max_m=20.0).lidar()
+    eyes = Perception(lidar, known)
+    for k in range(100):  # longer than a search
+        odometry = Odometry(0.02 * k, HERE, Twist(0.0, 0.0))
+        scan = Scan(0.1 * (k // 5), k // 5, np.full(180, far), 0.0)
+        seen = eyes.take(0.02 * k, Readings(odometry, scan))
+    assert seen.lost
+    assert seen.reason == "no place on the map looks like what the LiDAR sees"

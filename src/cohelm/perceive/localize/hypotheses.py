@@ -199,7 +199,8 @@ class Hypotheses:
             self._since.views = max(self._since.views, len(self._last.used))
         # more candidates exist if the last ones tried fit as well as the best
         last = max(self._tried_logs[-self.caution.last :]) if self._full else -math.inf
-        self._left_out = self._near(last, max(self._tried_logs))
+        best = max(self._tried_logs, default=-math.inf)  # none where no place sees a wall
+        self._left_out = self._near(last, best)
         if self.cold_start and self.all:
             self._left_out -= max(self.all, key=lambda h: h.log).charges.closer
         return True
