@@ -215,6 +215,15 @@ def test_when_the_person_lets_go_the_reference_goes_on_at_the_speed_it_finds(spe
     assert history[round(3.0 / DT)][2].v == pytest.approx(speed, abs=0.1)
 
 
+@pytest.mark.parametrize("rate", [0.0, 0.4])
+@pytest.mark.parametrize("x", [1.0, 1.3])
+def test_a_step_of_no_time_leaves_the_rate_of_a_robot_that_a_person_leads(rate, x):
+    before = CourseClock(1.0, rate, 0.0)
+    after = govern(before, Pose(x, 0.0, 0.0), STRAIGHT, paced(STRAIGHT), True, PACE, 0.0)
+    assert after.rate == rate
+    assert after.tau >= 1.0
+
+
 def test_when_the_person_lets_go_off_the_path_the_reference_takes_over_smoothly():
     history = follow(BENDS, Pose(0.0, 0.0, 0.0), 40.0, leads=(1.0, 2.5))
     first = round(2.5 / DT)

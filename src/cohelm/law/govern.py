@@ -160,7 +160,8 @@ def govern(
     tau = clock.tau
     if sound and operator_leads:
         tau = nearest_ahead(reference, pose, tau, pace.search)
-        target_rate = min((tau - clock.tau) / dt, allowed(profile, tau))
+        progress = (tau - clock.tau) / dt if dt > 0.0 else clock.rate  # no time has passed
+        target_rate = min(progress, allowed(profile, tau))
     elif sound:
         d = governed(reference, clock, pose, pace)
         m = evaluate(reference.knots, reference.coeffs, tau)
