@@ -87,3 +87,9 @@ def test_a_map_of_another_place_or_of_a_cupboard_leaves_the_robot_lost(half, far
         seen = eyes.take(0.02 * k, Readings(odometry, scan))
     assert seen.lost
     assert seen.reason == "no place on the map looks like what the LiDAR sees"
+
+
+def test_scans_without_any_odometry_are_no_drive():
+    lidar = LidarModel(beams=180, field_of_view_deg=180.0, rate_hz=10.0).lidar()
+    with pytest.raises(CohelmError, match="no scan came while there was odometry"):
+        mapping_scans(lidar, [], [Scan(0.0, 0, np.full(180, 2.0), 0.0)])

@@ -35,7 +35,8 @@ def mapping_scans(
     if the odometry extends farther than any drive.
     """
     rows = np.array([[o.stamp, *o.pose, *o.twist] for o in odometry], dtype=np.float64)
-    rows = rows[np.isfinite(rows).all(axis=1)].reshape(-1, 6)
+    rows = rows.reshape(-1, 6)
+    rows = rows[np.isfinite(rows).all(axis=1)]
     keep = np.concatenate(([True], np.diff(np.maximum.accumulate(rows[:, 0])) > 0))[: len(rows)]
     buffer = rows[keep]
     if len(buffer) > 1 and float(np.ptp(buffer[:, 1:3], axis=0).max()) > _FARTHEST:
