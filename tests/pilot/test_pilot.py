@@ -15,6 +15,7 @@ from cohelm.pilot.behavior import FOLLOWING, LED
 from cohelm.pilot.pilot import NOTHING_NEAR, Pilot, taken
 from cohelm.pilot.replanning import Plan
 from cohelm.pilot.step import NO_MOVE
+from cohelm.plan import path_planner
 from cohelm.plan.course import course
 from cohelm.plan.recovery import RecoveryMove
 from cohelm.robot.kinematics import arc
@@ -48,6 +49,22 @@ def test_a_detour_leaves_out_no_loop_of_the_route(at):
     driven = drive(corners, [(*at, 0.0, 0.0, 0.2)], seconds=60.0)
     assert driven.arrived
     assert np.hypot(*(driven.poses[:, :2] - [4.5, 0.6]).T).min() < 0.75
+
+
+def test_a_robot_that_was_driven_far_from_its_route_plans_on_a_grid_of_the_usual_size(monkeypatch):
+    made, field = [], path_planner.distance_field
+    monkeypatch.setattr(
+        path_planner, "distance_field", lambda *given: made.append(field(*given)) or made[-1]
+    )
+    pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
+    near = surroundings(points=np.array([(-87.0, 87.0 + 0.01 * k) for k in range(-50, 50)]))
+    plan = pilot.plan(Pose(-90.0, 90.0, -0.8), Twist(0.0, 0.0), near)
+    assert made
+    assert all(one.clearance.size < 1_000_000 for one in made)
+    assert plan.new
+    assert plan.clearance > 0.04
+    assert plan.course.poses[0, :2] == pytest.approx([-90.0, 90.0], abs=0.2)
+    assert plan.course.poses[-1, :2] == pytest.approx([6.0, 0.0], abs=0.2)
 
 
 def test_a_closed_road_is_not_forced():

@@ -40,6 +40,7 @@ _AHEAD = 0.3  # heading error up to which the path lies ahead [rad]
 _DENSE, _DENSE_WITHIN = 0.01, 2.5  # spacing of dense points, and their radius around the robot [m]
 _RECOVERY = RecoveryParams()
 _NO_PATH: Floats = np.empty((0, 2))
+_CELLS = 1000  # of the grid from a robot that is far from its route to that: larger, not more
 _PERIOD = 0.25  # largest period of plans, so that `_once_a_second` is true once a second [s]
 
 
@@ -282,6 +283,8 @@ def _detour(
     chosen = _NO_PATH
     if now.row > 0 and clock.waited <= replan_params.waits:
         chosen = now.poses[slice(*window(now, clock.tau, replan_params.known)), :2]
+    away = float(np.hypot(*(line[row] - pose[:2])))
+    path_params = path_params._replace(resolution=max(path_params.resolution, away / _CELLS))
     for reach, farther in ((1.5, False), (3.0, True))[: 2 if far else 1]:
         end = min(len(line), row + int(reach * replan_params.look / ROUTE_SPACING))
         found = plan_path(
