@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from cohelm.core.frames import between, compose, inverse, placed
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.pipeline import Perception, Seen
 from cohelm.robot.clearance import point_gap
@@ -62,6 +63,43 @@ def in_view(points: np.ndarray, lidar: Lidar, pose: Pose) -> np.ndarray:
     bearing = np.arctan2(points[:, 1] - y, points[:, 0] - x) - pose.psi
     bearing = (bearing + math.pi) % (2 * math.pi) - math.pi
     return np.abs(bearing) < math.radians(134.0)
+
+
+@pytest.mark.parametrize(
+    ("to", "later"),
+    [(Pose(0.0, 0.0, 0.0), 0.1), (Pose(1.7, 0.9, 2.0), 0.1), (Pose(0.0, 0.0, 0.0), -50.0)],
+)
+def test_odometry_that_jumps_or_begins_anew_moves_neither_robot_nor_what_is_behind_it(to, later):
+    """The gate has stopped the robot then; after the reset it backs off by what it remembers."""
+    post = np.array([[0.6, 0.45, 0.0, 0.0, 0.05, 0.0]])  # is passed by, and left behind
+    eyes, start = Perception(SALLY), Pose(0.0, 0.0, 0.0)
+
+    def look(stamp: float, number: int, at: Pose, reported: Pose) -> Seen:
+        ranges = np.empty(len(eyes.lidar.beams))
+        sight(at, eyes.lidar, post, WALLS, NO_GRID, ranges)
+        odometry = Odometry(stamp, reported, Twist(0.0, 0.0))
+        return eyes.take(stamp, Readings(odometry, Scan(stamp, number, ranges, 0.0)))
+
+    def behind(seen: Seen) -> tuple[np.ndarray, int]:
+        there = placed(seen.points, inverse(seen.odometry))
+        near = np.hypot(there[:, 0] + 0.75, there[:, 1] - 0.45) < 0.15
+        return there[near], seen.unobserved
+
+    stamp, at = 100.0, start
+    for k in range(28):
+        stamp, at = 100.0 + 0.1 * k, Pose(0.05 * k, 0.0, 0.0)
+        seen = look(stamp, k, at, at)
+    before, unobserved = behind(seen)
+    assert len(before) > 2
+    assert not unobserved
+    for k in range(3):
+        moved = Pose(at.x + 0.01 * k, at.y, at.psi)
+        seen = look(stamp + later + 0.1 * k, 28 + k, moved, compose(to, between(at, moved)))
+        after, unobserved = behind(seen)
+        assert len(after) == len(before)
+        assert after == pytest.approx(before - [0.01 * k, 0.0], abs=0.006)
+        assert not unobserved
+    assert seen.pose == pytest.approx((at.x + 0.02, 0.0, 0.0), abs=1e-6)
 
 
 def test_a_robot_that_was_switched_on_may_turn_but_not_back_away():

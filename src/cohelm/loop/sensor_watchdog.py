@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cohelm.perceive.scan.odometry_buffer import JUMP, jump, top_speeds
 from cohelm.robot.contact_monitor import overdue
-from cohelm.robot.limits import speeds
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import AHEAD, Odometry, Readings, Scan
 from cohelm.robot.sensors import of_sensor
@@ -28,7 +28,7 @@ class SensorTimeouts(NamedTuple):
     """Of each LiDAR, the first one first."""
     max_ahead: float = AHEAD
     """Maximum stamp ahead of now [s]; beyond it, a clock has jumped."""
-    max_jump: float = 0.15
+    max_jump: float = JUMP
     """Tolerance of an odometry step beyond what the robot's speed explains [m, rad]."""
 
 
@@ -50,7 +50,7 @@ class SensorWatchdog:
         self._timeouts = timeouts
         self._sensors = [lidar.name for lidar in model.lidars]
         self._contacts = model.contacts
-        self._fastest, self._turns = (min(top, 50.0) for top in speeds(model.bounds()))
+        self._fastest = top_speeds(model.bounds())
         self._last: Odometry | None = None
         self._checked = [-1] * len(self._sensors)
         self._newest: dict[str, tuple[float, float]] = {}
@@ -104,13 +104,8 @@ class SensorWatchdog:
         dt = odometry.stamp - last.stamp
         if dt < 0.0:
             return f"the odometry's clock went back by {-1000.0 * dt:.0f} ms"
-        way = math.hypot(odometry.pose.x - last.pose.x, odometry.pose.y - last.pose.y)
-        turn = abs(math.remainder(odometry.pose.psi - last.pose.psi, 2.0 * math.pi))
-        if way > 1.5 * self._fastest * dt + self._timeouts.max_jump:
-            return f"the odometry jumped by {way:.2f} m"
-        if turn > 1.5 * self._turns * dt + self._timeouts.max_jump:
-            return f"the odometry jumped by {math.degrees(turn):.0f} deg"
-        return ""
+        by = jump(last, odometry, self._fastest, self._timeouts.max_jump)
+        return f"the odometry jumped by {by}" if by else ""
 
     def _scan(self, now: float, scan: Scan | None, lidar: int) -> str:
         if scan is None:

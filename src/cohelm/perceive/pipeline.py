@@ -16,7 +16,14 @@ from cohelm.perceive.localize.localization_map import LocalizationMap, on_walls
 from cohelm.perceive.localize.localizer import Localization, Localizer
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.scan.deskew import DeskewedScan, all_round
-from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
+from cohelm.perceive.scan.odometry_buffer import (
+    EMPTY,
+    extended,
+    is_new,
+    jump,
+    pose_at,
+    top_speeds,
+)
 from cohelm.perceive.source.contact_memory import ContactMemory
 from cohelm.perceive.source.observation_source import NOTHING, ObservationSource
 from cohelm.perceive.source.range_source import RangeSource
@@ -28,6 +35,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, not_ahead, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
+_ANY_SPEED = Twist(math.inf, math.inf)
 _ON_WALL = 0.1  # a return as near to a wall of the map as this is on it [m]
 
 
@@ -117,6 +125,9 @@ class Perception:
         """The map to localize on, if any."""
         self._localizer = Localizer(known, self.lidar, start) if known is not None else None
         self._odometry_buffer = EMPTY
+        self._fastest = top_speeds(model.bounds()) if isinstance(model, RobotModel) else _ANY_SPEED
+        self._read: Odometry | None = None  # the newest
+        self._shift: Pose | None = None  # of its frame in `odom`; None: it is the same
         self._twist = Twist(0.0, 0.0)
         self._points = self._unobserved = self._reported = NOTHING
         self._map_odom = start or Pose(0.0, 0.0, 0.0)
@@ -164,6 +175,8 @@ class Perception:
                 self._map_odom = compose(self._localization.pose, inverse(self._matched))
 
     def _odometry(self, odometry: Odometry) -> None:
+        if is_new(self._odometry_buffer, odometry):
+            odometry = self._continued(odometry)
         self._odometry_buffer = extended(self._odometry_buffer, odometry)
         if all(map(math.isfinite, odometry.twist)):
             self._twist = odometry.twist
@@ -171,6 +184,20 @@ class Perception:
             first = Pose(*self._odometry_buffer[-1, 1:4].tolist())
             self._map_odom = compose(self._map_odom, inverse(first))
             self._placed = True
+
+    def _continued(self, odometry: Odometry) -> Odometry:
+        """A new reading in `odom`, which goes on where odometry jumps or begins anew: neither the
+        robot has jumped, nor what it remembers around it."""
+        before, self._read = self._read, odometry
+        pose = Pose(*map(float, odometry.pose))
+        if before is not None:
+            anew, buffer = odometry.stamp < before.stamp, self._odometry_buffer
+            if anew or jump(before, odometry, self._fastest):
+                here = pose_at(buffer, float(buffer[-1, 0] if anew else odometry.stamp))
+                self._shift = compose(here, inverse(pose))
+        if self._shift is None:
+            return odometry
+        return odometry._replace(pose=compose(self._shift, pose))
 
     def _take_scan(self, source: ObservationSource | RangeSource, scan: Scan) -> None:
         if isinstance(source, RangeSource):
