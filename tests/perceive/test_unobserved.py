@@ -102,6 +102,25 @@ def test_odometry_that_jumps_or_begins_anew_moves_neither_robot_nor_what_is_behi
     assert seen.pose == pytest.approx((at.x + 0.02, 0.0, 0.0), abs=1e-6)
 
 
+@pytest.mark.parametrize(("stamp", "duration"), [(20.0, math.nan), (20.0, math.inf), (4.0, 0.0)])
+def test_a_scan_from_nobody_knows_where_changes_nothing_that_is_remembered(stamp, duration):
+    """Its time is no number, or from before all odometry that is kept."""
+    eyes, at = Perception(SALLY), Pose(0.0, 0.0, 0.0)
+    post = np.array([[0.6, 0.45, 0.0, 0.0, 0.05, 0.0]])
+    ranges = np.empty(len(eyes.lidar.beams))
+    for k in range(1001):
+        at = Pose(min(0.005 * k, 1.2), 0.0, 0.0)
+        scan = None
+        if k % 5 == 0:
+            sight(at, eyes.lidar, post, WALLS, NO_GRID, ranges)
+            scan = Scan(0.02 * k, k, ranges.copy(), 0.0)
+        odometry = Odometry(0.02 * k, at, Twist(0.0, 0.0))
+        before = eyes.take(0.02 * k, Readings(odometry, scan))
+    sight(Pose(0.6, 0.0, 0.0), eyes.lidar, post, WALLS, NO_GRID, ranges)
+    after = eyes.take(20.0, Readings(odometry, Scan(stamp, 2000, ranges, duration)))
+    assert np.array_equal(after.points, before.points)
+
+
 def test_a_robot_that_was_switched_on_may_turn_but_not_back_away():
     points = blind(driven([Pose(0.0, 0.0, 0.0)]))
     assert len(points)

@@ -149,7 +149,8 @@ class Perception:
     def take(self, now: float, readings: Readings) -> Seen:
         """Process the newest readings; returns the result at `now` [s]. May be called at any rate.
 
-        A reading received before adds nothing; a scan older than all odometry is ignored.
+        A reading received before adds nothing; a scan older than the odometry that is kept is
+        ignored.
         """
         self.receive(now, readings)
         return self.seen(now)

@@ -66,6 +66,12 @@ def extended(buffer: Floats, odometry: Odometry) -> Floats:
     return extended_buffer
 
 
+def too_old(buffer: Floats, stamp: float) -> bool:
+    """Whether the buffer does not go back to a time any more: where the robot was then is not
+    known."""
+    return len(buffer) == KEPT and stamp < float(buffer[0, 0])
+
+
 @jit
 def pose_at(buffer: Floats, t: float) -> Pose:
     """The odometry pose at a time: interpolated, or predicted from the last reading.
