@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from cohelm.loop.planning import MAX_PLAN_AGE, RemotePlanner
+from cohelm.loop.planning import MAX_PLAN_AGE, InProcessPlanner, RemotePlanner
 
 LONG = 2_000_000  # more than a socket holds
 
@@ -125,3 +125,12 @@ def test_a_plan_that_is_not_collected_in_time_is_not_used(planning):
     assert not planning.late
     assert planning.offer(100.0, b"new")
     assert planned(planning, 100.2) == b"new"
+
+
+def test_a_plan_made_at_once_is_used_after_its_time_and_not_after_a_pause():
+    made = InProcessPlanner(wordy, takes=0.04)  # type: ignore[arg-type]
+    for pause, used in ((0.04, b"a"), (MAX_PLAN_AGE, b"a"), (60.0, None)):
+        assert made.offer(10.0, b"a")  # type: ignore[arg-type]
+        assert made.plan(10.02) is None
+        assert made.plan(10.0 + pause) == used
+        assert not made.busy

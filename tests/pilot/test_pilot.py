@@ -11,7 +11,7 @@ from cohelm.law.govern import CourseClock
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.verdict import INVALID
-from cohelm.pilot.behavior import FOLLOWING, LED
+from cohelm.pilot.behavior import ESCAPING, FOLLOWING, LED
 from cohelm.pilot.pilot import NOTHING_NEAR, Pilot, taken
 from cohelm.pilot.replanning import Plan
 from cohelm.pilot.step import NO_MOVE
@@ -65,6 +65,28 @@ def test_a_robot_that_was_driven_far_from_its_route_plans_on_a_grid_of_the_usual
     assert plan.clearance > 0.04
     assert plan.course.poses[0, :2] == pytest.approx([-90.0, 90.0], abs=0.2)
     assert plan.course.poses[-1, :2] == pytest.approx([6.0, 0.0], abs=0.2)
+
+
+@pytest.mark.parametrize(("pause", "goes_on"), [(0.5, True), (60.0, False)])
+def test_a_recovery_move_is_not_finished_elsewhere_after_the_robot_was_on_hold(pause, goes_on):
+    pilot, here, still = (
+        Pilot(through(STRAIGHT, 0.5), SETTINGS),
+        Pose(0.0, 0.0, 0.0),
+        Twist(0.0, 0.0),
+    )
+    pilot.step(0.0, here, still, None, NOTHING_NEAR)
+    move = RecoveryMove(-0.8, 0.0, 1.0)
+    clock = pilot.state.clock._replace(waited=2.0)
+    pilot.state = pilot.state._replace(left=move, moves=1, clock=clock, refused=4, row=0)
+    pilot.step(DT, here, still, None, NOTHING_NEAR)
+    assert pilot.state.left.distance < 0.0
+    decision = pilot.step(DT + pause, here, still, None, NOTHING_NEAR)
+    assert (decision.safe_v < 0.0) is goes_on
+    assert decision.behavior == (ESCAPING if goes_on else FOLLOWING)
+    assert (pilot.state.left == NO_MOVE) is not goes_on
+    assert (pilot.state.moves, pilot.state.refused) == ((1, 4) if goes_on else (0, 0))
+    assert goes_on or pilot.state.clock.waited < 0.1
+    assert pilot.state.k == 3
 
 
 def test_a_closed_road_is_not_forced():

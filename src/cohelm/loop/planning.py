@@ -38,7 +38,8 @@ class InProcessPlanner:
     def plan(self, now: float) -> Plan | None:
         """The plan, when its time has come."""
         if self._made and now >= self._made[0][0] - 1e-6:  # times add up with rounding
-            return self._made.popleft()[1]
+            due, made = self._made.popleft()
+            return None if now - due > MAX_PLAN_AGE else made
         return None
 
     def close(self) -> None:

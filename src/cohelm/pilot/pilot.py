@@ -33,6 +33,8 @@ from cohelm.plan.evasion.movers import empty_mover_history
 from cohelm.plan.path_planner import PathParams
 from cohelm.plan.recovery import kind
 
+_PAUSE = 1.0
+"""A pilot that was not asked for longer begins anew: the robot may be elsewhere [s]."""
 NOTHING_NEAR = surroundings()
 """No obstacles."""
 
@@ -102,6 +104,8 @@ class Pilot:
         dt = self.settings.rules.dt
         passed = now - self._now
         if math.isfinite(passed):
+            if passed > max(_PAUSE, 3.0 * dt):
+                self._begin_anew()
             dt = min(max(passed, 0.0), 3.0 * dt)  # a late step must not make the reference jump
         self._now = now
         self.state, decision = self._step(
@@ -111,6 +115,14 @@ class Pilot:
         self.behavior = decision.behavior
         self._safe = Twist(decision.safe_v, decision.safe_omega)
         return decision
+
+    def _begin_anew(self) -> None:
+        """Go on along the route, without what was begun before: recovery, evasion, and how long the
+        robot was held up."""
+        s = self.state
+        clock = s.clock._replace(waited=0.0)
+        self.state = START._replace(k=s.k, time=s.time, clock=clock, row=s.row)
+        self.refused_for, self._refused = 0.0, 0
 
     def applied(self, command: Twist) -> None:
         """The command that gate and monitors passed in this period. A recovery move of which they
