@@ -223,3 +223,21 @@ def test_only_one_viewer_steers_at_a_time(monkeypatch):
     assert "another viewer is steering" in teleop.publish("b", Twist(0.1, 0.0), print)
     teleop._received -= 11.0
     assert teleop.publish("b", Twist(0.1, 0.0), print) == ""
+
+
+def test_a_link_that_can_not_be_opened_is_reported_and_tried_again_with_the_next_press(monkeypatch):
+    opened: list[int] = []
+
+    def refused(*_: object) -> StationEnd:
+        opened.append(1)
+        raise CohelmError("the host 'robot' can not be found: check its name")
+
+    monkeypatch.setattr("cohelm.link.station_end.StationEnd", refused)
+    own, _ = pair_here()
+    teleop, told = FoxgloveTeleop(Joined(own, "robot", 9, GAINS)), list[str]()
+    for times in (1, 2):
+        teleop.publish("panel", Twist(0.1, 0.0), told.append)
+        assert any(len(told) == times for _ in looks(10.0, 0.01, 0.5))
+    assert len(opened) == 2
+    assert told == ["can not steer: the host 'robot' can not be found: check its name"] * 2
+    teleop.close()

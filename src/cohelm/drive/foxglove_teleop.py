@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.types import CENTRED, Stick, Twist
 from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.link.operator import is_current
@@ -116,7 +117,14 @@ class FoxgloveTeleop:
         from cohelm.link.station_end import StationEnd
 
         keys, host, port, gains = self._joined
-        with StationEnd(keys, host, port) as end:
+        try:
+            end = StationEnd(keys, host, port)
+        except (CohelmError, OSError) as error:
+            with self._lock:
+                self._owner = self._thread = None
+            self._say(f"can not steer: {error}")
+            return
+        with end:
             client, twist = _StickClient(end, gains, self._note), None
             while not self._over.wait(_PERIOD):
                 with self._lock:

@@ -210,7 +210,7 @@ class LiveServer:
         """Whether a topic is latched or has a subscriber."""
         return topic in LASTING or any(topic in one.subscribed for one in self._viewers)
 
-    def put(self, topic: str, data: bytes, stamp: int, number: int | None = None) -> None:
+    def put(self, topic: str, data: bytes, stamp: int, _: int | None) -> None:
         """Forward one message, in CDR. stamp: [ns]."""
         if topic in LASTING:
             self._last[topic] = stamp, data

@@ -26,23 +26,20 @@ class Connection(NamedTuple):
     def open(self, node: str, namespace: str = "/") -> Transport:
         """A new transport. CohelmError where it can not begin, with why it was this one."""
         try:
-            return self._opened(node, namespace)
+            if self.kind == FOXGLOVE:
+                from cohelm.ros.foxglove import FoxgloveTransport
+
+                return FoxgloveTransport(self.url)
+            if self.kind == ZENOH:
+                from cohelm.ros.zenoh import ZenohTransport
+
+                return ZenohTransport(node, namespace, self.url)
+            from cohelm.ros.dds import DdsTransport
+
+            return DdsTransport(node, namespace)
         except CohelmError as error:
             why = f" ({self.kind} was taken because {self.why})" if self.why else ""
             raise CohelmError(f"{error}{why}") from error
-
-    def _opened(self, node: str, namespace: str) -> Transport:
-        if self.kind == FOXGLOVE:
-            from cohelm.ros.foxglove import FoxgloveTransport
-
-            return FoxgloveTransport(self.url)
-        if self.kind == ZENOH:
-            from cohelm.ros.zenoh import ZenohTransport
-
-            return ZenohTransport(node, namespace, self.url)
-        from cohelm.ros.dds import DdsTransport
-
-        return DdsTransport(node, namespace)
 
 
 def connection(kind: str = AUTO, url: str = "") -> Connection:

@@ -107,20 +107,13 @@ def _shared(inspection: Inspection, seen: list[Endpoint]) -> tuple[list[str], li
 def _missing(inspection: Inspection, names: list[str], seen: list[Endpoint]) -> list[str]:
     """What did not come, a sentence each. names: of the LiDARs."""
     errors: list[str] = []
-    for topic, kind, came, option in (
-        (inspection.topics.odom, ODOMETRY, inspection.odometry, "--odom"),
-        *(
-            (
-                topic,
-                inspection.kinds[topic],
-                rows,
-                f"--further-scan {name}=TOPIC" if i else "--scan",
-            )
-            for i, (name, (topic, rows)) in enumerate(
-                zip(names, inspection.scans.items(), strict=True)
-            )
-        ),
-    ):
+    options = ("--scan", *(f"--further-scan {name}=TOPIC" for name in names[1:]))
+    needed = [(inspection.topics.odom, ODOMETRY, inspection.odometry, "--odom")]
+    needed += [
+        (topic, inspection.kinds[topic], rows, option)
+        for option, (topic, rows) in zip(options, inspection.scans.items(), strict=True)
+    ]
+    for topic, kind, came, option in needed:
         if len(came) < 3:
             damage = inspection.damage.get(topic, "")
             errors.append(mismatch.nothing_received(topic, kind, SENSOR, option, seen, damage))

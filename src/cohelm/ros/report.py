@@ -97,16 +97,11 @@ class Report:
         if now - self._drawn >= _MARKERS:
             self._drawn = now
             found = self._found
-            self._markers.send(
-                messages.markers(
-                    self.outline,
-                    found.body,
-                    found.odom,
-                    _LEVELS[self._kind],
-                    row.limiting,
-                    found.model.axle_x_m,
-                )
-            )
+            drawn = messages.markers(
+                self.outline, found.body, found.odom, _LEVELS[self._kind], row.limiting,
+                found.model.axle_x_m,
+            )  # fmt: skip
+            self._markers.send(drawn)
 
     def note(self, text: str) -> None:
         """Something that happened once."""

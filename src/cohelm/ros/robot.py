@@ -260,13 +260,6 @@ def _ranges(
     return laser.Ranges(model, found.mount)
 
 
-def adapted(found: Found, node: str = GATE) -> RobotAdapter:
-    """The robot that was found, behind the port; called in the process that keeps it. CohelmError
-    where the network can not be joined."""
-    transport = found.connection.open(node, found.topics.namespace)
-    return RobotAdapter(Ros2Robot(found.model, found, transport))
-
-
 class Ros2Make:
     """Makes the robot that was found, of its model. Can be pickled."""
 
@@ -279,6 +272,12 @@ class Ros2Make:
         """A new one. CohelmError where the network can not be joined."""
         transport = self.found.connection.open(GATE, self.found.topics.namespace)
         return Ros2Robot(model, self.found, transport)
+
+
+def adapted(found: Found) -> RobotAdapter:
+    """The robot that was found, behind the port; called in the process that keeps it. CohelmError
+    where the network can not be joined."""
+    return RobotAdapter(Ros2Make(found)(found.model))
 
 
 def same(message: Any, before: Any) -> bool:

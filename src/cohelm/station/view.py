@@ -111,14 +111,9 @@ def map_part(part: Map) -> bytes:
 def zones(message: ZoneMap) -> bytes:
     """Keep-out or speed zones; cells stay compressed."""
     head = _ZONES.pack(
-        ZONES,
-        message.what,
-        *message.origin,
-        message.resolution,
-        message.usual,
-        message.columns,
+        ZONES, message.what, *message.origin, message.resolution, message.usual, message.columns,
         message.rows,
-    )
+    )  # fmt: skip
     return head + message.cells
 
 

@@ -13,11 +13,8 @@ from typing import Any
 from cohelm.link.sticks.port import Button, Reading, StickDevice
 
 KEYS = {
-    ord(" "): Button.STOP,
-    ord("r"): Button.RESET,
-    ord("m"): Button.MODE,
-    ord("l"): Button.LEASE,
-}
+    ord(" "): Button.STOP, ord("r"): Button.RESET, ord("m"): Button.MODE, ord("l"): Button.LEASE,
+}  # fmt: skip
 
 
 class TerminalButtons:
