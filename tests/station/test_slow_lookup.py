@@ -15,7 +15,7 @@ from cohelm.station.serve import Server
 from tests.station.bare import Bare
 from tests.station.conftest import WAIT
 from tests.station.servers import served
-from tests.station.visitor import opened
+from tests.station.visitor import asked, opened, session
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -42,6 +42,18 @@ def test_a_robot_that_is_looked_up_slowly_delays_no_other_page(bare: Bare, known
         looked_up.set()
         other.join()
         assert said == ["" if known else "the host 'robot.local' can not be found: check its name"]
+
+
+def test_a_download_from_a_robot_that_is_not_found_says_so(bare: Bare) -> None:
+    def unknown(_: str) -> Linked:
+        raise CohelmError("the host 'robot.local' can not be found: check its name")
+
+    with served(unknown) as server:
+        bearer = f"Bearer {session(server)}"
+        for method in ("POST", "GET"):
+            said = asked(server, method, "/records/drive.mcap", authorization=bearer)
+            assert said.status == 503
+            assert "can not be found" in said.text
 
 
 def _last(server: Server) -> str:

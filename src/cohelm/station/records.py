@@ -18,10 +18,12 @@ import re
 import time
 from collections.abc import AsyncGenerator
 
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.types import Receive, Scope, Send
 
+from cohelm.core.errors import CohelmError
 from cohelm.link.bulk_messages import Digest, Piece
 from cohelm.station.robot_link import Connect, ReplayLink, RobotLink
 
@@ -98,7 +100,10 @@ class Downloads:
     async def _link(self) -> AsyncGenerator[RobotLink]:
         self._going += 1
         try:
-            link = await asyncio.to_thread(self._connect, "a download")
+            try:
+                link = await asyncio.to_thread(self._connect, "a download")
+            except CohelmError as error:
+                raise HTTPException(503, str(error)) from error
             try:
                 yield link
             finally:
