@@ -170,8 +170,6 @@ class Station:
             if not admitted:
                 return PlainTextResponse("log in first", 401)
             about = await self._downloads.about(name)
-            if isinstance(about, Response):
-                return about
             ticket = self._access.ticket(name)
             described = {"ticket": ticket, "bytes": about.size, "sha256": about.sha256.hex()}
             return JSONResponse(described, headers={"cache-control": "no-store"})

@@ -20,7 +20,7 @@ from collections.abc import AsyncGenerator
 
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response
+from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from cohelm.core.errors import CohelmError
@@ -57,23 +57,17 @@ class Downloads:
         self._connect = connect
         self._going = 0
 
-    async def about(self, name: str) -> Digest | Response:
-        """Size and hash of a record; or the response with the reason why not."""
-        if self._going >= MOST_AT_ONCE:
-            return _full()
+    async def about(self, name: str) -> Digest:
+        """Size and hash of a record. HTTPException with the reason why not."""
         async with self._link() as link:
             return await _about(link, name)
 
     async def response(self, request: Request, name: str) -> Response:
-        """The record, or the part of it that a Range header asks for."""
-        if self._going >= MOST_AT_ONCE:
-            return _full()
+        """The record, or the part of it that a Range header asks for. HTTPException as above."""
         stack = contextlib.AsyncExitStack()
         try:
             link = await stack.enter_async_context(self._link())
             about = await _about(link, name)
-            if isinstance(about, Response):
-                return about
             headers = {
                 "accept-ranges": "bytes", "etag": f'"{about.sha256.hex()}"',
                 "repr-digest": f"sha-256=:{base64.b64encode(about.sha256).decode()}:",
@@ -98,6 +92,12 @@ class Downloads:
 
     @contextlib.asynccontextmanager
     async def _link(self) -> AsyncGenerator[RobotLink]:
+        if self._going >= MOST_AT_ONCE:
+            raise HTTPException(
+                503,
+                f"{MOST_AT_ONCE} downloads are running: wait for one of them, then click again",
+                {"retry-after": "5"},
+            )
         self._going += 1
         try:
             try:
@@ -110,13 +110,6 @@ class Downloads:
                 await asyncio.to_thread(link.close)
         finally:
             self._going -= 1
-
-
-def _full() -> Response:
-    return PlainTextResponse(
-        f"{MOST_AT_ONCE} downloads are running: wait for one of them, then click again",
-        503, headers={"retry-after": "5"},
-    )  # fmt: skip
 
 
 def _part(request: Request, size: int, tag: str) -> tuple[int, int] | None:
@@ -132,9 +125,9 @@ def _part(request: Request, size: int, tag: str) -> tuple[int, int] | None:
     return (first, end) if first < end else None
 
 
-async def _about(link: RobotLink, name: str) -> Digest | Response:
+async def _about(link: RobotLink, name: str) -> Digest:
     if isinstance(link, ReplayLink):
-        return PlainTextResponse("this is a replay: there is no robot with other records", 404)
+        raise HTTPException(404, "this is a replay: there is no robot with other records")
     began = time.monotonic()
     again = -math.inf
     while (now := time.monotonic()) - began < DIGEST_WITHIN:
@@ -143,12 +136,13 @@ async def _about(link: RobotLink, name: str) -> Digest | Response:
             again = now
         for news in link.news():
             if isinstance(news.message, Digest) and news.message.name == name:
-                why = news.message.why
-                return PlainTextResponse(why, 404) if why else news.message
+                if news.message.why:
+                    raise HTTPException(404, news.message.why)
+                return news.message
         if not link.state().connected and now - began > PIECE_WITHIN:
             break
         await asyncio.sleep(_POLL)
-    return PlainTextResponse("the robot does not send it; try again", 504)
+    raise HTTPException(504, "the robot does not send it; try again")
 
 
 async def pieces(link: RobotLink, about: Digest, first: int, end: int) -> AsyncGenerator[bytes]:
