@@ -9,7 +9,7 @@ trip, and an interval in which the clocks' offset must lie, however unequal the 
 
 The estimate is the narrowest interval so far, each widened by what clocks can drift apart in the
 time since. Delay makes intervals wide, never wrong; one that does not meet the estimate's therefore
-proves that a clock has jumped (a computer that slept), and the estimate begins restart.
+proves that a clock has jumped (a computer that slept), and the estimate begins anew.
 
 The middle of the interval is right where both ways are equally slow. Where only one is, a command
 may be twice as old as the middle says. What decides whether a command is still used is therefore
