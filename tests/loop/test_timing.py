@@ -1,9 +1,11 @@
 """Statistics of the loop's timing."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
+from cohelm.loop.loop import Loop, LoopParams
 from cohelm.loop.timing import Timing
 
 
@@ -54,3 +56,23 @@ def test_skipped_periods_count_as_late():
     assert (kept.periods, kept.overruns, kept.late_worst) == (3, 1, 0.03)
     assert kept.within_2ms == pytest.approx(1 / 3)
     assert timing.recent == 0.03
+
+
+@pytest.mark.parametrize(
+    ("end", "due", "periods"),
+    [
+        (100.005, 100.02, 1),  # as usual
+        (100.05, 100.06, 3),  # two are missed
+        (105.01, 105.02, 251),
+        (1e7 + 0.01, 1e7 + 0.01, 1),  # the clock jumps to another day
+        (3.0, 3.0, 1),  # or back
+    ],
+)
+def test_the_next_period_is_due_soon_also_after_the_clock_has_jumped(end, due, periods):
+    loop = SimpleNamespace(
+        gated=SimpleNamespace(now=lambda: end), params=LoopParams(), timing=Timing(),
+        _due=100.0, _late=0.0, _took=0.0, _garbage=None,
+    )  # fmt: skip
+    Loop._keep_time(loop, 100.0)  # type: ignore[arg-type]
+    assert loop._due == pytest.approx(due)
+    assert loop.timing.punctuality().periods == periods

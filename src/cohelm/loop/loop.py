@@ -34,6 +34,7 @@ from cohelm.robot.keep.process import GatedRobot
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.port import Readings
 
+_JUMPED = 10.0  # no period is as late [s]
 _NO_PLANNER = "the path planner has ended: the robot keeps its path"
 _LATE_PLANNER = "the path planner does not answer: the robot keeps its path"
 _OUTLINE_CHANGED = "the outline has changed: both apply until the robot can stop clear with both"
@@ -295,6 +296,8 @@ class Loop:
             self._due = now
         following = self._due + period
         self.timing.add(now, self._late, self._took, end > following)
+        if following > end + 2.0 * period or following < end - _JUMPED:
+            following = end  # the clock has jumped: neither wait for it nor count
         while following < end:  # a skipped period counts as a late one
             self.timing.missed(end - following)
             following += period
