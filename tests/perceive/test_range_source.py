@@ -56,6 +56,12 @@ def test_a_farther_range_takes_a_nearer_one_away_and_nothing_measured_does_not()
     assert len(shown(2.0, 1.0)) == 2 * len(shown(1.0))  # what is hidden may be there
 
 
+def test_a_beam_without_a_number_hides_no_obstacle_of_the_others():
+    seen = np.full(len(SONAR.lidar().beams), 1.0)
+    seen[3] = math.nan
+    assert np.array_equal(shown(seen), shown(1.0))
+
+
 def test_out_of_the_cone_it_is_remembered_for_a_while_only():
     away = Pose(0.0, 0.0, math.pi)
     once = len(shown(1.0))

@@ -47,9 +47,9 @@ class RangeSource:
             return
         if too_old(buffer, stamp):
             return
-        reach = float(np.min(scan.ranges))
-        if math.isnan(reach):
+        if np.isnan(scan.ranges).all():
             return
+        reach = float(np.nanmin(scan.ranges))
         self.stamp = stamp
         pose = pose_at(buffer, stamp)
         stays = (stamp - self._seen <= self._model.forget_s) & ~self._looked_at(pose, reach)
