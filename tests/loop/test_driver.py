@@ -32,6 +32,21 @@ def test_in_manual_mode_with_a_centred_stick_there_is_no_evasion(gently):
         driver.record_applied(Twist(d.safe_v, d.safe_omega))
 
 
+@pytest.mark.parametrize("measured", [Twist(0.5, 0.0), Twist(-0.3, 0.0), Twist(0.0, 0.9)])
+def test_as_long_as_the_robot_moves_otherwise_than_commanded_the_measured_twist_counts(measured):
+    """On a slope, or sliding: the guard must not take it for slower than it is."""
+    driver, found = Driver(None, SETTINGS, 0.1, None), []
+    for k in range(200):
+        given = Twist(measured.v + 0.01 * (k % 3), measured.omega)  # it is noisy
+        found.append(driver.update_twist(given) == given)
+        driver.record_applied(Twist(0.0, 0.0))
+    assert not any(found[:7])
+    assert all(found[7:])
+    for _ in range(3):
+        later = driver.update_twist(Twist(0.05, 0.0))
+    assert later == Twist(0.0, 0.0)
+
+
 def test_the_planner_gets_unobserved_space_apart_from_obstacles_and_zones():
     stands, unseen, zones = np.ones((3, 2)), np.full((2, 2), 5.0), np.full((4, 2), 9.0)
     tasks = []

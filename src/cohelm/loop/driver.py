@@ -63,7 +63,7 @@ class Driver:
         dt = settings.rules.dt
         self._delay = periods(delay, dt)[0]
         self._applied: deque[Twist] = deque([Twist(0.0, 0.0)] * (self._delay + 1), self._delay + 1)
-        self._twist = Twist(0.0, 0.0)
+        self._twist = self._expected = Twist(0.0, 0.0)
         self._mismatch = 0
         self._planned = -math.inf
         self._map: tuple[Floats, Pose | None] = (np.empty((0, 2)), None)
@@ -94,13 +94,14 @@ class Driver:
 
         Measurements are late, and their noise would enter every command.
         """
-        before, dt = self._twist, self.settings.rules.dt
+        before, dt = self._expected, self.settings.rules.dt
         off = (
             abs(measured.v - before.v) > _MISMATCH_V
             or abs(measured.omega - before.omega) > _MISMATCH_OMEGA
         )
         self._mismatch = self._mismatch + 1 if off else 0
-        self._twist = achievable(self._applied[0], before, self.settings.limits, dt)
+        self._expected = achievable(self._applied[0], before, self.settings.limits, dt)
+        self._twist = self._expected
         if self._mismatch >= _MISMATCH_PERIODS and math.isfinite(measured.v + measured.omega):
             self._twist = measured
         return self._twist
