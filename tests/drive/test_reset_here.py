@@ -47,8 +47,10 @@ class Drive:
             def until(loop) -> bool:
                 self.speeds.append(loop.gated.truth().twist.v)
                 if self.joy is not None:
-                    self.joy.now = time.monotonic()
-                    self.joy.say(*self.hand)
+                    self.joy.now = loop.gated.now()
+                    (x,) = self.hand
+                    trembling = x + 0.001 * (len(self.speeds) % 2) if x else x
+                    self.joy.say(trembling)
                 self.topics.turn(loop)
                 self.reset.turn(loop, self.topics.joy)
                 return next(steps, "over") == "over"
