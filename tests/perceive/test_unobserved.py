@@ -99,6 +99,8 @@ def test_odometry_that_jumps_or_begins_anew_moves_neither_robot_nor_what_is_behi
         assert len(after) == len(before)
         assert after == pytest.approx(before - [0.01 * k, 0.0], abs=0.006)
         assert not unobserved
+        reported = compose(to, between(at, moved))
+        assert compose(seen.odom_received, reported) == pytest.approx(seen.odometry, abs=1e-9)
     assert seen.pose == pytest.approx((at.x + 0.02, 0.0, 0.0), abs=1e-6)
 
 

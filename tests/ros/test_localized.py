@@ -31,6 +31,7 @@ from tests.ros.transports import TRANSPORTS
 
 pytestmark = pytest.mark.xdist_group("bridge")  # which a worker starts once
 MAP_ODOM, ODOM = Pose(3.0, -1.0, 0.4), Pose(1.5, 0.25, -1.1)
+NOT_JUMPED = Pose(0.0, 0.0, 0.0)
 LASTING = [pytest.param(one, id=name) for name, one in TRANSPORTS.items() if one.graph]
 """Transports on which what is transient local lasts."""
 GRID = "nav_msgs/msg/OccupancyGrid"
@@ -46,11 +47,11 @@ def found(namespace: str, odom: str, ahead: float = 0.0) -> Found:
     )  # fmt: skip
 
 
-def seen(lost: bool = False, map_odom: Pose = MAP_ODOM) -> Seen:
+def seen(lost: bool = False, map_odom: Pose = MAP_ODOM, jumped: Pose = NOT_JUMPED) -> Seen:
     nothing = np.empty((0, 2))
     return Seen(
         0.0, compose(map_odom, ODOM), np.diag([0.01, 0.02, 0.03]), 1.0, lost, "", ODOM,
-        Twist(0.0, 0.0), map_odom, nothing, 0, nothing, nothing, nothing, nothing,
+        Twist(0.0, 0.0), map_odom, jumped, nothing, 0, nothing, nothing, nothing, nothing,
     )  # fmt: skip
 
 
@@ -143,6 +144,18 @@ def test_the_path_is_latched_and_published_again_when_it_changes(pair, request):
     robot.localized.close()
     assert len({seconds(one.message.header.stamp) for one in path}) == 2
     assert path.last.header.frame_id == "map"
+
+
+def test_the_transform_is_of_the_frame_that_odometry_has_after_it_jumped(pair):
+    """Perception's `odom` goes on smoothly; what else hears /tf has the robot's own."""
+    (ours, theirs), space = pair, fresh("jumped")
+    tf = Heard(theirs, f"{space}/tf", TF)
+    robot, jumped = Robot(ours, space), Pose(-4.0, 2.0, 2.5)
+    assert until(lambda: robot.take(jumped=jumped) or bool(tf))
+    robot.localized.close()
+    at = tf.last.transforms[0].transform
+    there = Pose(at.translation.x, at.translation.y, yaw_of(at.rotation))
+    assert there == pytest.approx(compose(MAP_ODOM, jumped))
 
 
 @pytest.mark.parametrize("pair", LASTING, indirect=True)

@@ -61,6 +61,8 @@ class Seen(NamedTuple):
     """As measured, in the body frame."""
     map_odom: Pose
     """The pose of `odom` in the map: compose(map_odom, p) puts a pose of `odom` on the map."""
+    odom_received: Pose
+    """The pose of the received odometry's frame in `odom`: the origin, until that one jumps."""
     points: Floats
     """Static points, and behind them the border of unobserved space, (p, 2), in `odom` [m]."""
     unobserved: int
@@ -127,7 +129,7 @@ class Perception:
         self._odometry_buffer = EMPTY
         self._fastest = top_speeds(model.bounds()) if isinstance(model, RobotModel) else _ANY_SPEED
         self._read: Odometry | None = None  # the newest
-        self._shift: Pose | None = None  # of its frame in `odom`; None: it is the same
+        self._received: Pose | None = None  # its frame in `odom`; None: it is the same
         self._twist = Twist(0.0, 0.0)
         self._points = self._unobserved = self._reported = NOTHING
         self._map_odom = start or Pose(0.0, 0.0, 0.0)
@@ -195,10 +197,10 @@ class Perception:
             anew, buffer = odometry.stamp < before.stamp, self._odometry_buffer
             if anew or jump(before, odometry, self._fastest):
                 here = pose_at(buffer, float(buffer[-1, 0] if anew else odometry.stamp))
-                self._shift = compose(here, inverse(pose))
-        if self._shift is None:
+                self._received = compose(here, inverse(pose))
+        if self._received is None:
             return odometry
-        return odometry._replace(pose=compose(self._shift, pose))
+        return odometry._replace(pose=compose(self._received, pose))
 
     def _take_scan(self, source: ObservationSource | RangeSource, scan: Scan) -> None:
         if isinstance(source, RangeSource):
@@ -278,7 +280,8 @@ class Perception:
         return Seen(
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
-            twist=self._twist, map_odom=self._map_odom, points=self._reported,
+            twist=self._twist, map_odom=self._map_odom,
+            odom_received=self._received or Pose(0.0, 0.0, 0.0), points=self._reported,
             unobserved=self.unobserved, discs=discs, mobile=mobile,
             mobile_max_acceleration=np.full(len(mobile), self._tracker_params.max_acceleration),
             mobile_velocity_error=velocity_error,

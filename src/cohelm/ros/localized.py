@@ -114,8 +114,9 @@ class Localized:
             if not stamp > self._newest:  # nor for NaN
                 return
             self._newest = stamp
-            at = compose(seen.map_odom, odometry.pose)
-            self._place = LocatedPose(stamp, seen.map_odom, at, seen.covariance)
+            map_odom = compose(seen.map_odom, seen.odom_received)
+            at = compose(map_odom, odometry.pose)
+            self._place = LocatedPose(stamp, map_odom, at, seen.covariance)
             self._turn.notify()
 
     def draw(self, known: Map) -> None:
