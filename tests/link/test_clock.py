@@ -66,6 +66,18 @@ def test_after_a_clock_has_jumped_the_age_is_bounded_again_from_the_next_echo_on
     assert path.max_age(now + 50.0 + jump, now) == pytest.approx(0.02, abs=0.01)
 
 
+@pytest.mark.parametrize("asleep", [2.0, 3600.0])
+def test_a_stamp_from_before_a_clock_jumped_is_of_no_known_age(asleep):
+    """A laptop sleeps, its clock stands still, and what was requested before looks new."""
+    path, now = Path(), 100.0
+    for number in range(20):
+        now = exchange(path, 50.0, 0.02, 0.02, now, number + 1)
+    made = now + 50.0
+    woken = exchange(path, 50.0 - asleep, 0.02, 0.02, now + asleep, 30)
+    assert path.max_age(made, woken) > asleep
+    assert path.max_age(woken - 0.02 + 50.0 - asleep, woken) < 0.05  # of a new one
+
+
 def test_a_clock_jump_within_the_round_trip_never_makes_a_command_younger():
     path, now = Path(), 100.0
     for number in range(20):

@@ -129,6 +129,31 @@ def test_requests_beyond_a_rate_are_refused_with_an_answer_and_stops_are_not(rob
     assert len(refused) + len(done) == 88 + 1
 
 
+def test_a_request_from_before_a_station_slept_is_refused_after_it(robot, raw):
+    """Its clock stood still meanwhile, so by that the request is as new as it was."""
+    raw, answers, asleep = raw(), [], 5.0
+    robot.answer = lambda *answer: answers.append(answer)
+
+    def say(number: int, behind: float, *requests: Request) -> None:
+        now = time.monotonic()  # the robot's, too
+        stick = Uplink(Command(CENTRED, True, True, Device.SCRIPT), requests)
+        raw.say(encode(Header(7, number, now - behind, now - 1e-3, 1e-3), stick))
+
+    say(1, 0.0)
+    say(2, 0.0, Request(1, RequestKind.TAKE, 0, time.monotonic()))
+    until(lambda: answers)
+    pressed = Request(2, RequestKind.MODE, 2, time.monotonic() - asleep - 0.1)
+    for number in range(3, 6):
+        say(number, asleep, pressed)
+    until(lambda: len(answers) > 1)
+    assert answers[1][1:] == (2, False, "the request is too old")
+    assert robot.receive().requests == ()
+    say(6, asleep, Request(3, RequestKind.MODE, 2, time.monotonic() - asleep))
+    asked = []
+    until(lambda: asked.extend(robot.receive().requests) or asked)
+    assert asked[0].request.number == 3
+
+
 def test_client_numbers_are_reused_and_new_clients_get_a_status(robot, keys):
     """After 65 535 connections, as if there had been so many."""
     robot._clients.last = 65_533

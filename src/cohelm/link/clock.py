@@ -9,7 +9,8 @@ trip, and an interval in which the clocks' offset must lie, however unequal the 
 
 The estimate is the narrowest interval so far, each widened by what clocks can drift apart in the
 time since. Delay makes intervals wide, never wrong; one that does not meet the estimate's therefore
-proves that a clock has jumped (a computer that slept), and the estimate begins anew.
+proves that a clock has jumped (a computer that slept), and the estimate begins anew. How old a
+stamp from before the jump is can not be told any more: its clock stood still meanwhile.
 
 The middle of the interval is right where both ways are equally slow. Where only one is, a command
 may be twice as old as the middle says. What decides whether a command is still used is therefore
@@ -59,6 +60,8 @@ class Path:
         self._arrivals: deque[tuple[float, int]] = deque()
         self._newest: Header | None = None
         self._newest_at = math.nan
+        self._jumped = -math.inf
+        """The other end's clock when a jump was noticed [s]."""
         self.round_trip = math.nan
         """Of the newest message that had an echo [s]."""
 
@@ -91,13 +94,16 @@ class Path:
         return now - (stamp - self.offset)
 
     def max_age(self, stamp: float, now: float) -> float:
-        """The most that `age` can be, however unequal the two ways are [s]; NaN: unknown.
+        """The most that `age` can be, however unequal the two ways are [s]; NaN: unknown; infinite
+        for a stamp from before a clock jumped.
 
         More than the true age by the shortest way to the other end, `DRIFT` times the time since,
         and 0.1 ms.
         """
         if self._most is None:
             return math.nan
+        if stamp < self._jumped:
+            return math.inf
         return now - stamp + self._most.at(now, 1.0) + _EPS
 
     @property
@@ -138,6 +144,8 @@ class Path:
         width = 0.5 * (sample.round_trip + best.round_trip) + drifted + 2.0 * _EPS
         jumped = abs(sample.offset - best.offset) > width
         self._update_bounds(sample, restart=jumped)
+        if jumped:
+            self._jumped = header.stamp
         if jumped or 0.5 * round_trip <= 0.5 * best.round_trip + drifted:
             self._best = sample
 
