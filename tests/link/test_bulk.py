@@ -6,6 +6,7 @@ import hashlib
 import os
 import socket
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from cohelm.link.congestion import FASTEST, SLOWEST, TARGET, CongestionControl
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Answer, RequestKind
 from cohelm.link.robot_bulk import both_ends
+from cohelm.link.robot_end import PATH_LIFE
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
 from tests.link.ends import STATUS, until
@@ -107,6 +109,43 @@ def test_only_the_drivers_waypoints_are_accepted_and_answered(both):
     both.down.reply(proposed[0].client, Checked(Answer(2, False, "0.1 m from a wall"), 1))
     until(lambda: len(both.got(Checked)) == 2, turn=both.turn)
     assert both.got(Checked)[1].worst == 1
+
+
+@pytest.mark.parametrize(("late", "accepted"), [(0.5, True), (PATH_LIFE + 0.5, False)])
+def test_waypoints_that_waited_for_a_connection_are_not_followed_later(both, late, accepted):
+    """Sent while the stream was down, by a driver who may have given up on them long ago."""
+    both.drive()
+    clock = SimpleNamespace(back=late)
+    with StationBulk(
+        both.keys, HERE, both.port, both.station.session, lambda: time.monotonic() - clock.back
+    ) as up:
+        up.send(Waypoints(7, np.array([[1.0, 2.0], [3.0, 4.0]]), False))
+        clock.back = 0.0
+        proposed = []
+        answers = []
+
+        def turn() -> None:
+            both.turn()
+            proposed.extend(both.down.proposed())
+            answers.extend(one for one in up.news() if isinstance(one, Checked))
+
+        until(lambda: proposed or answers, turn=turn)
+    if accepted:
+        assert [one.what.number for one in proposed] == [7]
+    else:
+        assert [one.answer for one in answers] == [
+            Answer(7, False, "the waypoints are too old: send them again")
+        ]
+
+
+def test_waypoints_from_before_the_lease_are_not_followed(both):
+    """Of a client that was given the lease, and could not know that it had it."""
+    both.drive()
+    why = both.robot.path_refusal(both.robot.driver, time.monotonic())
+    assert why == ""
+    both.robot._given_at = time.monotonic() + 0.5
+    why = both.robot.path_refusal(both.robot.driver, time.monotonic())
+    assert why == "you were not the driver yet"
 
 
 def test_observers_may_have_waypoints_checked(both):

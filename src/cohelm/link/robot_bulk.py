@@ -261,9 +261,10 @@ class RobotBulk(IoThread):
         elif isinstance(message, Waypoints):
             client = self._number(station)
             key = (client, message.only_check)
-            if client is None or not (message.only_check or client == self._end.driver):
-                refusal = Checked(Answer(message.number, False, "you are not the driver"), 65535)
-                station.replies.append(refusal)
+            why = "" if message.only_check else self._end.path_refusal(client, header.stamp)
+            if client is None or why:
+                why = why or "no connection for commands yet"
+                station.replies.append(Checked(Answer(message.number, False, why), 65535))
             else:
                 with self._lock:  # at the end: oldest first
                     self._proposed.pop(key, None)

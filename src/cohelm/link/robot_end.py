@@ -40,6 +40,8 @@ from cohelm.link.wire import Header, encode, from_operator, may_stop
 
 REQUEST_LIFE = 1.0
 """Age above which a request is refused, except a stop [s]."""
+PATH_LIFE = 5.0
+"""Age above which waypoints to follow are refused [s]: a stream delivers late what it has lost."""
 TAKEOVER_AFTER = 2.0
 """The lease of a driver that is silent for longer is handed over without an answer [s]."""
 CLIENT_TIMEOUT = 30.0
@@ -134,6 +136,18 @@ class RobotEnd(IoThread):
         with self._lock:
             client = self._clients.find(fingerprint, session)
             return None if client is None else client.number
+
+    def path_refusal(self, number: int | None, made: float) -> str:
+        """Why a client may not send waypoints to follow; empty: it may. made: when it sent them, by
+        its clock [s]."""
+        now = self.clock()
+        with self._lock:
+            client = self._clients.get(number or lease.NO_DRIVER)
+            if client is None or number != self._held.driver:
+                return "you are not the driver"
+            if not client.in_time(made, now, PATH_LIFE):
+                return "the waypoints are too old: send them again"
+            return "you were not the driver yet" if self._before_lease(client, made, now) else ""
 
     @property
     def driver(self) -> int:
@@ -313,7 +327,7 @@ class RobotEnd(IoThread):
                 self._lease_request(client, request, now)
             elif request.what not in _FOR_ANYONE and self._held.driver != client.number:
                 refused = "you are not the driver"
-            elif request.what not in _FOR_ANYONE and self._before_lease(client, request, now):
+            elif request.what not in _FOR_ANYONE and self._before_lease(client, request.made, now):
                 refused = "you were not the driver yet"
             elif not self._pending.add(pending):
                 refused = "too many requests: wait for their answers"
@@ -334,9 +348,10 @@ class RobotEnd(IoThread):
         taken = request.what is RequestKind.TAKE
         self._lease(outcome.held, f"requested by {client.name}", taken=taken)
 
-    def _before_lease(self, client: Client, request: Request, now: float) -> bool:
-        """Whether it was made before the client could know that it is the driver."""
-        return now - client.path.age(request.made, now) < self._given_at
+    def _before_lease(self, client: Client, made: float, now: float) -> bool:
+        """Whether that was before the client could know that it is the driver. made: by its clock
+        [s]."""
+        return now - client.path.age(made, now) < self._given_at
 
     def _lease(
         self, held: lease.LeaseState, why: str, taken: bool = False, lost: bool = False

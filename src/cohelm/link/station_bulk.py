@@ -59,15 +59,16 @@ class StationBulk(IoThread):
         self._news: dict[object, FromRobot] = {}
         self._answers = self._unread = 0
         self._picture: Picture | None = None
-        self._outbox: deque[FromOperator] = deque(maxlen=64)
+        self._outbox: deque[tuple[FromOperator, float]] = deque(maxlen=64)
+        """Messages, and when they were made [s]."""
         self._sequence = 0
         self.connected = False
         self._start()
 
     def send(self, message: FromOperator) -> None:
-        """Send it as soon as there is a connection."""
+        """Send it as soon as there is a connection, with the time of now."""
         with self._lock:
-            self._outbox.append(message)
+            self._outbox.append((message, self._clock()))
         self._waker.wake()
 
     def news(self) -> list[FromRobot]:
@@ -112,7 +113,8 @@ class StationBulk(IoThread):
             raise HandshakeRefused(error.strerror or "the robot does not answer") from None
         stream = Stream(self._context, sock, server=False, most=LARGEST_BULK)
         began = self._clock()
-        hello: FromOperator | None = Fetch("")  # names this session, and requests the list
+        # names this session, and requests the list
+        following: tuple[FromOperator, float] | None = (Fetch(""), began)
         try:
             while self._open:
                 waiting = select.poll()
@@ -128,16 +130,14 @@ class StationBulk(IoThread):
                     raise HandshakeRefused("the handshake took too long")
                 self.connected = stream.up
                 if stream.up and stream.idle:
-                    if hello is not None:
-                        following, hello = hello, None
-                    else:
-                        with self._lock:
-                            following = self._outbox.popleft() if self._outbox else None
+                    with self._lock:
+                        if following is None and self._outbox:
+                            following = self._outbox.popleft()
                     if following is not None:
+                        (message, made), following = following, None
                         self._sequence += 1
-                        now = self._clock()
-                        header = Header(self._session, self._sequence, now, float("nan"), 0.0)
-                        stream.put(encode(header, following))
+                        header = Header(self._session, self._sequence, made, float("nan"), 0.0)
+                        stream.put(encode(header, message))
         finally:
             stream.close()
 
