@@ -303,6 +303,12 @@ def test_ranges_in_millimetres_are_no_scan():
     assert len(Obstacles.from_ranges([0.4, 1.2, 655.35], 0.0, 0.1)) == 3  # one wild range is none
 
 
+@pytest.mark.parametrize("ranges", [None, [], np.empty(0)])
+def test_a_scan_that_did_not_come_is_not_free_space(ranges):
+    with pytest.raises(CohelmError, match="no scan has come"):
+        Obstacles.from_ranges(ranges, 0.0, 0.1)
+
+
 @pytest.mark.parametrize(
     "mount", [(0.2, 0.0), None, Pose(0.2, 0.0, 45.0), Pose(200.0, 0.0, 0.0), Pose(math.nan, 0, 0)]
 )

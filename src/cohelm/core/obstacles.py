@@ -80,11 +80,15 @@ class Obstacles:
         needs inf there. angle_min: bearing of the first beam, angle_increment: to the next one,
         counter-clockwise [rad]; negative where it turns clockwise. mount: of the sensor in the
         body. Raises CohelmError where angles, mount or most of the ranges are no scan's, as they
-        are in degrees or millimetres.
+        are in degrees or millimetres, and where there are none at all: no scan is not free space.
         """
-        far = _array("ranges", ranges)
+        far = _NOTHING if ranges is None else _array("ranges", ranges)
         if far.ndim != 1:
             raise CohelmError(f"ranges need one number per beam, got shape {far.shape}")
+        if not far.size:
+            raise CohelmError(
+                "there are no ranges, as no scan has come: give the last one, or stop the robot"
+            )
         turn = abs(angle_increment) * max(len(far) - 1, 0)
         if not (abs(angle_min) <= _TURNS and turn <= _TURN and math.isfinite(range_min)):
             raise CohelmError(
