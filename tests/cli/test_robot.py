@@ -6,6 +6,8 @@ import subprocess
 import sys
 import time
 
+import pytest
+
 from cohelm.link import keys
 from cohelm.link.station_end import StationEnd
 
@@ -52,6 +54,14 @@ def test_simulation_options_are_refused_for_a_custom_robot(cohelm):
     said = cohelm("robot", "--driver", "tests.api.carts:Cart", "--fast")
     assert said.code == 2
     assert "with --driver nothing is simulated" in said.err
+
+
+@pytest.mark.parametrize("command", ["robot", "drive", "calibrate"])
+def test_a_custom_robot_is_no_ros_2_robot_too(cohelm, command):
+    said = cohelm(command, "sally", "--driver", "tests.api.carts:Cart", "--ros2")
+    assert said.code == 2
+    assert "--driver and --ros2 each name a robot: leave one of them out" in said.err
+    assert "starting" not in said.err
 
 
 def test_a_missing_custom_robot_is_reported(cohelm):

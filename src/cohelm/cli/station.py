@@ -171,7 +171,7 @@ def drive(
         on_ros(ros2, topics, transport, url, lock_timeout, masks_from),
         chart, keep_out, speed_zones,
     )  # fmt: skip
-    if not ros2:  # a ROS 2 robot is looked for once
+    if driver is not None or not ros2:  # a ROS 2 robot is looked for once
         map_and_zones(options, robot_factory(options))  # problems are reported at once,
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")

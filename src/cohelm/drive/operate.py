@@ -78,6 +78,8 @@ def robot_factory(options: DriveOptions) -> RobotFactory:
             f"--scenario is where a robot is driven, and {name} is none: give {options.scenario} "
             "in its place, or name a robot"
         )
+    if options.driver is not None and options.ros2 is not None:
+        raise CohelmError("--driver and --ros2 each name a robot: leave one of them out")
     if options.driver is not None or options.ros2 is not None:
         if not options.real_time or options.kind == "twin" or options.seed is not None:
             option = "--ros2" if options.driver is None else "--driver"
