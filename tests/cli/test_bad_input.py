@@ -316,6 +316,7 @@ def test_unusable_filter_topics_are_reported(cohelm, monkeypatch, environment, o
     [
         (("--map", "no.yaml"), "no.yaml"),
         (("--map", "text.yaml"), "text.yaml: has no keys such as image and resolution"),
+        (("--map", "office.yaml"), "office.yaml: has no keys such as image and resolution: give a"),
         (("--records", "text.yaml"), "text.yaml is no folder: choose another with --records"),
         (("--keep-out", "no.yaml"), "no.yaml"),
         (("--speed-zones", "no.yaml"), "no.yaml"),
@@ -330,6 +331,7 @@ def test_unusable_options_of_a_drive_are_reported_before_anything_starts(
     cohelm, tmp_path, options, why
 ):
     (tmp_path / "text.yaml").write_text("a" * 9999)
+    (tmp_path / "office.yaml").write_text("name: office\nreference: {speed_mps: 0.3}\n")
     refused(cohelm("drive", "lab-guard", *options), why)
 
 

@@ -153,7 +153,7 @@ def read_map(path: Path | str) -> OccupancyMap:
 def _read(path: Path | str) -> tuple[_Description, OccupancyMap]:
     try:
         raw = yaml.safe_load(contents(path, "a map_server YAML file"))
-        if not isinstance(raw, dict):
+        if not isinstance(raw, dict) or not {"image", "resolution"} & raw.keys():
             raise CohelmError(
                 f"{path}: has no keys such as image and resolution: give a map_server YAML file"
             )
