@@ -30,6 +30,9 @@ LINK_EVERY = 0.25
 """[s]"""
 SEND_WITHIN = 5.0
 """A page that reads nothing for this long is disconnected [s]."""
+SILENT = 5.0
+"""A driver's page that says nothing for this long is disconnected [s]: a connection may stay whole
+for minutes while the tablet sleeps, and in automatic mode the robot would drive on."""
 _POLL = 0.01
 _OTHER = "if the page is of another version, reload it; in a checkout, run make again first"
 _log = logging.getLogger("cohelm.station")
@@ -54,7 +57,7 @@ class PageOperator:
         """The robot's clock, and ours, when the newest status was true [s]."""
         self._shown: object = None
         self._stick_n = -1
-        self._state_at = self._link_at = self._beat_at = -math.inf
+        self._state_at = self._link_at = self._beat_at = self._received_at = -math.inf
         self._page_ms: float | None = None
         self._requested: dict[int, str] = {}
         self._proposed: dict[int, bool] = {}
@@ -121,6 +124,7 @@ class PageOperator:
         self._outbox = Outbox()
         self._stick_n = -1
         self._state_at = self._link_at = self._beat_at = -math.inf
+        self._received_at = time.monotonic()
         self._shown = None
         both: set[asyncio.Task[None]] = set()
         try:
@@ -146,6 +150,7 @@ class PageOperator:
         rate = TokenBucket(per_second=200.0, at_once=200.0, now=time.monotonic())
         while _open(socket):
             text = await socket.receive_text()
+            self._received_at = time.monotonic()
             if not rate.take(time.monotonic()):
                 _log.warning("%s sends too many messages; closed", self.name)
                 await _disconnect(socket, 1008, "too many messages")
@@ -195,7 +200,11 @@ class PageOperator:
         while True:
             await asyncio.sleep(_POLL)
             self._poll_link()
-            self._send_due(time.monotonic())
+            now = time.monotonic()
+            if self._drives and now - self._received_at > SILENT:
+                _log.warning("%s drives, and its page says nothing; closed", self.name)
+                return  # without a goodbye, for which a silent page would be waited for
+            self._send_due(now)
             for message in self._outbox.take():
                 sent = socket.send_text if isinstance(message, str) else socket.send_bytes
                 try:
@@ -206,6 +215,11 @@ class PageOperator:
                     return
                 except (WebSocketDisconnect, RuntimeError):  # it is closed, or closing
                     return
+
+    @property
+    def _drives(self) -> bool:
+        """Whether this operator has the lease, by the newest status."""
+        return self._status is not None and 0 != self._status.lease.driver == self.client
 
     def _send_due(self, now: float) -> None:
         """Send what is due periodically."""
