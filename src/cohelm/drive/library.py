@@ -32,10 +32,11 @@ def drive(
     robot: a subclass of `cohelm.Robot`, "package:Class", or an instance that can be pickled. It is
     made in a process of its own, so a script needs `if __name__ == "__main__":`. site: a scenario;
     its walls are the map, its route and law are followed, its obstacles are not simulated. model:
-    the robot's YAML file. mode: hold, automatic, shared or manual; by default as the site's stick
-    is. rate: periods a second, 10 to 500 [Hz]. seconds: end after so many. arrive: end when the
-    route is done. record: into this MCAP file. listen: HOST[:PORT], paired stations drive it.
-    carry_on: whether the controller drives on alone when a stick in use vanishes.
+    the robot's YAML file. mode: hold, automatic, shared or manual; by default automatic, so that it
+    sets off, or shared where the site has a stick. rate: periods a second, 10 to 500 [Hz]. seconds:
+    end after so many. arrive: end when the route is done. record: into this MCAP file. listen:
+    HOST[:PORT], paired stations drive it, and it stands until one does. carry_on: whether the
+    controller drives on alone when a stick in use vanishes.
 
     A robot whose `real_time` is False is driven in its own time, in this process.
 
