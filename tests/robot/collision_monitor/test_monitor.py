@@ -582,6 +582,33 @@ def test_after_it_was_switched_on_anew_ground_is_unknown_again():
     assert it.restrict(0.5, Twist(-1.0, 0.0)).share < 1.0
 
 
+JUMPS = [Pose(0.0, 0.0, 0.0), Pose(1.5, 2.0, 0.0), Pose(0.4, 0.0, 2.0)]
+
+
+@pytest.mark.parametrize("to", JUMPS)
+def test_where_odometry_jumps_the_ground_behind_stays_as_it_was_seen(to):
+    """The watchdog stops the robot then; reset, it backs off."""
+    for post, passes in ((False, True), (True, False)):
+        it = watch()
+        for k in range(150):
+            t, x = 0.02 * k, 0.008 * k
+            ranges = empty()
+            if post:  # 4 cm from its left side; out of view beside the rear in the end
+                px, py = 0.9 - x - SENSOR, 0.33
+                ranges[np.abs(BEARINGS - math.atan2(py, px)) < 3.0 * STEP] = math.hypot(px, py)
+            it.observe(t, readings(t, ranges, Pose(x, 0.0, 0.0), Twist(0.4, 0.0)), Twist(0.4, 0.0))
+        for k in range(40):
+            t += 0.02
+            it.observe(t, readings(t, empty(), to), STILL)
+            jumped = it.restrict(t, Twist(-0.2, 0.0)).reason.endswith("the odometry jumped")
+            assert jumped == (k == 0)
+        turn = it.restrict(t, Twist(0.0, -2.0))
+        assert (turn == UNRESTRICTED) == passes
+        if post:
+            assert "something" in turn.reason
+        assert it.restrict(t, Twist(-0.2, 0.0)) == UNRESTRICTED
+
+
 def test_an_all_round_lidar_leaves_no_ground_unknown():
     it = watch(field_of_view_deg=360.0, mount_x_m=0.0)
     for t in (1.0, 0.5):  # its clock goes back, too

@@ -84,8 +84,10 @@ def test_out_of_its_cone_an_obstacle_is_forgotten_after_a_while():
     whole = SALLY.model_copy(update={"further_lidars": (BEHIND,)})
     it = CollisionMonitor(described(whole, rules(whole, 0.02)))
     for k in range(200):
-        t, turned = 0.02 * k, k >= 5
-        pose = Pose(0.0, 0.0, math.pi / 2 if turned else 0.0)
+        turned = k >= 5
+        t, pose = 0.02 * k, Pose(0.0, 0.0, 0.0)
+        if turned:  # while nothing was measured for half a second
+            t, pose = t + 0.5, Pose(0.0, 0.0, math.pi / 2)
         it.observe(t, readings(t, math.inf if turned else 0.3, BEHIND, pose), STILL)
         things = it._sources[1].by_odometry
         assert len(things.points) > 0 or t > 2.0

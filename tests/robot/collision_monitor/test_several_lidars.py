@@ -120,13 +120,15 @@ def who_went_ahead(model, front=None):
     it = CollisionMonitor(described(model, rules(model, PERIOD)))
     turn = math.radians(60.0)
     for k in range(46, 61):
-        t, pose = 0.02 * k, Pose(0.0, 0.0, turn if k > 50 else 0.0)
+        t, pose = 0.02 * k, HERE
+        if k > 50:
+            t, pose = t + 0.5, Pose(0.0, 0.0, turn)
         rear = empty()
         if k <= 50:
             rear[:14] = 0.75  # from 45 deg to the left of straight ahead
         given = readings(t, front=front if k > 50 else None, rear=rear)
         it.observe(t, given._replace(odometry=Odometry(t, pose, STILL)), STILL)
-    return it.restrict(1.2, Twist(1.0, 0.0))
+    return it.restrict(1.7, Twist(1.0, 0.0))
 
 
 def test_what_one_lidar_remembers_goes_when_another_as_high_sees_past_it():

@@ -12,11 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cohelm.core.frames import compose, inverse
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.collision_monitor.contacts import NEVER, Met, met
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE, allowed, horizon
 from cohelm.robot.collision_monitor.free_space import UNWATCHED, unknown_to_all
-from cohelm.robot.collision_monitor.odometry import PoseHistory
+from cohelm.robot.collision_monitor.odometry import PoseHistory, jumped
 from cohelm.robot.collision_monitor.returns import TOO_NEAR, Sensor, returns
 from cohelm.robot.collision_monitor.runaway import PATIENCE, Runaway
 from cohelm.robot.collision_monitor.source import MonitorSource
@@ -103,6 +104,11 @@ class CollisionMonitor:
             for i, sensor in enumerate(described.sensors)
         ]
         self._measured, self._commanded = PoseHistory(), PoseHistory()
+        self._frame: Pose | None = None
+        """Where the odometry's frame lies in that of what is remembered, which goes on where the
+        odometry jumps; None: it is the same."""
+        self._reported = Pose(0.0, 0.0, 0.0)
+        """The newest pose of the odometry."""
         self._clock = self._sent = -math.inf
         """The robot's, at the last look; and when a twist was last checked, and so sent [s]."""
         self._all = NOTHING
@@ -215,11 +221,21 @@ class CollisionMonitor:
         history = self._measured
         if odometry.stamp < history.stamp:
             history.clear()
+            self._frame = None
             for source in self._sources:
                 source.forget()
         if odometry.stamp > history.stamp:
-            pose, twist = map(float, odometry.pose), map(float, odometry.twist)
-            history.add(odometry.stamp, Pose(*pose), Twist(*twist))  # as compiled code is made for
+            # as compiled code is made for
+            pose, twist = Pose(*map(float, odometry.pose)), Twist(*map(float, odometry.twist))
+            time = odometry.stamp - history.stamp
+            jump = len(history) > 0 and jumped(self._reported, pose, time, self._top)
+            if jump:
+                self._frame = compose(history.at(odometry.stamp), inverse(pose))
+            self._reported = pose
+            here = pose if self._frame is None else compose(self._frame, pose)
+            history.add(odometry.stamp, here, twist)
+            if jump:
+                return "the odometry jumped"
         return ""
 
     def _reckon(self, now: float, applied: Twist) -> None:

@@ -12,6 +12,8 @@ from cohelm.core.types import Floats, Pose, Twist
 KEPT = 1.5
 """Length of the history [s]: longer than any usual sweep and latency of `robot.sensors` together;
 older times get the oldest pose."""
+_JUMP = 0.15  # tolerance of a step beyond what the robot's speed explains [m, rad]
+_TOP = 50.0  # no robot is faster [m/s, rad/s]
 
 
 def advanced(pose: Pose, twist: Twist, time: float) -> Pose:
@@ -35,6 +37,17 @@ def between(before: Pose, after: Pose, time: float) -> Twist:
     course = before.psi + 0.5 * turned
     ahead = dx * math.cos(course) + dy * math.sin(course)
     return Twist(math.copysign(math.hypot(dx, dy), ahead) / time, turned / time)
+
+
+def jumped(before: Pose, after: Pose, time: float, top: Twist) -> bool:
+    """Whether no motion at up to half above the largest speeds leads from one pose to the other in
+    a time [s]."""
+    way = math.hypot(after.x - before.x, after.y - before.y)
+    turn = abs(math.remainder(after.psi - before.psi, 2.0 * math.pi))
+    return (
+        way > 1.5 * min(top.v, _TOP) * time + _JUMP
+        or turn > 1.5 * min(top.omega, _TOP) * time + _JUMP
+    )
 
 
 def placed(points: Floats, x: Floats, y: Floats, psi: Floats) -> Floats:
