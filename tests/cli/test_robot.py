@@ -1,5 +1,6 @@
 """`cohelm robot` as a process: over the link, and conflicting options."""
 
+import json
 import os
 import socket
 import subprocess
@@ -85,3 +86,4 @@ def test_without_map_and_walls_the_robot_uses_its_odometry(cohelm, tmp_path):
     said = cohelm("robot", "bare.yaml", "--fast", "--for", "2", "--json")
     assert said.code == 0, said.err
     assert "no --map or walls to localize on: it uses its odometry" in said.err
+    assert json.loads(said.out)["lost_share"] is None

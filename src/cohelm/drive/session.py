@@ -317,7 +317,7 @@ class Session:
             "docking": loop.supervisor.docking.last.why or None,
             "docked": loop.supervisor.docking.last.arrived if self._to_dock else None,
             "least_clearance_moving_m": least if math.isfinite(least) else None,
-            "lost_share": self._lost / self._periods if self._periods else None,
+            "lost_share": None if self.known is None else self._lost / max(self._periods, 1),
             "lost": bool(loop.seen is not None and loop.seen.lost),
             **{key: value for key, value in timing._asdict().items() if value == value},
             "refused": gate.refused,
