@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     epilog=examples(
         "cohelm map drive.mcap --out maps/office",
         "cohelm map out/map --remove-loop 3",
-        "cohelm map office.yaml",
+        "cohelm map office_map.yaml",
     ),
 )
 def map_(
