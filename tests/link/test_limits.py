@@ -20,6 +20,7 @@ from cohelm.link.client import (
 )
 from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.keys import Keys, pair_here
+from cohelm.link.lease import LeaseState
 from cohelm.link.messages import Command, Device, Request, RequestKind, Uplink
 from cohelm.link.robot_end import TAKEOVER_AFTER, RobotEnd
 from cohelm.link.station_end import StationEnd
@@ -152,6 +153,26 @@ def test_a_request_from_before_a_station_slept_is_refused_after_it(robot, raw):
     asked = []
     until(lambda: asked.extend(robot.receive().requests) or asked)
     assert asked[0].request.number == 3
+
+
+def test_the_lease_is_not_handed_to_a_client_that_fell_silent(robot, raw, monkeypatch):
+    """The robot would hold for somebody who is not there."""
+    monkeypatch.setattr("cohelm.link.lease.ANSWER_WITHIN", 1.5)
+    monkeypatch.setattr("cohelm.link.robot_end.TAKEOVER_AFTER", 0.5)
+    driver, other, numbers = raw(), raw(), itertools.count(1)
+
+    def say(who: Raw, session: int) -> None:
+        k = next(numbers)
+        who.say(command(k, Request(k, RequestKind.TAKE, 0, time.monotonic()), session=session))
+
+    until(lambda: robot.driver, turn=lambda: (say(driver, 1), time.sleep(0.05)))
+    held = robot.driver
+    until(lambda: robot._held.requester, turn=lambda: (say(other, 2), time.sleep(0.05)))
+    end = time.monotonic() + 2.5
+    while time.monotonic() < end:
+        driver.say(command(next(numbers), session=1))
+        time.sleep(0.05)
+    assert robot._held == LeaseState(held)
 
 
 def test_client_numbers_are_reused_and_new_clients_get_a_status(robot, keys):

@@ -206,6 +206,9 @@ class RobotEnd(IoThread):
     def _expire(self, now: float) -> None:
         """Time-outs of lease requests and of silent clients."""
         with self._lock:
+            requester = self._clients.get(self._held.requester)
+            if requester is not None and now - requester.last > TAKEOVER_AFTER:
+                self._held = lease.without(self._held, requester.number)
             held = lease.expired(self._held, now)
             if held != self._held:
                 self._lease(held, "the driver did not answer")
