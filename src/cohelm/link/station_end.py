@@ -101,10 +101,15 @@ class StationEnd(IoThread):
 
     def __init__(
         self, keys: Keys, host: str, port: int = udp.PORT,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = time.monotonic, speaks_for: float = math.inf,
     ) -> None:  # fmt: skip
-        """Raises CohelmError where there is no such host; else it tries for ever."""
+        """speaks_for: so long after the last `steer` it says that there is no stick, and then
+        nothing but requests: to the robot its driver has gone, in automatic mode too [s].
+
+        Raises CohelmError where there is no such host; else it tries for ever.
+        """
         self.clock, self._name = clock, f"{host}:{port}"
+        self._speaks_for = speaks_for
         self._context = context(keys, server=False)
         self._family, self._to = udp.resolved(host, port, socket.SOCK_DGRAM)
         self.session = secrets.randbits(64)
@@ -347,6 +352,9 @@ class StationEnd(IoThread):
             lost = now > self._lost_at
             new = self._sent_at < (self._lost_at if lost else self._steered_at)
             if not new and now - self._sent_at < _BEAT:
+                return
+            gone = -math.inf < self._steered_at < now - self._speaks_for
+            if gone and not self._requests:
                 return
             command = NO_STICK if lost else self._steered
             message = Uplink(command, tuple(self._requests))

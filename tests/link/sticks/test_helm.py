@@ -14,13 +14,13 @@ from cohelm.core.types import CENTRED, Stick, Twist
 from cohelm.link import keys as pairing
 from cohelm.link.bulk_messages import Hello
 from cohelm.link.keys import pair_here
-from cohelm.link.messages import Device, Mode
+from cohelm.link.messages import Device, Mode, RequestKind
 from cohelm.link.robot_bulk import both_ends
 from cohelm.link.stick import StickRecording
 from cohelm.link.sticks import choose
 from cohelm.link.sticks.choose import FileStick
 from cohelm.link.sticks.port import Button, Feel, Reading
-from cohelm.link.sticks.stick_client import drive
+from cohelm.link.sticks.stick_client import STOOD, drive
 from tests.link.ends import NAN, STATUS, until
 from tests.link.side import Side, Used
 
@@ -125,6 +125,36 @@ def test_a_stick_takes_the_lease_steers_gets_force_feedback_and_its_loss_stops_t
     assert not thread.is_alive()
     assert "you drive" in said
     assert "held: unplugged" in said
+
+
+def test_a_stick_whose_process_stands_still_is_a_driver_that_has_gone(robot):
+    """A terminal that is paused blocks what is said: in automatic mode no stick can be lost."""
+    robot, keys = robot
+    held, paused, goes_on = Held(), threading.Event(), threading.Event()
+
+    def say(text: str) -> None:
+        if text == "mode: automatic":
+            paused.set()
+            goes_on.wait()
+
+    thread = threading.Thread(
+        target=drive, args=(held, keys, (HERE, robot.end.address[1]), 5.0, say)
+    )
+    thread.start()
+    until(lambda: robot.hands and robot.hands[-1].arming == 2)
+    held.buttons = [Button.MODE]
+    until(paused.is_set)
+    until(lambda: robot.side.stick_state.driver_lost)
+    asked = len(robot.side.asked)
+    held.buttons = [Button.RESET, Button.STOP, Button.MODE]  # who knows when
+    time.sleep(STOOD)
+    goes_on.set()
+    until(lambda: len(robot.side.asked) > asked)
+    until(lambda: not robot.side.stick_state.driver_lost)
+    assert robot.side.asked[asked:] == [RequestKind.STOP]
+    held.there = False
+    thread.join(3.0)
+    assert not thread.is_alive()
 
 
 def test_a_stick_file_drives_and_its_end_is_a_lost_stick(robot):

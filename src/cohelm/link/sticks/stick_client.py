@@ -18,6 +18,10 @@ from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice
 
 PERIOD = 0.01
 """[s]; a hand feels more than 50 Hz, and the link sends the newest reading."""
+STOOD = 0.5
+"""Where this process stood still for longer, or its terminal did, it is not known when a button was
+pressed: of those only a stop counts [s]. And so long the link speaks for it."""
+_DRAINED = 0.1  # [s]; all that a device has kept meanwhile has then been read
 
 
 class SpeedLimits(NamedTuple):
@@ -39,7 +43,10 @@ def drive(
     """Run until the stick ends, `until` returns true, or Ctrl-C."""
     reporter = _Reporter(say)
     try:
-        with StationEnd(keys, *to) as end, StationBulk(keys, *to, end.session) as bulk:
+        with (
+            StationEnd(keys, *to, speaks_for=STOOD) as end,
+            StationBulk(keys, *to, end.session) as bulk,
+        ):
             say(f"{device.name}{' with force feedback' if device.force else ''}, to {to[0]}")
             limits = _limits(bulk)
             driven, taking = False, 0
@@ -117,13 +124,17 @@ class Helm:
         self._push = STILL
         self._armed = False
         self._last = math.nan
+        self._drained_at = -math.inf
 
     def turn(self, now: float) -> Reading:
         """One period. now: a steady clock [s]."""
         reading = self._device.read()
         last = self._end.status()
+        if now - self._last > STOOD:
+            self._drained_at = now + _DRAINED
         for button in reading.pressed:
-            self._pressed(button, last)
+            if button is Button.STOP or now >= self._drained_at:
+                self._pressed(button, last)
         # Armed once it was centred, as on the robot: one rule at both ends.
         self._armed = reading.valid and (self._armed or is_centred(reading.stick))
         self._end.steer(Command(reading.stick, reading.valid, self._armed, self._device.kind))
