@@ -82,7 +82,7 @@ class Obstacles:
         body. Raises CohelmError where angles, mount or most of the ranges are no scan's, as they
         are in degrees or millimetres, and where there are none at all: no scan is not free space.
         """
-        far = _NOTHING if ranges is None else _array("ranges", ranges)
+        far = _array("ranges", ranges)
         if far.ndim != 1:
             raise CohelmError(f"ranges need one number per beam, got shape {far.shape}")
         if not far.size:
@@ -155,8 +155,11 @@ def _mounted(mount: Pose) -> Pose:
     return Pose(x, y, psi)
 
 
-def _array(name: str, given: ArrayLike) -> Floats:
-    """As compiled code takes it without a new specialization: float64, contiguous, writable."""
+def _array(name: str, given: ArrayLike | None) -> Floats:
+    """As compiled code takes it without a new specialization: float64, contiguous, writable. None
+    is empty, which NumPy makes a NaN."""
+    if given is None:
+        return _NOTHING
     try:
         made: Floats = np.ascontiguousarray(given, dtype=np.float64)
     except (TypeError, ValueError) as error:
