@@ -2,6 +2,7 @@
 not before it is there.
 """
 
+from cohelm.core.obstacles import Obstacles
 from cohelm.core.types import Pose, Twist
 from cohelm.drive.factory import simulated
 from cohelm.drive.session import Session, SessionConfig
@@ -61,6 +62,7 @@ def more() -> None:
     driven("adversary", "guard")
     driven("random", "none")
     drive([[0, 0], [1, 0], [2, 0]], [(1.0, 0.1, 0.1)], [(2.0, 0.4, 2.0, 2.0)], seconds=5.0)
-    SafetyFilter(robot("sally"), 0.02)(Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), Twist(0.5, 0.0))
+    still = Twist(0.0, 0.0)
+    SafetyFilter(robot("sally"), 0.02)(Pose(0.0, 0.0, 0.0), still, still, Obstacles())
     Kinematic(robot("sally"), clock=SteppedClock()).read()
     Twin(robot("sally"), clock=SteppedClock()).picture(32, 24, kind="rays")

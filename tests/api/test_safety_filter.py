@@ -21,6 +21,7 @@ from tests.api.attacks import HERE, attacked, model
 DT = 0.02
 REST = Twist(0.0, 0.0)
 AHEAD = Twist(1.0, 0.0)
+NOTHING = Obstacles()
 SALLY = model("sally", 0.0)
 PROMISED = 0.5 * 0.015 + SLOP
 """Half of the hard margin as it is inflated."""
@@ -71,8 +72,8 @@ def test_a_command_that_was_soon_superseded_does_not_count_as_reached():
     """Told to brake twice within a millisecond, the wheels have not braked for two periods."""
     safe = SafetyFilter(model("sally", 0.0), DT)
     for _ in range(3):
-        safe(HERE, AHEAD, AHEAD)
-    braked = [safe(HERE, AHEAD, REST, after=after).twist.v for after in (DT, 0.001)]
+        safe(HERE, AHEAD, AHEAD, NOTHING)
+    braked = [safe(HERE, AHEAD, REST, NOTHING, after).twist.v for after in (DT, 0.001)]
     assert braked[0] == pytest.approx(1.0 - 2.0 * DT)
     assert braked[1] == pytest.approx(1.0 - 2.0 * (DT + 0.001))
 
@@ -87,7 +88,7 @@ def test_no_command_lets_a_robot_reach_a_static_obstacle_in_many_drives(name):
 
 def test_the_first_call_accepts_a_robot_that_already_moves():
     rolls = Twist(1.0, 0.0)
-    assert SafetyFilter(SALLY, DT)(HERE, rolls, AHEAD).twist.v == pytest.approx(1.0)
+    assert SafetyFilter(SALLY, DT)(HERE, rolls, AHEAD, NOTHING).twist.v == pytest.approx(1.0)
     got = SafetyFilter(SALLY, DT)(HERE, rolls, AHEAD, Obstacles(points=[[0.6, 0.0]]))
     assert got.verdict == Verdict.BRAKING
     assert got.twist.v == pytest.approx(1.0 - 2.0 * DT)
@@ -95,20 +96,21 @@ def test_the_first_call_accepts_a_robot_that_already_moves():
 
 def test_wheels_that_do_not_follow_are_believed_after_a_while():
     safe = SafetyFilter(SALLY, DT)
-    held = [safe(HERE, REST, AHEAD).twist.v for _ in range(50)]  # told to go, something holds it
+    # told to go, something holds it
+    held = [safe(HERE, REST, AHEAD, NOTHING).twist.v for _ in range(50)]
     assert max(held) <= 0.2 + 9 * 2.0 * DT
     safe.reset()
     for _ in range(7):
-        told = safe(HERE, REST, AHEAD).twist.v
+        told = safe(HERE, REST, AHEAD, NOTHING).twist.v
     assert told == pytest.approx(7 * 2.0 * DT)
 
 
 def test_the_filter_continues_from_the_command_that_was_sent():
     safe = SafetyFilter(SALLY, DT)
     for _ in range(10):
-        safe(HERE, REST, AHEAD)
+        safe(HERE, REST, AHEAD, NOTHING)
         safe.sent(REST)
-    assert safe(HERE, REST, AHEAD).twist.v == pytest.approx(2.0 * DT)
+    assert safe(HERE, REST, AHEAD, NOTHING).twist.v == pytest.approx(2.0 * DT)
     with pytest.raises(CohelmError, match="finite"):
         safe.sent(Twist(math.nan, 0.0))
 
@@ -159,13 +161,13 @@ def test_a_number_that_is_none_brakes_a_moving_robot_to_a_stand(broken):
     nan = (Pose(math.nan, 0.0, 0.0), Twist(math.nan, 0.0), Twist(math.nan, 0.0))
     safe, v, pose = SafetyFilter(SALLY, DT), 0.0, HERE
     for _ in range(30):
-        v = safe(pose, Twist(v, 0.0), AHEAD).twist.v
+        v = safe(pose, Twist(v, 0.0), AHEAD, NOTHING).twist.v
         pose = arc(pose, Twist(v, 0.0), DT)
     assert v == pytest.approx(1.0)
     for _ in range(26):
         given = [pose, Twist(v, 0.0), AHEAD]
         given[broken] = nan[broken]
-        got = safe(*given)
+        got = safe(*given, NOTHING)
         assert got.verdict == Verdict.INVALID
         assert v - 2.0 * DT - 1e-9 <= got.twist.v <= v
         v = got.twist.v
@@ -183,11 +185,11 @@ def test_a_beam_that_hit_nothing_is_no_obstacle_and_a_broken_disc_is():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ((None, REST, AHEAD), "pose"),
-        ((HERE, REST, None), "nominal"),
-        ((HERE, 0.3, AHEAD), "twist"),
-        (((0.0, 0.0), REST, AHEAD), "pose"),
-        ((HERE, REST, ("fast", 0.0)), "nominal"),
+        ((None, REST, AHEAD, NOTHING), "pose"),
+        ((HERE, REST, None, NOTHING), "nominal"),
+        ((HERE, 0.3, AHEAD, NOTHING), "twist"),
+        (((0.0, 0.0), REST, AHEAD, NOTHING), "pose"),
+        ((HERE, REST, ("fast", 0.0), NOTHING), "nominal"),
         ((HERE, REST, AHEAD, None), "obstacles must be cohelm.Obstacles"),  # a scan that is missing
         ((HERE, REST, AHEAD, np.zeros((3, 2))), "obstacles must be cohelm.Obstacles"),
         ((HERE, REST, AHEAD, [[1.0, 2.0]]), "obstacles must be cohelm.Obstacles"),
@@ -196,6 +198,11 @@ def test_a_beam_that_hit_nothing_is_no_obstacle_and_a_broken_disc_is():
 def test_calls_without_pose_twist_or_obstacles_are_refused_with_the_reason(given, said):
     with pytest.raises(CohelmError, match=said):
         FILTER(*given)
+
+
+def test_obstacles_can_not_be_forgotten():
+    with pytest.raises(TypeError, match=r"missing .* 'obstacles'"):
+        FILTER(HERE, REST, AHEAD)  # pyright: ignore[reportCallIssue]
 
 
 @pytest.mark.parametrize(

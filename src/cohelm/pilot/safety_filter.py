@@ -30,7 +30,6 @@ _OFF_V, _OFF_OMEGA, _OFF_FOR = 0.2, 0.4, 0.16
 """Deviation of the measured twist from the command [m/s, rad/s], and its duration [s], after which
 the measurement is used: more than odometry noise, longer than the step response of a drive."""
 _RULES = Rules()
-_NONE = Obstacles()
 
 
 class _FilterSettings(NamedTuple):
@@ -59,7 +58,8 @@ class FilterResult(NamedTuple):
 
     >>> import cohelm
     >>> safe = cohelm.SafetyFilter(cohelm.load_robot("sally"), period=0.02)
-    >>> out = safe(cohelm.Pose(0, 0, 0), cohelm.Twist(0, 0), cohelm.Twist(0.02, 0))
+    >>> still, slow = cohelm.Twist(0, 0), cohelm.Twist(0.02, 0)
+    >>> out = safe(cohelm.Pose(0, 0, 0), still, slow, cohelm.Obstacles())
     >>> (out.verdict.name, out.twist.v, out.limiting)
     ('UNTOUCHED', 0.02, None)
     """
@@ -139,17 +139,17 @@ class SafetyFilter:
         self._sent = np.zeros((2 * whole + 3, 3))
         self._count, self._off = np.zeros(1, dtype=np.int64), np.zeros(1)
         nan = math.nan
-        self(Pose(nan, nan, nan), Twist(nan, nan), Twist(nan, nan))  # compiles
+        self(Pose(nan, nan, nan), Twist(nan, nan), Twist(nan, nan), Obstacles())  # compiles
         self.reset()
 
     def __call__(
-        self, pose: Pose, twist: Twist, nominal: Twist, obstacles: Obstacles = _NONE,
+        self, pose: Pose, twist: Twist, nominal: Twist, obstacles: Obstacles,
         after: float | None = None,
     ) -> FilterResult:  # fmt: skip
         """The command for now. pose: where the robot is now, in the obstacles' frame [m, m, rad].
         twist: measured now [m/s, rad/s]. nominal: what a person or controller wants. obstacles: as
-        of now; left out: there are none. after: since the last call [s]; by default the period, and
-        never more; twice as many calls as periods are counted with.
+        of now, `Obstacles()` where there are none. after: since the last call [s]; by default the
+        period, and never more; twice as many calls as periods are counted with.
 
         Numbers that are not finite give a braking or standing twist and the verdict INVALID. Raises
         CohelmError only for what is no pose, twist or Obstacles at all.
