@@ -23,15 +23,7 @@ _PLAIN = re.compile(r"\]\((?!https?:|mailto:|#)([^)#\s]+)(#[^)\s]*)?\)")
 
 def main() -> None:
     """Stage the pages, check their links, build."""
-    shutil.rmtree(STAGED, ignore_errors=True)
-    shutil.copytree(DOCS, STAGED)
-    for name in PAGES:
-        if (ROOT / name).is_file():
-            shutil.copy(ROOT / name, STAGED / name)
-    (STAGED / "reference.md").write_text(reference(), encoding="utf-8")
-    for page in STAGED.glob("*.md"):
-        page.write_text(_relinked(page.read_text(encoding="utf-8")), encoding="utf-8")
-    broken = [line for page in sorted(STAGED.glob("*.md")) for line in _broken(page)]
+    broken = stage()
     if broken:
         sys.exit("broken links in the documentation:\n" + "\n".join(broken))
     zensical = Path(sys.executable).with_name("zensical")
@@ -43,6 +35,19 @@ def main() -> None:
     if missing:
         sys.exit(f"the reference has no entry for {', '.join(missing)}")
     print(f"the site is in {SITE.relative_to(ROOT)}; open {SITE / 'index.html'}")
+
+
+def stage() -> list[str]:
+    """Write the site's pages to STAGED; returns their broken links."""
+    shutil.rmtree(STAGED, ignore_errors=True)
+    shutil.copytree(DOCS, STAGED)
+    for name in PAGES:
+        if (ROOT / name).is_file():
+            shutil.copy(ROOT / name, STAGED / name)
+    (STAGED / "reference.md").write_text(reference(), encoding="utf-8")
+    for page in STAGED.glob("*.md"):
+        page.write_text(_relinked(page.read_text(encoding="utf-8")), encoding="utf-8")
+    return [line for page in sorted(STAGED.glob("*.md")) for line in _broken(page)]
 
 
 def exported() -> list[str]:

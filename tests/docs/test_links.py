@@ -1,6 +1,7 @@
 """Every link between the pages leads to a file, and to a heading that is there."""
 
 import re
+import runpy
 from pathlib import Path
 
 import pytest
@@ -30,3 +31,9 @@ def test_every_page_is_in_the_navigation_of_the_site_and_in_the_list_of_pages() 
     for page in (ROOT / "docs").glob("*.md"):
         assert f'"{page.name}"' in site, page.name
         assert f"({page.name})" in listed or page.name in ("README.md", "benchmarks.md"), page.name
+
+
+def test_no_page_of_the_site_links_to_what_the_site_has_not() -> None:
+    """`make docs` would refuse it. The site lacks folders of the checkout that pages lie beside."""
+    stage = runpy.run_path(str(ROOT / "tools" / "docs.py"))["stage"]
+    assert stage() == []
