@@ -2,7 +2,7 @@
 hardware here is some arithmetic; put your driver in its place.
 
     python examples/own_robot.py
-    cohelm drive sally --driver own_robot:Cart    # in this folder: the same, from a browser
+    cohelm drive lab-guard --driver own_robot:Cart    # in this folder: the same, from a browser
 """
 
 import math

@@ -9,6 +9,7 @@ import pytest
 
 import cohelm
 from cohelm.drive.factory import own_robot, simulated
+from cohelm.drive.operate import mode_and_stick
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Mode
 from tests.api import carts
@@ -41,6 +42,29 @@ def test_it_drives_as_the_simulated_robot_of_the_same_site_does():
             tracks.append(np.array(track))
     assert tracks[0][-1, 0] > 1.0
     assert np.abs(tracks[0] - tracks[1]).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("given", "mode"),
+    [
+        ({}, Mode.HOLD), ({"joystick": True}, Mode.MANUAL), ({"goals": True}, Mode.AUTOMATIC),
+        ({"mode": "automatic"}, Mode.AUTOMATIC),
+    ],
+)  # fmt: skip
+def test_a_real_robot_follows_no_route_that_nobody_named(given, mode):
+    """The default site's route leads anywhere in the real world."""
+    unnamed, named = own_robot(carts.Cart, model="sally"), own_robot(carts.Cart, SITE)
+    assert mode_and_stick(unnamed, **({"mode": ""} | given))[0] is mode
+    assert mode_and_stick(named, "")[0] is Mode.AUTOMATIC
+    assert mode_and_stick(simulated("lab-guard"), "")[0] is Mode.AUTOMATIC
+
+
+def test_without_a_site_it_stands(tmp_path):
+    summary = cohelm.drive(carts.Simulated, seconds=3.0, record=tmp_path / "drive.mcap")
+    assert summary["reason"] == "the drive is over"
+    assert not cohelm.read_record(tmp_path / "drive.mcap").table["applied_v"].any()
+    with pytest.raises(cohelm.CohelmError, match="does not arrive: name a site"):
+        cohelm.drive(carts.Simulated, arrive=True)
 
 
 def test_no_error_in_the_robots_own_code_leaves_it_driving(tmp_path):

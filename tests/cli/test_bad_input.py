@@ -365,7 +365,7 @@ def test_a_wrong_command_line_is_one_sentence_that_names_the_help(cohelm, words,
 
 def test_the_scenario_option_is_refused_beside_a_scenario(cohelm):
     refused(
-        cohelm("drive", "--scenario", "minimal"), "lab-guard is none: give minimal in its place"
+        cohelm("drive", "dock", "--scenario", "minimal"), "dock is none: give minimal in its place"
     )
 
 

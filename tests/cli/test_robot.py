@@ -71,6 +71,15 @@ def test_a_missing_custom_robot_is_reported(cohelm):
     assert "no_such_package:Cart can not be imported" in said.err
 
 
+@pytest.mark.parametrize("named", [["sally"], []])
+def test_a_custom_robot_without_a_site_stands(cohelm, named):
+    said = cohelm("robot", *named, "--driver", "tests.api.carts:Simulated", "--for", "2", "--json")
+    assert said.code == 0, said.err
+    assert "no --scenario: it stands, and follows no route. Name its site" in said.err
+    assert "no --map or walls to localize on: it uses its odometry" in said.err
+    assert json.loads(said.out)["least_clearance_moving_m"] is None
+
+
 def test_an_invalid_address_of_the_live_view_starts_nothing(cohelm):
     said = cohelm("robot", "--foxglove", "host:port")
     assert said.code == 2

@@ -11,7 +11,7 @@ from cohelm.scenario.model import Scenario
 from cohelm.sim.run import run
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
-SHIPPED = ["dock", "lab-avoid", "lab-guard", "lab-shared", "lab-track", "minimal"]
+SHIPPED = ["dock", "lab-avoid", "lab-guard", "lab-shared", "lab-track", "minimal", "open"]
 
 
 def scenario(*overrides: str, name: str = "minimal") -> Scenario:

@@ -8,15 +8,20 @@ from typing import Annotated
 import typer
 
 RobotOrScenario = Annotated[
-    str,
+    str | None,
     typer.Argument(
         metavar="ROBOT|SCENARIO",
         help="A robot, by its YAML file or a shipped one's name, driven in --scenario; or a "
-        "scenario, with its robot.",
+        "scenario, with its robot; by default lab-guard.",
     ),
 ]
 Site = Annotated[
-    str, typer.Option("--scenario", metavar="SCENARIO", help="Where a robot is driven.")
+    str | None,
+    typer.Option(
+        "--scenario",
+        metavar="SCENARIO",
+        help="Where a robot is driven; by default in lab-guard, a real one where nothing is known.",
+    ),
 ]
 OwnDriver = Annotated[
     str | None,

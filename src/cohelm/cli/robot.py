@@ -31,8 +31,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from contextlib import AbstractContextManager
 
-    from cohelm.drive.factory import RobotFactory
+    from cohelm.drive.factory import OwnRobot, RobotFactory
     from cohelm.drive.session import Session
+    from cohelm.link.messages import Mode
 
 
 @app.command(
@@ -43,8 +44,8 @@ if TYPE_CHECKING:
     )
 )
 def robot(
-    name: RobotOrScenario = "lab-guard",
-    scenario: Site = "lab-guard",
+    name: RobotOrScenario = None,
+    scenario: Site = None,
     driver: OwnDriver = None,
     ros2: Ros2 = False,
     topics: TopicNames = None,
@@ -100,7 +101,8 @@ def robot(
         typer.Option(
             metavar="MODE",
             help="hold, automatic, shared or manual; by default shared with a stick file or "
-            "--joy, else automatic.",
+            "--joy, else automatic. A real robot without --scenario follows no route: hold, or "
+            "manual with --joy.",
         ),
     ] = "",
     dock: Annotated[
@@ -141,10 +143,12 @@ def robot(
     The robot senses with odometry and LiDAR only, localises on the scenario's walls, follows the
     route and keeps clear. Ctrl-C stops the robot first, and ends when it stands.
 
-    With --listen 0.0.0.0 it stands until a paired station takes over (`cohelm station --robot`).
+    With --listen 0.0.0.0 it stands until a paired station takes over (`cohelm station --robot`). A
+    robot of --driver or --ros2 follows a route only where --scenario names one.
     """
     from cohelm.cli.terminal import shown
     from cohelm.core.errors import CohelmError
+    from cohelm.drive.factory import OwnRobot
     from cohelm.drive.on_topics import TopicsConfig, on_topics
     from cohelm.drive.operate import (
         DriveOptions,
@@ -213,11 +217,14 @@ def robot(
         map_frame, transforms, tuple(goals_from or ()), initial_pose_from, joy, parameters,
         reset_from, masks,
     )  # fmt: skip
-    default = "shared" if joy and not dock else ""
-    chosen = None if listen is not None else mode_and_stick(made, mode or default)
+    chosen = None
+    if listen is None:
+        chosen = mode_and_stick(made, mode, bool(joy and not dock), bool(goals_from))
     reset = ResetHere(Mode.HOLD if chosen is None else chosen[0], lambda text: say(plain(text)))
     topics_too = on_topics(made, config, lambda text: say(plain(text)), reset.ask)
     say(begins)
+    if isinstance(made, OwnRobot) and not made.site_named:
+        say(_without_site(made, None if chosen is None else chosen[0]))
     if listen is not None and not keys.stations() and not foxglove_teleop:
         say("no station is paired yet, so no operator can drive: cohelm pair new STATION")
     with starting(made.model.name) as line, end_signals() as stop, topics_too as beside:
@@ -240,6 +247,18 @@ def robot(
                 plan, how, beside.joy or stick, stop, seconds, arrive, beside, dock, reset, on_start
             )  # fmt: skip
     _print_summary(made.scenario.name, summary, as_json)
+
+
+def _without_site(made: OwnRobot, mode: Mode | None) -> str:
+    """What it means that no site was named. mode: to start in; None: stations choose it."""
+    from cohelm.link.messages import Mode
+
+    if mode is not Mode.HOLD:
+        return f"no --scenario: its site is {plain(made.scenario.name)}, which has no map"
+    return (
+        "no --scenario: it stands, and follows no route. Name its site, or what leads it: "
+        "--listen, --goals-from, --joy or --mode automatic"
+    )
 
 
 def _print_config(made: RobotFactory, others: Mapping[str, Sequence[str]], as_json: bool) -> None:

@@ -35,7 +35,7 @@ def run(
         typer.Argument(
             metavar="SCENARIO",
             help="A scenario's YAML file, or the name of a shipped one: minimal, lab-guard, "
-            "lab-track, lab-avoid, lab-shared, dock.",
+            "lab-track, lab-avoid, lab-shared, dock, open.",
         ),
     ],
     stick: Annotated[

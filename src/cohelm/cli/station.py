@@ -111,8 +111,8 @@ def station(
     )
 )
 def drive(
-    name: RobotOrScenario = "lab-guard",
-    scenario: Site = "lab-guard",
+    name: RobotOrScenario = None,
+    scenario: Site = None,
     twin: Annotated[
         bool,
         typer.Option("--twin/--kinematic", help="Physics and a camera (MuJoCo), or kinematics."),
@@ -154,6 +154,7 @@ def drive(
     so, and the command ends.
     """
     from cohelm.core.errors import CohelmError
+    from cohelm.drive.factory import SITE
     from cohelm.drive.operate import DriveOptions, map_and_zones, robot_factory
     from cohelm.drive.robot_process import RobotProcess
     from cohelm.drive.teleop_server import TeleopConfig
@@ -179,7 +180,7 @@ def drive(
     with (
         ExitStack() as joined,
         RobotProcess(options, door, carry_on, pictures=pictures, live=view) as robot,
-        starting(f"the robot in {name}") as begun,
+        starting(f"the robot in {name or scenario or SITE}") as begun,
     ):
 
         def linked() -> Linked | None:

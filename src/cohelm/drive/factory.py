@@ -28,6 +28,10 @@ from cohelm.sim.twin.settings import TwinModel, lag
 
 GROUP = "cohelm.robots"
 """Entry points of robots in other packages."""
+SITE = "lab-guard"
+"""Where a simulated robot is driven if no site is named..."""
+OWN_SITE = "open"
+"""... and a real one: without map, as that of a shipped scenario would be wrong."""
 
 Make = Callable[[RobotModel], Robot] | Robot
 """A class or function that makes a robot of its model; or a robot that can be pickled."""
@@ -60,6 +64,9 @@ class OwnRobot(_AtSite):
     """A user's robot, at a site whose obstacles are real and not simulated."""
 
     make: Make
+    site_named: bool = True
+    """Whether the user chose that site. Else the robot does not set off on its route by itself, see
+    `operate.mode_and_stick`."""
     real_time: bool = True
     """Whether time passes by itself."""
     kind: str = "own"
@@ -84,14 +91,15 @@ class OwnRobot(_AtSite):
 
 
 def own_robot(
-    robot: Make | str, site: str | Path | Scenario, model: RobotModel | str | Path | None = None,
-    changes: list[str] | None = None,
+    robot: Make | str, site: str | Path | Scenario | None = None,
+    model: RobotModel | str | Path | None = None, changes: list[str] | None = None,
 ) -> OwnRobot:  # fmt: skip
     """A user's robot at a site.
 
     robot: its class, `package:Class`, an entry point of `cohelm.robots`, or a robot that can be
-    pickled. site: a scenario; its map, route, law and stick are used. model: the robot, a shipped
-    name or its YAML file; by default the robot's own, or the site's.
+    pickled. site: a scenario; its map, route, law and stick are used; by default `OWN_SITE`,
+    where it does not set off by itself. model: the robot, a shipped name or its YAML file; by
+    default the robot's own, or the site's.
 
     Raises CohelmError for a robot or a site that can not be used.
     """
@@ -106,7 +114,7 @@ def own_robot(
         model = load.load_robot(model)
     if model is None and isinstance(make, Robot):
         model = RobotAdapter(make).model
-    made = site if isinstance(site, Scenario) else load.scenario(site, changes or [])
+    made = site if isinstance(site, Scenario) else load.scenario(site or OWN_SITE, changes or [])
     if model is not None:
         made = made.model_copy(update={"robot": model})
     try:
@@ -117,7 +125,7 @@ def own_robot(
             "instead of an instance, from a module and not from inside a function"
         ) from error
     real_time = bool(getattr(make, "real_time", True))
-    return OwnRobot(load.standing_alone(made, Path()), make, real_time)
+    return OwnRobot(load.standing_alone(made, Path()), make, site is not None, real_time)
 
 
 def _made(make: Callable[..., Any], model: RobotModel) -> Robot:

@@ -11,7 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cohelm.core.errors import CohelmError
-from cohelm.drive.factory import Kind, OwnRobot, RobotFactory, mapped, own_robot, simulated
+from cohelm.drive.factory import (
+    OWN_SITE,
+    SITE,
+    Kind,
+    OwnRobot,
+    RobotFactory,
+    mapped,
+    own_robot,
+    simulated,
+)  # fmt: skip
 from cohelm.link.messages import Mode
 from cohelm.link.operator import NullOperator, Scripted
 from cohelm.plan.zones import Zones
@@ -26,8 +35,6 @@ if TYPE_CHECKING:
     from cohelm.ros.masks import FilterMask
 
 
-SITE = "lab-guard"
-"""The default scenario."""
 _MASKS = 10.0
 """Longest wait for a mask on a topic [s]."""
 
@@ -51,8 +58,10 @@ class Ros2Config(NamedTuple):
 class DriveOptions(NamedTuple):
     """The robot and its site, by the options of the command line."""
 
-    name: str
-    scenario: str
+    name: str | None
+    """A robot or a scenario; None: the site's robot."""
+    scenario: str | None
+    """Where a robot is driven; None: in `SITE`, a real one in `OWN_SITE`."""
     kind: Kind
     real_time: bool
     seed: int | None
@@ -71,13 +80,14 @@ class DriveOptions(NamedTuple):
 
 def robot_factory(options: DriveOptions) -> RobotFactory:
     """The robot of these options: of a scenario, or a robot's file in another scenario."""
-    name, changes = options.name, list(options.changes)
-    described = load.is_robot_file(Path(name)) or name in SHIPPED
-    if not described and options.scenario not in (SITE, name):
-        raise CohelmError(
-            f"--scenario is where a robot is driven, and {name} is none: give {options.scenario} "
-            "in its place, or name a robot"
-        )
+    model, site, changes = options.name, options.scenario, list(options.changes)
+    if model is not None and not load.is_robot_file(Path(model)) and model not in SHIPPED:
+        if site not in (None, model):
+            raise CohelmError(
+                f"--scenario is where a robot is driven, and {model} is none: give {site} in its "
+                "place, or name a robot"
+            )
+        model, site = None, model
     if options.driver is not None and options.ros2 is not None:
         raise CohelmError("--driver and --ros2 each name a robot: leave one of them out")
     if options.driver is not None or options.ros2 is not None:
@@ -86,16 +96,13 @@ def robot_factory(options: DriveOptions) -> RobotFactory:
             raise CohelmError(
                 f"with {option} nothing is simulated: leave out --twin, --fast and --seed"
             )
-        site, model = (options.scenario, name) if described else (name, None)
         if options.driver is not None:
             return own_robot(options.driver, site, model, changes)
         return _on_ros2(options.ros2 or Ros2Config(), site, model, changes)
-    if described:
-        changes.append(f"robot={name if name in SHIPPED else Path(name).absolute()}")
-        name = options.scenario
-    return simulated(
-        name, options.kind, real_time=options.real_time, seed=options.seed, changes=changes
-    )
+    if model is not None:
+        changes.append(f"robot={model if model in SHIPPED else Path(model).absolute()}")
+    kind, real_time, seed = options.kind, options.real_time, options.seed
+    return simulated(site or SITE, kind, real_time=real_time, seed=seed, changes=changes)
 
 
 def map_and_zones(
@@ -132,7 +139,9 @@ def masks_on_topics(options: DriveOptions, made: RobotFactory) -> tuple[FilterMa
         transport.close()
 
 
-def _on_ros2(where: Ros2Config, site: str, model: str | None, changes: list[str]) -> RobotFactory:
+def _on_ros2(
+    where: Ros2Config, site: str | None, model: str | None, changes: list[str]
+) -> RobotFactory:
     """A ROS 2 robot, as it is found; raises CohelmError with all that does not fit."""
     from cohelm.ros.camera import choose
     from cohelm.ros.connection import connection
@@ -142,7 +151,9 @@ def _on_ros2(where: Ros2Config, site: str, model: str | None, changes: list[str]
     from cohelm.ros.robot import Ros2Make, topics_of
 
     named = topics_of(where.topics)
-    described = load.scenario(site, changes).robot if model is None else load.load_robot(model)
+    described = (
+        load.scenario(site or OWN_SITE, changes).robot if model is None else load.load_robot(model)
+    )
     if isinstance(described, str):
         raise TypeError("the robot is still a name")
     way = connection(where.transport, where.url)
@@ -181,12 +192,21 @@ class ScenarioStick(Scripted):
         return super().receive() if self._present else NullOperator().receive()
 
 
-def mode_and_stick(made: RobotFactory, mode: str) -> tuple[Mode, ScenarioStick]:
-    """The mode to drive in, and the stick. Raises CohelmError for an unknown mode."""
+def mode_and_stick(
+    made: RobotFactory, mode: str, joystick: bool = False, goals: bool = False
+) -> tuple[Mode, ScenarioStick]:
+    """The mode to drive in, and the scenario's stick. Raises CohelmError for an unknown mode.
+
+    mode: the user's choice; empty: shared with a stick, else automatic. But a real robot whose site
+    is not named follows no route: it holds, or is steered by the joystick alone. joystick: whether
+    one on a topic steers. goals: whether it waits for goals instead of following the site's route.
+    """
     present = not isinstance(made.scenario.stick, (StickNone, StickOperator))
     stick = ScenarioStick(build.setup(made.scenario).recorded_stick if present else None)
+    if not mode and isinstance(made, OwnRobot) and not (made.site_named or goals):
+        return (Mode.MANUAL if joystick else Mode.HOLD), stick
     if not mode:
-        return (Mode.SHARED if present else Mode.AUTOMATIC), stick
+        return (Mode.SHARED if present or joystick else Mode.AUTOMATIC), stick
     try:
         return Mode[mode.upper()], stick
     except KeyError as error:

@@ -37,6 +37,10 @@ def drive_here(
     Raises CohelmError if something can not be started.
     """
     number = dock_of(plan, dock)
+    if arrive and mode is Mode.HOLD:
+        raise CohelmError(
+            "in hold mode the robot stands, and does not arrive: name a site or another mode"
+        )
     with Session(plan, operator, None if topics is None else topics.camera) as session:
         stop.handle_signals()
         clock = session.loop.gated.now
