@@ -10,6 +10,7 @@ from cohelm.core.frames import between, compose, inverse, placed
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.pipeline import Perception, Seen
 from cohelm.robot.clearance import point_gap
+from cohelm.robot.model import LimitsModel
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import Lidar
 from cohelm.scenario.load import robot
@@ -147,6 +148,64 @@ def test_a_turn_on_the_spot_shows_all_that_is_around():
     turns = [Pose(0.0, 0.0, 0.1 * k) for k in range(64)]
     points = blind(driven(turns))
     assert not len(points)
+
+
+LONG = SALLY.model_copy(
+    update={
+        "footprint_m": [[1.5, 1.0], [-1.5, 1.0], [-1.5, -1.0], [1.5, -1.0]],
+        "track_m": 1.6,
+        "lidar": SALLY.lidar.model_copy(update={"mount_x_m": 1.4}),
+    }
+)
+"""Its rear is farther from its LiDAR than the memory of a smaller robot reaches."""
+
+
+def test_a_long_robot_that_was_switched_on_may_turn_but_not_back_away():
+    points = blind(driven([Pose(0.0, 0.0, 0.0)], model=LONG))
+    away = np.hypot(*points.T)
+    assert away.min() == pytest.approx(LONG.reach + 0.2, abs=0.1)
+    behind = np.sort(points[points[:, 0] < -1.6, 1])
+    assert np.diff(behind).max() <= 0.051
+    assert behind[0] < -1.0 < 1.0 < behind[-1]
+
+
+def test_a_long_robot_may_turn_and_back_over_ground_that_it_has_driven_over_or_seen():
+    later = blind(driven(ahead(7.0, 0.1), model=LONG))
+    away = np.hypot(*(later - (7.0, 0.0)).T)
+    assert away.min(initial=9.0) > LONG.reach + 0.9
+
+
+def test_a_long_robot_of_which_a_load_is_taken_off_or_put_on_keeps_what_it_has_seen():
+    eyes, ranges = Perception(SALLY), np.full(len(SALLY.lidar.lidar().beams), math.inf)
+
+    def look(k: int, at: Pose) -> np.ndarray:
+        odometry = Odometry(0.1 * k, at, Twist(0.0, 0.0))
+        return blind(eyes.take(0.1 * k, Readings(odometry, Scan(0.1 * k, k, ranges, 0.0))))
+
+    for k in range(63):
+        assert len(look(k, Pose(0.0, 0.0, 0.1 * k))) == 0 or k < 60
+    for k, outline in enumerate((LONG.outline, SALLY.outline, LONG.outline), 63):
+        eyes.reshape(outline)
+        away = np.hypot(*look(k, Pose(0.0, 0.0, 0.0)).T)
+        assert away.min(initial=9.0) > 2.4  # as far as a turn shows
+
+
+@pytest.mark.parametrize(("speed", "brakes"), [(1.0, 2.0), (2.0, 1.0), (3.0, 0.5)])
+def test_ground_that_nothing_has_seen_is_reported_as_far_as_the_robot_needs_to_stop(speed, brakes):
+    limits = LimitsModel(
+        speed_mps=speed, acceleration_mps2=brakes, yaw_rate_radps=1.0, yaw_acceleration_radps2=9.0
+    )
+    lidar = SALLY.lidar.model_copy(update={"mount_x_m": -0.3})  # looks ahead from its rear
+    fast = SALLY.model_copy(update={"limits": limits, "lidar": lidar})
+    needs = speed * 0.1 + speed**2 / (2.0 * brakes)
+    memory = 2.7 + 0.3 - 0.36  # behind the rear: of what it drove over
+    back = [Pose(6.0 - 0.1 * k, 0.0, 0.0) for k in range(20)]
+    for pose, seen in zip(back, watched([*ahead(6.0, 0.1), *back], model=fast)[61:], strict=True):
+        lane = blind(seen)[np.abs(blind(seen)[:, 1]) < 0.2, 0]
+        if len(lane):
+            assert pose.x - 0.36 - lane.max() > min(needs, memory) - 0.15
+            return
+    pytest.fail("it is not reported")
 
 
 def test_what_stands_in_the_ground_that_was_seen_hides_no_hole_in_it():

@@ -8,15 +8,26 @@ import pytest
 from cohelm.core.types import Pose
 from cohelm.perceive.scan.deskew import NO_SCAN
 from cohelm.perceive.space.cell_window import cell, holds
-from cohelm.perceive.space.unobserved import ASSUMED_FREE, KEPT, assumed_free, no_cells, with_scan
+from cohelm.perceive.space.unobserved import (
+    ASSUMED_FREE,
+    KEPT,
+    assumed_free,
+    extent,
+    no_cells,
+    with_scan,
+)
 from cohelm.robot.collision_monitor.free_space import CELL, CORNER, HALF, STEADY, FreeSpace
 from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.collision_monitor.sweep import outline
 from cohelm.scenario.load import robot
 
 SALLY = robot("sally")
-SHAPE = outline(SALLY.outline)
-LIDAR = SALLY.lidar.lidar()
+LONG = SALLY.model_copy(
+    update={
+        "footprint_m": [[1.5, 1.0], [-1.5, 1.0], [-1.5, -1.0], [1.5, -1.0]],
+        "lidar": SALLY.lidar.model_copy(update={"mount_x_m": 1.4}),
+    }
+)
 WITHIN = 1.0  # so far beyond its turning circle the filter is told of such ground [m]
 APART = range(-3, 4)
 """Cells: to the monitor the edge of a view is unknown, as wide as a cell; so it knows later what is
@@ -44,18 +55,23 @@ DRIVES = {
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-def test_ground_that_the_filter_takes_as_known_passes_the_monitor(drive):
+@pytest.mark.parametrize("model", [SALLY, LONG])
+def test_ground_that_the_filter_takes_as_known_passes_the_monitor(drive, model):
+    lidar, shape = model.lidar.lidar(), outline(model.outline)
     sensor = Sensor(
-        LIDAR.mount, LIDAR.first + LIDAR.step * np.arange(len(LIDAR.beams)), LIDAR.step, 0.06,
+        lidar.mount, lidar.first + lidar.step * np.arange(len(lidar.beams)), lidar.step, 0.06,
         0.02, 10.0, 0.0, 0.0,
     )  # fmt: skip
-    monitors, ranges = FreeSpace(sensor, SHAPE, WITHIN), np.full(len(LIDAR.beams), math.inf)
-    filters = assumed_free(no_cells(), 0.0, 0.0, SHAPE.reach + ASSUMED_FREE)
+    monitors, ranges = FreeSpace(sensor, shape, WITHIN), np.full(len(lidar.beams), math.inf)
+    free = shape.reach + ASSUMED_FREE
+    kept, seen, _, side = extent([lidar], shape.reach, free, 0.0)
+    filters = assumed_free(no_cells(side), 0.0, 0.0, free)
     wrong, psi = 0, 0.0
     for pose in DRIVES[drive]:
         c, s = math.cos(pose.psi), math.sin(pose.psi)
-        eye = Pose(pose.x + c * LIDAR.mount.x, pose.y + s * LIDAR.mount.x, pose.psi)
-        filters = with_scan(filters, LIDAR, NO_SCAN._replace(ranges=ranges, sensor=eye, stamp=0.0))
+        eye = Pose(pose.x + c * lidar.mount.x, pose.y + s * lidar.mount.x, pose.psi)
+        scan = NO_SCAN._replace(ranges=ranges, sensor=eye, stamp=0.0)
+        filters = with_scan(filters, lidar, scan, kept, seen)
         monitors.look(ranges, pose, 0.0, 0.0)
         turns, psi = pose.psi != psi, pose.psi
         for x, y in () if turns else monitors.unknown.points:
@@ -66,6 +82,13 @@ def test_ground_that_the_filter_takes_as_known_passes_the_monitor(drive):
     assert wrong == 0
 
 
-def test_the_filter_forgets_ground_before_the_monitor_does():
+@pytest.mark.parametrize(("reach", "away"), [(0.46, 0.3), (1.6, 1.4), (2.06, 1.9), (0.46, 1.4)])
+def test_the_filter_forgets_ground_before_the_monitor_does(reach, away):
     """Which moves its window once the sensor has moved by STEADY, by whole cells."""
+    lidar = SALLY.lidar.lidar()._replace(mount=Pose(away, 0.0, 0.0))
+    kept = extent([lidar], reach, reach + ASSUMED_FREE, 0.0).kept
+    sensor = Sensor(lidar.mount, np.zeros(2), 1.0, 0.06, 0.02, 10.0, 0.0, 0.0)
+    shape = outline(np.array([[reach, 0.0], [0.0, 0.2], [-reach, 0.0], [0.0, -0.2]]))
+    monitors = FreeSpace(sensor, shape, WITHIN).returns - away - 3.0 * CELL
+    assert kept + STEADY + 2.0 * CORNER < monitors
     assert KEPT + STEADY + 2.0 * CORNER < CELL * HALF

@@ -31,6 +31,7 @@ from cohelm.perceive.space.scan_memory import ScanMemoryParams
 from cohelm.perceive.space.unobserved import UnobservedFloor, UnobservedSpace
 from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.tracker import discs_at, movers_out_of_view
+from cohelm.robot.achievable import stopping_distance
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, not_ahead, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
@@ -89,12 +90,13 @@ class Perception:
         self, model: RobotModel | Lidar, known: LocalizationMap | None = None,
         start: Pose | None = None,
         memory_params: ScanMemoryParams | None = None, tracker_params: TrackerParams | None = None,
-        outline: Floats | None = None, further: Sequence[LidarModel] = (),
+        outline: Floats | None = None, further: Sequence[LidarModel] = (), stopping: float = 0.0,
     ) -> None:  # fmt: skip
         """Of a robot, or of LiDARs alone. Raises CohelmError for a robot without a LiDAR.
 
         outline: with a LiDAR alone, (k, 2) of the robot [m]; without, unobserved space is not
-        reported. further: LiDARs beside that one.
+        reported. further: LiDARs beside that one. stopping: distance in which the robot stops from
+        full speed, from a scan on [m].
         """
         if isinstance(model, Lidar):
             self.lidar = model
@@ -102,6 +104,7 @@ class Perception:
             raise CohelmError(f"{model.name} has no LiDAR, and nothing to perceive with: add one")
         else:
             self.lidar, outline, further = model.lidar.lidar(), model.outline, model.further_lidars
+            stopping = stopping_distance(model.bounds(), model.delay_s + _oldest(model))
         memory = memory_params or ScanMemoryParams()
         self._tracker_params = tracker_params or TrackerParams()
         self._first = ObservationSource(self.lidar, "", memory, self._tracker_params)
@@ -114,11 +117,12 @@ class Perception:
         self._unobserved_space = None
         looking = [one for one in self._sources if isinstance(one, ObservationSource)]
         if outline is not None and not any(all_round(source.lidar) for source in looking):
-            self._unobserved_space = UnobservedSpace(outline)
+            lidars = [source.lidar for source in looking]
+            self._unobserved_space = UnobservedSpace(outline, lidars, stopping)
         floors = [one.lidar for one in looking if one.lidar.floor_from > 0.0]
         self._floor_space = None
         if outline is not None and floors:
-            self._floor_space = UnobservedFloor(outline, floors)
+            self._floor_space = UnobservedFloor(outline, floors, stopping)
         self._unobserved_floor = NOTHING
         self._contact_memory = None
         if isinstance(model, RobotModel) and model.contacts:
@@ -300,6 +304,11 @@ class Perception:
             return parts[0]
         discs, mobile, velocity_error = zip(*parts, strict=True)
         return np.vstack(discs), np.vstack(mobile), np.concatenate(velocity_error)
+
+
+def _oldest(model: RobotModel) -> float:
+    """Age of a LiDAR's first beam when its next scan is there [s]."""
+    return max(1.0 / one.rate_hz + one.sweep_s + one.latency_s for one in model.lidars)
 
 
 def warm_up(model: RobotModel, mapped: bool) -> None:

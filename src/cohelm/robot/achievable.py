@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 from cohelm.core.jit import jit_inline
 from cohelm.core.types import Twist
-from cohelm.robot.limits import Limits
+from cohelm.robot.limits import Limits, speeds
 
 _ROUNDING = 2e-15
 """Of the speeds themselves, more than the rounding in a few sums of them."""
@@ -23,6 +25,15 @@ def braking_time(twist: Twist, limits: Limits) -> float:
         abs(twist.omega) / limits.yaw_acceleration,
         rim / limits.wheel_acceleration,
     )
+
+
+def stopping_distance(limits: Limits, reaction: float) -> float:
+    """How far the robot drives at most until it stands [m]: for a reaction time [s] at full speed,
+    and braking while it turns as fast as it can; inf without a limit of speed."""
+    top = Twist(*speeds(limits))
+    if not math.isfinite(top.v + top.omega):
+        return math.inf
+    return top.v * (reaction + 0.5 * braking_time(top, limits))
 
 
 @jit_inline

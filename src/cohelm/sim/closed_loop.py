@@ -29,6 +29,7 @@ from cohelm.plan.course import Course, course
 from cohelm.plan.evasion.movers import empty_mover_history
 from cohelm.plan.path_planner import PathParams
 from cohelm.plan.zones import Zoned, Zones
+from cohelm.robot.achievable import stopping_distance
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import Grid
@@ -127,6 +128,7 @@ def stretches(
             tracker_params=piloted.tracker_params,
             outline=settings.outline,
             further=piloted.further,
+            stopping=stopping_distance(settings.limits, delay * dt + 1.0 / piloted.rate),
         )
     )
     scanners_ = scanners(piloted, scene.seed)

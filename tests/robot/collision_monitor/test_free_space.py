@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from cohelm.core.types import Pose
+from cohelm.core.types import Pose, Twist
 from cohelm.robot.collision_monitor.free_space import (
     CELL,
     CORNER,
@@ -17,9 +17,12 @@ from cohelm.robot.collision_monitor.free_space import (
     FreeSpace,
     unknown_to_all,
 )
+from cohelm.robot.collision_monitor.odometry import PoseHistory
 from cohelm.robot.collision_monitor.returns import Sensor
+from cohelm.robot.collision_monitor.source import MonitorSource
 from cohelm.robot.collision_monitor.surroundings import BESIDE, NOTHING
 from cohelm.robot.collision_monitor.sweep import outline
+from cohelm.robot.port import Readings, Scan
 
 BOX = np.array([[0.36, 0.29], [-0.36, 0.29], [-0.36, -0.29], [0.36, -0.29]])
 SHAPE = outline(BOX)
@@ -282,16 +285,6 @@ def test_farther_than_the_window_ground_is_unknown_again():
     assert unknown_at(np.array([[edge - 0.9, 0.0]]), back.points).all()
 
 
-def test_ground_is_remembered_no_farther_than_returns_though_the_sensor_is_off_the_outline():
-    off = Pose(1.0, 0.0, 0.0)
-    it = FreeSpace(sensor(mount=off), SHAPE, 2.0)
-    it.look(empty(), HERE, 0.0, 0.0)
-    gone = it.look(np.full(BEAMS, math.nan), Pose(4.3, 0.0, 0.0), 0.0, 0.0)
-    far = SHAPE.reach + BESIDE  # from the robot, returns are forgotten
-    assert not unknown_at(np.array([[far - 0.2, 0.0]]), gone.points).any()
-    assert unknown_at(np.array([[far + CELL, 0.0]]), gone.points).all()
-
-
 def test_switched_on_anew_it_knows_what_is_vouched_for_there():
     it = FreeSpace(sensor(), SHAPE, WITHIN)
     for k in range(10):
@@ -316,15 +309,37 @@ def test_behind_a_robot_longer_than_the_usual_window_ground_is_unknown_too():
         assert not unknown_at(back[:4], found.points).any()  # vouched for
 
 
-def test_a_longer_robot_remembers_ground_as_far_as_returns_and_no_farther():
-    it = FreeSpace(sensor(mount=AHEAD), LONG, 3.0)
-    it.look(empty(), HERE, 0.0, 0.0)
-    gone = it.look(np.full(BEAMS, math.nan), Pose(6.0, 0.0, 0.0), 0.0, 0.0)
-    farthest = LONG.reach - AHEAD.x + CELL * HALF
-    assert CELL * HALF < farthest < LONG.reach + BESIDE - AHEAD.x
-    known, unknown = ([7.4 - farthest - off, 0.0] for off in (-CELL, CELL))
-    assert not unknown_at([known], gone.points).any()
-    assert unknown_at([unknown], gone.points).all()
+@pytest.mark.parametrize(
+    ("shape", "mount"), [(SHAPE, Pose(1.0, 0.0, 0.0)), (LONG, AHEAD), (LONG, HERE)]
+)
+def test_ground_is_remembered_no_farther_than_returns(shape, mount):
+    """Of a LiDAR on a boom, and of a long robot: it drives off from what it has seen, and looks
+    back no more."""
+    s = sensor(mount=mount)
+    ground = FreeSpace(s, shape, 3.0)
+    source = MonitorSource(s, True, shape, 3.0, remembers=True)
+    beside = mount.x, shape.reach + 0.2
+    for k in range(200):
+        t, way = 0.1 * k, 0.05 * k
+        poses = PoseHistory()
+        poses.add(t, Pose(way, 0.0, 0.0), Twist(0.5, 0.0))
+        scan = Scan(t, k, of_discs([(*beside, 0.05)], s, Pose(way, 0.0, 0.0)), 0.0)
+        source.look(t, Readings(None, scan), poses, poses)
+        ground.look(empty(), Pose(way, 0.0, 0.0), 0.0, 0.0)
+        if unknown_at([beside], ground.unknown.points).any():
+            assert math.hypot(way, shape.reach) > shape.reach + 1.0
+            break
+        assert len(source.by_odometry.points)
+    else:
+        pytest.fail("it never forgot that ground")
+
+
+def test_a_long_robot_knows_its_turning_circle_wherever_it_has_driven():
+    """Its LiDAR is at its front, and never looks behind it."""
+    it = FreeSpace(sensor(mount=AHEAD), LONG, 0.1)
+    for k in range(300):
+        found = it.look(empty(), Pose(0.05 * k, 0.0, 0.0), 0.0, 0.0)
+    assert not len(found.points)
 
 
 def test_a_robot_whose_outline_grows_beyond_its_window_keeps_what_it_has_seen():
@@ -347,14 +362,14 @@ def test_however_far_a_robot_brakes_it_meets_unknown_ground_before_what_is_beyon
 
 def test_ground_unknown_to_one_lidar_is_unknown_to_all_though_it_is_beyond_anothers_window():
     """One at either end of a long robot that drives ahead. The front one has seen what is beside
-    the rear, and forgotten it; the rear one looks back."""
+    it and behind its rear, and forgotten it; the rear one looks back."""
     shape = outline(np.array([[2.0, 0.5], [-2.0, 0.5], [-2.0, -0.5], [2.0, -0.5]]))
     mounts = Pose(1.9, 0.0, 0.0), Pose(-1.9, 0.0, math.pi)
     both = [FreeSpace(sensor(90.0, mount), shape, WITHIN) for mount in mounts]
     for k in range(160):
         for it in both:
             it.look(empty(), Pose(0.05 * k, 0.0, 0.0), 0.0, 0.0)
-    beside = np.array([[7.95 - 1.2, 1.4], [7.95 - 1.2, -1.4]])
-    assert np.hypot(1.2, 1.4) < shape.reach
+    beside = np.array([[7.95 - 3.6, 2.2], [7.95 - 3.6, -2.2]])
+    assert both[0].beyond(np.round(beside / CELL).astype(int)).all()
     assert unknown_at(beside, unknown_to_all(both).points).all()
     assert unknown_at(beside, unknown_to_all(both[::-1]).points).all()

@@ -8,6 +8,7 @@ mover that has just gone behind it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.scan.deskew import DeskewedScan, beam_at
-from cohelm.perceive.space.cell_window import CELL, SIDE, cell, holds, nowhere
+from cohelm.perceive.space.cell_window import CELL, NEVER, SIDE, cell, holds, nowhere
 from cohelm.perceive.space.free_space_memory import NEAR
 from cohelm.perceive.track.departed import HVX, HVY, HX, HY, REACH, UNSEEN, in_view
 from cohelm.robot.clearance import disc_clearance
@@ -28,15 +29,15 @@ it can turn and look [m]."""
 
 KEPT = 2.7
 """Ground is remembered up to this distance from the LiDAR: less than by the collision monitor
-(`free_space`, 2.85 m and half a step), which would stop the robot on it [m]."""
+(`free_space`, 2.85 m and half a step), which would stop the robot on it [m]. Of a robot that
+reaches farther from its LiDAR it is remembered farther, as by the monitor."""
 
 _ARRIVAL_TIME = (
     4.0  # a mover that left the view farther away matters if it arrives within this time [s]
 )
 _APART = 0.03  # minimum distance of a mover out of view from the outline [m]
-_NEVER = np.iinfo(np.int64).min  # marks an entry of no cell, as `nowhere`
 _JUST_LEFT = 0.25  # a mover seen so recently is where it is predicted [s]
-_REPORTED = 1.0  # beyond the turning circle, within which the border is reported [m]
+_REPORTED = 1.0  # beyond the turning circle, within which the border is reported, at least [m]
 
 
 class View(NamedTuple):
@@ -56,9 +57,44 @@ class ObservedCells(NamedTuple):
     occupied: NDArray[np.bool_]
 
 
-def no_cells() -> ObservedCells:
+class Extent(NamedTuple):
+    """How far ground matters and is remembered."""
+
+    kept: float
+    """From each LiDAR [m]."""
+    seen: float
+    """From each LiDAR, up to which ground in its view becomes known [m]."""
+    reported: float
+    """From the body's origin, within which the border is reported [m]."""
+    side: int
+    """Cells along one side of a window that holds all of that, wherever the LiDARs are."""
+
+
+def extent(lidars: Sequence[Lidar], reach: float, free: float, stopping: float) -> Extent:
+    """The extent for a robot. reach: of its outline. free: radius of the ground that is assumed
+    free where it is switched on. stopping: distance in which it stops from full speed [m]."""
+    away = max(math.hypot(one.mount.x, one.mount.y) for one in lidars)
+    kept = max(KEPT, away + free + _REPORTED)
+    # Beyond what is kept nothing borders on observed ground.
+    reported = reach + min(max(_REPORTED, stopping), kept + away + CELL)
+    side = max(SIDE, 2 * math.ceil((kept + away) / CELL) + 2)
+    return Extent(kept, kept - (KEPT - NEAR), reported, side)
+
+
+def no_cells(side: int = SIDE) -> ObservedCells:
     """No cell has been in view."""
-    return ObservedCells(nowhere(), np.zeros((SIDE, SIDE), np.bool_))
+    return ObservedCells(nowhere(side), np.zeros((side, side), np.bool_))
+
+
+def enlarged(cells: ObservedCells, side: int) -> ObservedCells:
+    """The same cells in a window of at least so many to a side."""
+    if side <= len(cells.which):
+        return cells
+    made, held = no_cells(side), cells.which[..., 0] != NEVER
+    i, j = cells.which[held].T
+    made.which[i % side, j % side] = cells.which[held]
+    made.occupied[i % side, j % side] = cells.occupied[held]
+    return made
 
 
 @jit
@@ -76,22 +112,26 @@ def assumed_free(cells: ObservedCells, x: float, y: float, radius: float) -> Obs
 
 @jit
 def with_scan(
-    cells: ObservedCells, lidar: Lidar, sweep: DeskewedScan, floor: bool = False
-) -> ObservedCells:
+    cells: ObservedCells, lidar: Lidar, sweep: DeskewedScan, kept: float, seen: float,
+    floor: bool = False,
+) -> ObservedCells:  # fmt: skip
     """With the ground in view of a sweep, up to its returns; or with the floor that it sees, within
-    the sensor's floor range and before its returns. Cells farther than KEPT are forgotten."""
+    the sensor's floor range and before its returns.
+
+    kept: cells farther than this from the LiDAR are forgotten [m]. seen: and those farther than
+    this not seen [m]."""
     which, occupied = cells.which.copy(), cells.occupied.copy()
-    sensor, n = sweep.sensor, len(sweep.ranges)
-    _forget(which, sensor)
+    sensor, n, side = sweep.sensor, len(sweep.ranges), len(cells.which)
+    _forget(which, sensor, kept)
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
-    low_x, low_y = cell(sensor.x - NEAR), cell(sensor.y - NEAR)
-    wide = math.ceil(2.0 * NEAR / CELL)
+    low_x, low_y = cell(sensor.x - seen), cell(sensor.y - seen)
+    wide = math.ceil(2.0 * seen / CELL)
     for i in range(low_x, low_x + wide):
         wx = (i + 0.5) * CELL - sensor.x
         for j in range(low_y, low_y + wide):
             wy = (j + 0.5) * CELL - sensor.y
             far = math.hypot(wx, wy)
-            if far > NEAR or (holds(which, i, j) and not occupied[i % SIDE, j % SIDE]):
+            if far > seen or (holds(which, i, j) and not occupied[i % side, j % side]):
                 continue
             if floor and not lidar.floor_from <= far <= lidar.floor_to:
                 continue
@@ -109,13 +149,13 @@ def with_scan(
 
 
 @jit_inline
-def _forget(which: Ints, sensor: Pose) -> None:
-    for a in range(SIDE):
-        for b in range(SIDE):
+def _forget(which: Ints, sensor: Pose, kept: float) -> None:
+    for a in range(len(which)):
+        for b in range(len(which)):
             wx = (which[a, b, 0] + 0.5) * CELL - sensor.x
             wy = (which[a, b, 1] + 0.5) * CELL - sensor.y
-            if wx * wx + wy * wy > KEPT * KEPT:
-                which[a, b, 0] = _NEVER
+            if wx * wx + wy * wy > kept * kept:
+                which[a, b, 0] = NEVER
 
 
 @jit_inline
@@ -143,15 +183,16 @@ def approaching(out_of_view: Floats, pose: Pose, far: float) -> Floats:
 @jit
 def occupied(
     cells: ObservedCells, views: tuple[View, ...], out_of_view: Floats, pose: Pose, outline: Floats,
-    fastest: float, dt: float,
+    fastest: float, dt: float, kept: float,
 ) -> ObservedCells:  # fmt: skip
     """With the cells that movers out of view may occupy dt [s] later: where they left the view, and
     what they can reach from there, or from beyond the known cells, over unobserved cells within
     the bounds of their predicted tracks.
 
-    fastest: assumed largest speed, unless one was observed to be faster [m/s].
+    fastest: assumed largest speed, unless one was observed to be faster [m/s]. kept: within this of
+    the body's origin [m].
     """
-    before = cells.occupied
+    before, side = cells.occupied, len(cells.which)
     after = np.zeros_like(before)
     if not len(out_of_view):
         return ObservedCells(cells.which, after)
@@ -160,8 +201,8 @@ def occupied(
         any_away = any_away or out_of_view[k, UNSEEN] >= _JUST_LEFT
         speed = max(speed, math.hypot(out_of_view[k, HVX], out_of_view[k, HVY]))
     steps = math.ceil(speed * dt / CELL)
-    low_x, low_y = cell(pose.x - KEPT), cell(pose.y - KEPT)
-    wide = math.ceil(2.0 * KEPT / CELL) + 1
+    low_x, low_y = cell(pose.x - kept), cell(pose.y - kept)
+    wide = math.ceil(2.0 * kept / CELL) + 1
     reachable, filled = np.zeros((wide, wide), np.bool_), np.zeros((wide, wide), np.bool_)
     for a in range(wide):
         for b in range(wide):
@@ -176,7 +217,7 @@ def occupied(
                 ):
                     reachable[a, b] = True
                     filled[a, b] |= out_of_view[k, UNSEEN] < _JUST_LEFT
-            filled[a, b] |= before[i % SIDE, j % SIDE] or (
+            filled[a, b] |= before[i % side, j % side] or (
                 any_away and not holds(cells.which, i, j)
             )
             filled[a, b] &= reachable[a, b]
@@ -193,20 +234,21 @@ def occupied(
                     )  # fmt: skip
     for a in range(wide):
         for b in range(wide):
-            after[(low_x + a) % SIDE, (low_y + b) % SIDE] = filled[a, b]
+            after[(low_x + a) % side, (low_y + b) % side] = filled[a, b]
     return ObservedCells(cells.which, after)
 
 
 @jit
-def possibly_occupied(cells: ObservedCells, pose: Pose) -> Floats:
+def possibly_occupied(cells: ObservedCells, pose: Pose, kept: float) -> Floats:
     """Centres of the cells that movers out of view may occupy near a pose, (p, 2), in `odom`."""
-    low_x, low_y = cell(pose.x - KEPT), cell(pose.y - KEPT)
-    wide = math.ceil(2.0 * KEPT / CELL) + 1
+    side = len(cells.which)
+    low_x, low_y = cell(pose.x - kept), cell(pose.y - kept)
+    wide = math.ceil(2.0 * kept / CELL) + 1
     out = np.empty((wide * wide, 2))
     k = 0
     for i in range(low_x, low_x + wide):
         for j in range(low_y, low_y + wide):
-            if cells.occupied[i % SIDE, j % SIDE]:
+            if cells.occupied[i % side, j % side]:
                 out[k, 0], out[k, 1] = (i + 0.5) * CELL, (j + 0.5) * CELL
                 k += 1
     return out[:k].copy()
@@ -246,29 +288,36 @@ def unobserved_border(
 
 @jit_inline
 def _set_observed(which: Ints, occupied: NDArray[np.bool_], i: int, j: int) -> None:
-    a, b = i % SIDE, j % SIDE
+    a, b = i % len(which), j % len(which)
     which[a, b, 0], which[a, b, 1] = i, j
     occupied[a, b] = False
 
 
 @jit_inline
 def _is_free(cells: ObservedCells, i: int, j: int) -> bool:
-    return holds(cells.which, i, j) and not cells.occupied[i % SIDE, j % SIDE]
+    side = len(cells.which)
+    return holds(cells.which, i, j) and not cells.occupied[i % side, j % side]
 
 
 class UnobservedSpace:
     """Unobserved space of a robot none of whose LiDARs looks all round."""
 
-    def __init__(self, outline: Floats) -> None:
-        """outline: (k, 2) of the robot [m]."""
-        self.reshape(outline)
+    def __init__(self, outline: Floats, lidars: Sequence[Lidar], stopping: float) -> None:
+        """outline: (k, 2) of the robot [m]. lidars: all of them. stopping: distance in which it
+        stops from full speed [m]."""
+        self._lidars, self._stopping = tuple(lidars), stopping
         self._cells: ObservedCells | None = None
+        self.reshape(outline)
         self._stamp = -math.inf
 
     def reshape(self, outline: Floats) -> None:
         """Use another outline from the next sweep on."""
         self._outline = outline
-        self._reach = float(np.hypot(*outline.T).max())
+        reach = float(np.hypot(*outline.T).max())
+        self._free = reach + ASSUMED_FREE
+        self._extent = extent(self._lidars, reach, self._free, self._stopping)
+        if self._cells is not None:
+            self._cells = enlarged(self._cells, self._extent.side)
 
     def points(
         self, lidar: Lidar, sweep: DeskewedScan, sweeps: list[tuple[Lidar, DeskewedScan]],
@@ -279,14 +328,15 @@ class UnobservedSpace:
         sweeps: each LiDAR with its newest sweep, this one too. out_of_view: movers, as in
         `track.departed`. fastest: assumed largest speed, unless observed faster [m/s].
         """
-        far, pose = self._reach + _REPORTED, sweep.pose
+        kept, seen, far, side = self._extent
+        pose = sweep.pose
         views = tuple(View(its_lidar, its.sensor) for its_lidar, its in sweeps)
         if self._cells is None:
-            self._cells = assumed_free(no_cells(), pose.x, pose.y, self._reach + ASSUMED_FREE)
-        cells = with_scan(self._cells, lidar, sweep)
+            self._cells = assumed_free(no_cells(side), pose.x, pose.y, self._free)
+        cells = with_scan(self._cells, lidar, sweep, kept, seen)
         dt, self._stamp = min(max(sweep.stamp - self._stamp, 0.0), 1.0), sweep.stamp
         near = approaching(out_of_view, pose, far)
-        self._cells = occupied(cells, views, near, pose, self._outline, fastest, dt)
+        self._cells = occupied(cells, views, near, pose, self._outline, fastest, dt, kept)
         return unobserved_border(self._cells, views, pose, self._outline, far)
 
     def possibly_occupied(self, pose: Pose) -> Floats:
@@ -294,7 +344,7 @@ class UnobservedSpace:
         sweep."""
         if self._cells is None:
             return np.empty((0, 2))
-        return possibly_occupied(self._cells, pose)
+        return possibly_occupied(self._cells, pose, self._extent.kept)
 
 
 class UnobservedFloor:
@@ -303,25 +353,31 @@ class UnobservedFloor:
     Only those count, and only where they see it: a planar LiDAR sees no stair.
     """
 
-    def __init__(self, outline: Floats, floor_lidars: list[Lidar]) -> None:
-        """outline: (k, 2) of the robot [m]. floor_lidars: the sensors that see the floor."""
-        self.reshape(outline)
-        least = self._reach + ASSUMED_FREE
+    def __init__(self, outline: Floats, floor_lidars: Sequence[Lidar], stopping: float) -> None:
+        """outline: (k, 2) of the robot [m]. floor_lidars: the sensors that see the floor. stopping:
+        distance in which it stops from full speed [m]."""
+        self._lidars, self._stopping = tuple(floor_lidars), stopping
+        least = float(np.hypot(*outline.T).max()) + ASSUMED_FREE
         self._assumed_free = max(vouched_floor(lidar, outline, least) for lidar in floor_lidars)
         self._cells: ObservedCells | None = None
+        self.reshape(outline)
 
     def reshape(self, outline: Floats) -> None:
         """Use another outline from the next sweep on. Floor beneath it is not reported, and not
         assumed observed: a load may overhang anything."""
         self._outline = outline
-        self._reach = float(np.hypot(*outline.T).max())
+        reach = float(np.hypot(*outline.T).max())
+        free = max(reach + ASSUMED_FREE, self._assumed_free)
+        self._extent = extent(self._lidars, reach, free, self._stopping)
+        if self._cells is not None:
+            self._cells = enlarged(self._cells, self._extent.side)
 
     def points(self, lidar: Lidar, sweep: DeskewedScan) -> Floats:
         """The border of unobserved floor after a sweep of one of these, (p, 2), in `odom`."""
+        kept, seen, far, side = self._extent
         pose = sweep.pose
         if self._cells is None:
-            self._cells = assumed_free(no_cells(), pose.x, pose.y, self._assumed_free)
-        self._cells = with_scan(self._cells, lidar, sweep, True)
+            self._cells = assumed_free(no_cells(side), pose.x, pose.y, self._assumed_free)
+        self._cells = with_scan(self._cells, lidar, sweep, kept, seen, True)
         view = (View(lidar, sweep.sensor),)
-        far = self._reach + _REPORTED
         return unobserved_border(self._cells, view, pose, self._outline, far, True)

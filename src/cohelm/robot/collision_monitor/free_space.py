@@ -24,12 +24,18 @@ from cohelm.robot.collision_monitor.sweep import Outline, edge_distances
 
 CELL = 0.05
 """Side of a cell of the window [m]."""
-HALF = round(BESIDE / CELL) - 3
+_MOTION = 3
+"""Cells that ground is forgotten nearer than returns are: for the sensor's motion in a scan and
+before the next look, and for half a cell."""
+HALF = round(BESIDE / CELL) - _MOTION
 """Cells from the sensor to where ground is forgotten, all round: 2.85 m, nearer than the distance
-at which `surroundings` forgets, wherever in the outline the sensor is. The three are for its motion
-in a scan and before the next look, and for half a cell. The filter forgets sooner
-(`tests/pilot/test_ground_memories.py`), so it requests no ground that is refused. Of a robot whose
-outline reaches beyond, ground is remembered as far as returns are."""
+at which `surroundings` forgets, wherever in the outline the sensor is. The filter forgets sooner
+(`tests/pilot/test_ground_memories.py`), so it requests no ground that is refused. Of a robot that
+reaches farther from its sensor, both are remembered farther."""
+ROOM = 1.0 + _MOTION * CELL
+"""Ground is remembered at least so far beyond what is vouched for [m], or a long robot could not
+even turn in its own turning circle: as far as the filter is told of, and this much more than by
+it."""
 VOUCHED = 0.2
 """Margin around the turning circle within which ground counts as free where the robot is switched
 on: the operator has looked; and from there it can turn and look for itself [m]."""
@@ -80,6 +86,9 @@ class FreeSpace:
         self._vouched = False
         self._carried: Carried | None = None
         self._half = 0
+        self.returns = 0.0
+        """Distance from the body's origin within which returns have to be remembered, as ground is
+        [m]."""
         self.reshape(shape, within)
         self.unknown = NOTHING
         """Unobserved ground within reach, by the newest look."""
@@ -96,7 +105,8 @@ class FreeSpace:
         if self._floor:
             self._vouches = max(self._vouches, self._sensor.vouched)
         away = math.hypot(mount.x, mount.y)
-        kept = CELL * HALF + min(shape.reach - away, max(away + self._vouches - CELL * HALF, 0.0))
+        kept = max(CELL * HALF, away + self._vouches + ROOM)
+        self.returns = away + kept + _MOTION * CELL
         # Ground beyond what is kept is unknown: a cell more, which no way out of the window misses.
         self._resize(math.ceil(max(kept, away + shape.reach) / CELL) + 1)
         distance = self._window.distance

@@ -46,6 +46,8 @@ class MonitorSource:
         self._around, self._own = all_round(sensor), shape
         self._near = 0.0
         """Returns farther from the sensor than this do not matter [m]."""
+        self._reach = 0.0
+        """Returns out of view are remembered within BESIDE of this, from the body's origin [m]."""
         vouches = sensor.forgets == math.inf
         self.ground = FreeSpace(sensor, shape, farthest) if remembers and vouches else None
         """Ground that it has observed."""
@@ -66,9 +68,12 @@ class MonitorSource:
         across = max(shape.reach, math.hypot(self._sensor.mount.x, self._sensor.mount.y))
         beyond = farthest if self._around else max(farthest, BESIDE)
         self._near = across + shape.reach + beyond
+        self._reach = shape.reach
         for space in (self.ground, self.floor):
             if space is not None:
                 space.reshape(shape, farthest)
+                self._near = max(self._near, space.returns)
+                self._reach = max(self._reach, space.returns - BESIDE)
 
     def forget(self) -> None:
         """Forget what was placed by odometry, which began anew."""
@@ -97,7 +102,7 @@ class MonitorSource:
             return False, self._text("the scan comes from the future")
         first, last = (measured.at(scan.stamp + t) for t in (0.0, scan.duration))
         before = out_of_sight(
-            self.by_odometry, scan.stamp, first, last, sensor, self._shape.reach, scan.ranges
+            self.by_odometry, scan.stamp, first, last, sensor, self._reach, scan.ranges
         )  # fmt: skip
         # What was too near to be measured may have been as near as the sensor itself, but not where
         # the robot is now.
