@@ -8,7 +8,7 @@ import pytest
 
 from cohelm.core.types import Stick
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.link.messages import Mode, RequestKind
+from cohelm.link.messages import Arming, Mode, RequestKind
 from cohelm.link.operator import Scripted
 from cohelm.loop.loop import LoopParams
 from cohelm.robot.gate.modes import GateMode
@@ -178,6 +178,41 @@ def test_no_mode_outlives_the_lease_in_which_it_was_chosen(drive, mode):
         assert drive.rule.driver == bert.number
         assert drive.loop.supervisor.mode == Mode.HOLD
         assert speed(drive) == 0.0
+
+    drive.run(script())
+
+
+@pytest.mark.parametrize("mode", [Mode.MANUAL, Mode.SHARED])
+@pytest.mark.parametrize("before", [Mode.HOLD, Mode.AUTOMATIC])
+def test_a_mode_does_not_begin_to_steer_by_a_stick_that_was_left_deflected(drive, before, mode):
+    """A pad that lies on its side, of which nobody thinks when a mode is chosen."""
+
+    def script():
+        anna = drive.station("anna")
+        yield from waits(10)
+        anna.ask(RequestKind.TAKE)
+        yield from waits(10)
+        assert drive.loop.supervisor.stick_state.arming == Arming.ARMED
+        anna.ask(RequestKind.MODE, before)
+        anna.stick = Stick(0.0, 1.0)
+        yield from waits(30)
+        anna.ask(RequestKind.MODE, mode)
+        for _ in range(60):
+            yield
+            if drive.loop.supervisor.mode == mode:
+                assert drive.loop.supervisor.stick_state.stick == CENTRED
+        assert drive.loop.supervisor.mode == mode
+        assert drive.loop.supervisor.stick_state.arming == Arming.WAITING
+        anna.stick = CENTRED
+        yield from waits(5)
+        anna.stick = Stick(0.0, 1.0)
+        yield from waits(30)
+        assert drive.loop.supervisor.stick_state.stick == Stick(0.0, 1.0)
+        other = Mode.SHARED if mode == Mode.MANUAL else Mode.MANUAL
+        anna.ask(RequestKind.MODE, other)  # whoever steers already goes on
+        yield from waits(10)
+        assert drive.loop.supervisor.mode == other
+        assert drive.loop.supervisor.stick_state.stick == Stick(0.0, 1.0)
 
     drive.run(script())
 

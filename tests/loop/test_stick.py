@@ -91,11 +91,13 @@ def test_another_drivers_stick_must_be_centred_first():
     assert after(received(0.0)._replace(driver=2), start=stick_state).arming == Arming.ARMED
 
 
-def test_while_the_robot_is_stopped_a_stick_counts_only_as_long_as_it_is_centred():
-    held = updated(ARMED, received(0.8), M, 0.02, stopped=True)
-    assert held.arming == Arming.WAITING
+def test_while_it_steers_nothing_a_stick_counts_only_as_long_as_it_is_centred():
+    before = ARMED._replace(stick=Stick(0.8, 0.0))
+    held = updated(before, received(0.8), M, 0.02, anew=True)
+    assert (held.arming, held.stick) == (Arming.WAITING, CENTRED)  # at once: a mode may follow
+    assert held.deflection == Stick(0.8, 0.0)
     assert after(*[received(0.8)] * 20, start=held).stick == CENTRED
-    centred = updated(held, received(0.0), M, 0.02, stopped=True)
+    centred = updated(held, received(0.0), M, 0.02, anew=True)
     assert after(received(0.8), start=centred).arming == Arming.ARMED
 
 

@@ -51,7 +51,8 @@ def test_keys_without_effect_show_what_to_do_first(page: Page) -> None:
     take(page)
     free(page)
     page.keyboard.down("ArrowUp")
-    expect(alarms(page)).to_contain_text("does not steer: mode is Hold; choose Shared or Manual")
+    how = "mode is Hold; release it, then choose Shared or Manual"
+    expect(alarms(page)).to_contain_text(f"does not steer: {how}")
     page.keyboard.up("ArrowUp")
     release(page)
 
@@ -107,6 +108,27 @@ def test_a_gamepad_must_be_centred_before_it_steers(context: BrowserContext, pag
     expect(given(page)).to_contain_text(RIGHT)
     page.evaluate("testPad.deflect(0, 0)")
     expect(given(page)).to_contain_text(STILL)
+    release(page)
+
+
+def test_a_mode_does_not_begin_with_a_gamepad_that_lies_on_its_side(page: Page) -> None:
+    page.add_init_script(PAD)
+    page.reload()
+    page.evaluate("testPad.plug()")
+    take(page)
+    free(page)
+    expect(device(page)).to_contain_text("gamepad: ready")
+    page.evaluate("testPad.hold(0, 1)")
+    expect(alarms(page)).to_contain_text("does not steer: mode is Hold; release it")
+    choose(page, "Manual")
+    expect(alarms(page)).to_contain_text("does not steer: waiting for your stick to be centred")
+    page.wait_for_timeout(400)
+    expect(given(page)).to_contain_text(STILL)
+    page.evaluate("testPad.deflect(0, 0)")
+    expect(device(page)).to_contain_text("gamepad: ready")
+    page.evaluate("testPad.deflect(0, 1)")
+    expect(given(page)).to_contain_text(LEFT)
+    page.evaluate("testPad.deflect(0, 0)")
     release(page)
 
 

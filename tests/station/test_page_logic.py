@@ -119,8 +119,8 @@ def test_a_deflected_stick_without_effect_shows_what_to_do_first(asked) -> None:
         "m.needed(true, false, 'shared')", "m.needed(true, false, 'manual')",
     ) == [
         "press Take over first", "press Reset first",
-        "mode is Hold; choose Shared or Manual",
-        "mode is Auto; choose Shared or Manual", "", "",
+        "mode is Hold; release it, then choose Shared or Manual",
+        "mode is Auto; release it, then choose Shared or Manual", "", "",
     ]  # fmt: skip
 
 

@@ -34,6 +34,8 @@ class StickState(NamedTuple):
     arming: Arming = Arming.ABSENT
     stick: Stick = CENTRED
     """The deflection in use."""
+    deflection: Stick = CENTRED
+    """That of the driver's stick, whether it is in use or not; centred where there is none."""
     age: float = math.nan
     """Of the newest command [s]."""
     driver: int = 0
@@ -59,18 +61,20 @@ def updated(
     received: OperatorInput,
     params: ArmingParams,
     dt: float,
-    stopped: bool = False,
+    anew: bool = False,
 ) -> StickState:
     """The stick's state a period of `dt` [s] later. received: as `current` leaves it.
 
-    stopped: the robot is latched; a stick that is held meanwhile must be centred again, or the
-    robot would set off with the next mode.
+    anew: the robot stands without a mode, or its mode steers by the stick from this period on. A
+    stick that is deflected then must be centred first, or the robot would set off with the mode:
+    nobody may be holding it.
     """
     command, why = _valid_command(received)
     arming, goal, lost = Arming.ABSENT, CENTRED, ""
+    before = CENTRED if anew else stick_state.stick
     if command is not None:
         same = received.driver == stick_state.driver  # another driver's stick must be centred again
-        keeps = stick_state.arming == Arming.ARMED and same and not stopped
+        keeps = stick_state.arming == Arming.ARMED and same and not anew
         if keeps or is_centred(command.stick):
             arming, goal = Arming.ARMED, command.stick
         else:
@@ -79,8 +83,9 @@ def updated(
         lost = why
     newest = received.command
     return StickState(
-        arming, _rate_limited(stick_state.stick, goal, params.max_rate * dt), received.age,
-        received.driver, lost, _driver_lost(received, params.stale),
+        arming, _rate_limited(before, goal, params.max_rate * dt),
+        CENTRED if command is None else command.stick, received.age, received.driver,
+        lost, _driver_lost(received, params.stale),
         stick_state.speed_scale if newest is None else newest.speed_scale,
         received.round_trip if arming == Arming.ARMED else math.nan,
     )  # fmt: skip

@@ -58,6 +58,7 @@ class Supervisor:
         self._arming, self._period, self._carry_on = arming, period, carry_on
         self.mode = Mode.HOLD
         self.stick_state = StickState()
+        self._by_stick = False  # whether the mode of the last period steered by it
         self.lease = (0, 0)
         """The driver's client number, 0: none; and the count of leases."""
         self.driver_client = (0, "")
@@ -82,8 +83,10 @@ class Supervisor:
         self.driver_client = (received.driver, received.name)
         self._follow_lease(received)
         self._answer_requests(received)
-        stopped = latched(self.gated.gate.mode)
-        self.stick_state = updated(self.stick_state, received, self._arming, self._period, stopped)
+        mode = self.gated.gate.mode
+        before, self._by_stick = self._by_stick, mode == GateMode.SHARED
+        anew = not driving(mode) or (self._by_stick and not before)
+        self.stick_state = updated(self.stick_state, received, self._arming, self._period, anew)
         self._watch_operator(now, received)
 
     def choose(self, mode: Mode) -> str:
@@ -121,7 +124,7 @@ class Supervisor:
             return self.problem or "no sensor readings yet"
         if self._pauses:
             return f"paused: {self.paused}"
-        refusal = self.docking.refusal(number, self.seen, self.stick_state.stick, backwards)
+        refusal = self.docking.refusal(number, self.seen, self.stick_state.deflection, backwards)
         refusal = refusal or self.gated.drive(GateMode.AUTOMATIC)
         if not refusal:
             self._end_docking(Ended("replaced by another request"))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from cohelm.core.types import CENTRED
 from cohelm.link.bulk_messages import Hello
 from cohelm.link.keys import Keys
-from cohelm.link.messages import Command, Mode, RequestKind, is_centred
+from cohelm.link.messages import Arming, Command, Mode, RequestKind, is_centred
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import ReceivedStatus, StationEnd
 from cohelm.link.sticks.feel import STILL, CueRules, damped, faded, returning, spring, wanted
@@ -82,6 +82,13 @@ def _limits(bulk: StationBulk) -> SpeedLimits:
     return _UNKNOWN
 
 
+_ARMING = {
+    Arming.ABSENT: "stick: none that is valid",
+    Arming.WAITING: "stick: release it to the centre, then it steers",
+    Arming.ARMED: "stick: ready",
+}
+
+
 class _Reporter:
     """Reports each change once."""
 
@@ -103,7 +110,7 @@ class _Reporter:
         )
         self._report("mode", f"mode: {status.mode.name.lower()}")
         self._report("stop", f"stopped: {status.stopped}" if status.stopped else "")
-        self._report("arming", f"stick: {status.arming.name.lower()}" if mine else "")
+        self._report("arming", _ARMING[status.arming] if mine else "")
 
     def _report(self, what: str, text: str) -> None:
         if self._last.get(what, "") != text and text:

@@ -111,7 +111,7 @@ export function centred(stick: Stick, centre: number): boolean {
 export function needed(drives: boolean, stopped: boolean, mode: string): string {
   if (!drives) return 'press Take over first'
   if (stopped) return 'press Reset first'
-  if (mode === 'hold') return 'mode is Hold; choose Shared or Manual'
-  if (mode === 'automatic') return 'mode is Auto; choose Shared or Manual'
+  if (mode === 'hold') return 'mode is Hold; release it, then choose Shared or Manual'
+  if (mode === 'automatic') return 'mode is Auto; release it, then choose Shared or Manual'
   return ''
 }
