@@ -32,10 +32,16 @@ class Both:
         self.robot.send_status(STATUS)
         for station in self.stations:
             station.steer(Command(self.stick, True, True, Device.SCRIPT))
+        return self.robot_turn()
+
+    def robot_turn(self) -> OperatorInput:
+        """The robot's part, without a status."""
         self.heard = self.robot.receive()
         for asked in self.heard.requests:
             self.done.append((asked.name, asked.request.what, asked.request.value))
-            self.robot.answer(asked.client, asked.request.number, True, "done")
+            self.robot.answer(
+                asked.client, asked.request.number, True, f"done {asked.request.value}"
+            )
         return self.heard
 
     def ask(self, station: StationEnd, what: RequestKind, value: int = 0):
@@ -151,6 +157,35 @@ def test_a_station_that_no_longer_steers_sends_no_stick(both):
     until(lambda: both.heard.command and both.heard.command.valid, turn=both.turn)
     until(lambda: (heard := both.robot.receive()).command and not heard.command.valid, within=1.0)
     assert both.robot.receive().command.stick == CENTRED
+
+
+def test_a_stick_that_is_lost_leaves_the_speed_scale_as_it_was(both):
+    """A page that hangs, or a hidden tab, in automatic mode: the robot must not drive faster."""
+    one = both.stations[0]
+    both.ask(one, RequestKind.TAKE)
+    one.steer(Command(Stick(0.0, 0.0), True, True, Device.SCRIPT, 0.25))
+    until(lambda: (heard := both.robot.receive()).command and heard.command.valid, within=1.0)
+    until(lambda: not both.robot.receive().command.valid, within=1.0)
+    assert both.robot.receive().command.speed_scale == 0.25
+
+
+def test_of_eight_requests_at_once_all_are_answered(both):
+    """More than fit into one status; and the robot's next statuses may be lost."""
+    one = both.stations[0]
+    both.ask(one, RequestKind.TAKE)
+    numbers = [one.ask(RequestKind.MODE, value) for value in range(8)]
+    until(lambda: len(both.done) >= 8, turn=lambda: both.robot_turn())
+    assert [one.answer(number) for number in numbers] == [None] * 8
+    until(lambda: all(one.answer(number) for number in numbers), within=1.0, turn=both.turn)
+    assert [one.answer(number).reason for number in numbers] == [f"done {n}" for n in range(8)]
+    assert [value for _, what, value in both.done if what is RequestKind.MODE] == list(range(8))
+
+
+def test_three_stops_at_once_are_answered_and_forgotten(both):
+    one = both.stations[0]
+    numbers = [one.ask(RequestKind.STOP) for _ in range(3)]
+    until(lambda: all(one.answer(number) for number in numbers), within=1.0, turn=both.turn)
+    assert not one._requests
 
 
 def test_a_deflection_is_repeated_until_it_is_lost_and_then_there_is_no_stick(both):

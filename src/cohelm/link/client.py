@@ -10,7 +10,7 @@ from collections.abc import Callable
 from cohelm.link.clock import Path
 from cohelm.link.dtls import Channel
 from cohelm.link.listener import Guest
-from cohelm.link.messages import Answer, Command, RequestKind
+from cohelm.link.messages import MOST_ANSWERS, Answer, Command, RequestKind
 from cohelm.link.operator import AHEAD, ClientRequest
 from cohelm.link.rate import TokenBucket
 
@@ -50,7 +50,12 @@ class Client:
         self.dropped = 0
         self.done = 0
         """Number of the last request processed."""
-        self.answers: deque[Answer] = deque(maxlen=3)
+        self.answers: deque[Answer] = deque(maxlen=64)
+        """The newest, more than its burst of requests."""
+        self.awaited: frozenset[int] = frozenset()
+        """Numbers of the requests that its newest command repeats: not answered yet, as it knows."""
+        self.told = 0
+        """How many statuses have had answers that it awaits."""
         self.datagrams = TokenBucket(DATAGRAMS, DATAGRAM_BURST, now)
         self.decrypted = TokenBucket(DECRYPTED, 0.2 * DECRYPTED, now)
         self.requests = TokenBucket(REQUESTS, REQUEST_BURST, now)
@@ -59,6 +64,16 @@ class Client:
     def name(self) -> str:
         """As logs and reasons name it: several stations may share a certificate's name."""
         return f"{self.channel.name} ({self.number})"
+
+    def due_answers(self) -> tuple[Answer, ...]:
+        """The answers for its next status: those that it awaits, by turns where they are too many
+        for one; else the newest."""
+        due = [answer for answer in self.answers if answer.number in self.awaited]
+        if not due:
+            return tuple(self.answers)[-MOST_ANSWERS:]
+        self.told += 1
+        first = (self.told - 1) * MOST_ANSWERS % len(due)
+        return tuple((due + due)[first : first + min(MOST_ANSWERS, len(due))])
 
     def in_time(self, stamp: float, now: float, life: float) -> bool:
         """Whether a stamp's worst-case age is at most `life` [s], and it is not from the future."""

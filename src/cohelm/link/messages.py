@@ -25,6 +25,8 @@ from cohelm.link.codec import UpTo, array, real, record, text, whole
 
 MOST_BEAMS = 500
 """Beams in one ScanPart."""
+MOST_ANSWERS = 3
+"""Answers in one Status."""
 
 Byte = Annotated[int, whole("B")]
 Short = Annotated[int, whole("H")]
@@ -298,8 +300,9 @@ class Status(NamedTuple):
     timing: TimingReport
     alarms: Annotated[tuple[Alarm, ...], UpTo(4)]
     """The worst first, at most 4."""
-    answers: Annotated[tuple[Answer, ...], UpTo(3)]
-    """To the newest requests, oldest first, at most 3. A number up to the last one is done."""
+    answers: Annotated[tuple[Answer, ...], UpTo(MOST_ANSWERS)]
+    """To requests that this client repeats, at most 3, by turns where there are more; without any,
+    to the newest. A stop up to the largest number is done."""
     ahead: Annotated[tuple[tuple[float, float], ...], UpTo(12)]
     """Predicted path in the map, from now on in equal steps of time, at most 12 [m]."""
     ahead_step: float

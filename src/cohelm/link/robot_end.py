@@ -274,6 +274,7 @@ class RobotEnd(IoThread):
                 self._not_used(client, "clocks not compared" if unknown else "too old")
                 return self._requests(client, message, now, stops_only=True)
             client.command, client.stamp = message.command, header.stamp
+            client.awaited = frozenset(request.number for request in message.requests)
             self._requests(client, message, now, stops_only=False)
 
     def _known(self, client: Client, header: Header, now: float) -> Client | None:
@@ -291,6 +292,7 @@ class RobotEnd(IoThread):
             return None
         if client.session is not None:  # a new session on the same channel starts afresh
             client.done, client.command = 0, None
+            client.answers.clear()
         client.session = header.session
         return client
 
@@ -422,7 +424,7 @@ class RobotEnd(IoThread):
                     client.number, held.driver, self._clients.name(held.driver), held.requester,
                     self._clients.name(held.requester), held.until - self.clock(),
                 ),
-                answers=tuple(client.answers),
+                answers=client.due_answers(),
                 timing=status.timing._replace(
                     command_age=status.timing.command_age if held.driver == client.number
                     else math.nan,

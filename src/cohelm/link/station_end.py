@@ -331,8 +331,12 @@ class StationEnd(IoThread):
             for answer in message.answers:
                 self._answers[answer.number] = answer
             last = max((answer.number for answer in message.answers), default=0)
-            while self._requests and self._requests[0].number <= last:
-                self._requests.popleft()
+            for request in list(self._requests):
+                # of several stops at once not all are answered, but all are executed
+                if request.what is RequestKind.STOP and request.number <= last:
+                    self._answers.setdefault(request.number, Answer(request.number, True, ""))
+                if request.number in self._answers:
+                    self._requests.remove(request)
             while len(self._answers) > 256:
                 del self._answers[next(iter(self._answers))]
         elif isinstance(message, Discs):
@@ -356,7 +360,9 @@ class StationEnd(IoThread):
             gone = -math.inf < self._steered_at < now - self._speaks_for
             if gone and not self._requests:
                 return
-            command = NO_STICK if lost else self._steered
+            command = self._steered
+            if lost:  # the speed that is allowed is not lost with the stick
+                command = NO_STICK._replace(speed_scale=self._steered.speed_scale)
             message = Uplink(command, tuple(self._requests))
             self._sent_at = now
             connection = self._connection
