@@ -14,7 +14,14 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, TypeAdapter
 
 from cohelm.core.schema import Coordinate, Schema
-from cohelm.link.bulk_messages import Docks, HealthReport, Hello, Polyline, Records
+from cohelm.link.bulk_messages import (
+    MOST_WAYPOINTS,
+    Docks,
+    HealthReport,
+    Hello,
+    Polyline,
+    Records,
+)
 from cohelm.link.codec import layout
 from cohelm.link.messages import Command, Discs, Mode, RequestKind, Status
 from cohelm.link.station_end import LinkState
@@ -77,7 +84,7 @@ class Waypoints(Schema):
     """A path for the robot to check and, unless `only_check`, to follow."""
 
     type: Literal["waypoints"] = "waypoints"
-    points: Annotated[list[Point], Field(min_length=1, max_length=200)]
+    points: Annotated[list[Point], Field(min_length=1, max_length=MOST_WAYPOINTS)]
     only_check: bool
 
 

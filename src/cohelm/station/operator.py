@@ -59,6 +59,7 @@ class PageOperator:
         self._stick_n = -1
         self._state_at = self._link_at = self._beat_at = self._received_at = -math.inf
         self._page_ms: float | None = None
+        self._speed_scale = 1.0  # the newest: it counts on while the page is away
         self._requested: dict[int, str] = {}
         self._proposed: dict[int, bool] = {}
 
@@ -74,7 +75,8 @@ class PageOperator:
                 continue
             del self._requested[number]
             if not answer.granted:
-                self._send(page.Refused(what=what.replace("_", " "), why=answer.reason))
+                refused = page.Refused(what=what.replace("_", " "), why=answer.reason)
+                self._send(refused, number)
         if isinstance(self.link, StartingLink):
             self.link = self.link.ready() or self.link
 
@@ -111,10 +113,11 @@ class PageOperator:
         number, ok, why = message.answer
         worst = None if message.worst == 65535 else message.worst
         only = self._proposed.pop(number, True)
-        self._send(page.Checked(ok=ok, only_check=only, why=why, worst=worst))
+        self._send(page.Checked(ok=ok, only_check=only, why=why, worst=worst), number)
 
-    def _send(self, message: page.ToPage) -> None:
-        self._outbox.put(message.type, message.model_dump_json())
+    def _send(self, message: page.ToPage, number: int = 0) -> None:
+        """number: of the answer; none replaces another."""
+        self._outbox.put((message.type, number), message.model_dump_json())
 
     # ---- the page's side ---------------------------------------------------------------
 
@@ -144,7 +147,7 @@ class PageOperator:
             await asyncio.gather(*both, return_exceptions=True)
             if self.socket is socket:
                 self.socket, self.left = None, time.monotonic()
-                self.link.steer(robot.NO_STICK)
+                self.link.steer(robot.NO_STICK._replace(speed_scale=self._speed_scale))
 
     async def _read(self, socket: WebSocket) -> None:
         rate = TokenBucket(per_second=200.0, at_once=200.0, now=time.monotonic())
@@ -194,6 +197,7 @@ class PageOperator:
         self._stick_n = message.n
         before = self._page_ms
         self._page_ms = age * 1e3 if before is None else 0.9 * before + 0.1 * age * 1e3
+        self._speed_scale = message.command.speed_scale
         self.link.steer(message.command, now - max(age, 0.0) + self.stale)
 
     async def _write(self, socket: WebSocket) -> None:

@@ -1,0 +1,84 @@
+"""What a page requests is answered, whatever else is on its way; and what it allows holds."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+
+import pytest
+from websockets.sync.client import ClientConnection
+
+from cohelm.link.bulk_messages import MOST_WAYPOINTS
+from cohelm.link.messages import RequestKind
+from cohelm.station.operator import PageOperator
+from cohelm.station.robot_link import RefusingLink
+from cohelm.station.serve import Server
+from tests.link.ends import until
+from tests.station.bare import Bare
+from tests.station.servers import served
+from tests.station.visitor import opened
+
+
+@pytest.fixture
+def server(bare: Bare) -> Iterator[Server]:
+    with served(bare.connect) as made:
+        yield made
+
+
+def do(page: ClientConnection, what: str) -> None:
+    page.send(json.dumps({"type": "do", "what": what, "value": 0}))
+
+
+def heard(page: ClientConnection, kind: str, within: float = 5.0) -> Iterator[dict[str, object]]:
+    """Messages of a kind, as they come."""
+    end = time.monotonic() + within
+    while time.monotonic() < end:
+        text = page.recv(timeout=within)
+        if isinstance(text, str) and (message := json.loads(text))["type"] == kind:
+            yield message
+
+
+def test_refusals_that_come_together_all_reach_the_page() -> None:
+    operator = PageOperator("key", "anna", RefusingLink("not now"), 0.25)
+    for kind in (RequestKind.RESET, RequestKind.MODE, RequestKind.DOCK):
+        operator._requested[operator.link.ask(kind)] = kind.name.lower()
+    for only_check in (False, True):
+        number = operator.link.propose([(0.0, 0.0)], only_check)
+        operator._proposed[number] = only_check
+    operator._poll_link()
+    told = [json.loads(text) for text in operator._outbox.take()]
+    assert [one["what"] for one in told if one["type"] == "refused"] == ["reset", "mode", "dock"]
+    assert [one["only_check"] for one in told if one["type"] == "checked"] == [False, True]
+
+
+def test_a_page_that_leaves_does_not_raise_the_speed(server: Server, bare: Bare) -> None:
+    """In automatic mode the station speaks for it until it is back."""
+    with opened(server) as page:
+        do(page, "take")
+        until(lambda: bare.end.driver)
+        command = {
+            "stick": [0, 0], "valid": True, "armed": True, "device": "keyboard", "speed_scale": 0.2,
+        }  # fmt: skip
+        for n, beat in zip(range(100), heard(page, "beat"), strict=False):
+            page.send(
+                json.dumps({"type": "steer", "n": n, "echo_ms": beat["at_ms"], "command": command})
+            )
+            now = bare.end.receive().command
+            if now is not None and now.valid:
+                break
+    until(lambda: (now := bare.end.receive().command) and not now.valid, within=2.0)
+    command = bare.end.receive().command
+    assert command is not None
+    assert command.speed_scale == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("count", [201, MOST_WAYPOINTS])
+def test_a_long_route_does_not_end_the_connection(server: Server, count: int) -> None:
+    with opened(server) as page:
+        points = [[0.1 * i, 0.0] for i in range(count)]
+        page.send(json.dumps({"type": "waypoints", "points": points, "only_check": True}))
+        for n, _ in enumerate(heard(page, "beat")):
+            if n == 10:
+                return
+    raise AssertionError("the connection has ended")
