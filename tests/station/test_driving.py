@@ -40,6 +40,19 @@ def test_take_over_drive_with_the_keyboard_and_release(page: Page) -> None:
     release(page)
 
 
+def test_a_double_click_on_take_over_does_not_release(page: Page) -> None:
+    button = who(page).get_by_role("button", name="Take over")
+    box = button.bounding_box()
+    assert box is not None
+    at = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.click(*at)
+    expect(who(page)).to_contain_text("You drive")
+    page.mouse.click(*at)
+    page.wait_for_timeout(700)
+    expect(who(page)).to_contain_text("You drive")
+    release(page)
+
+
 def test_keys_without_effect_show_what_to_do_first(page: Page) -> None:
     stop = page.get_by_role("button", name="Stop the robot")
     place = stop.bounding_box()

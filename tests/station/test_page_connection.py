@@ -98,14 +98,118 @@ def test_a_stop_without_a_connection_is_shown_and_sent_on_the_next(
     page.keyboard.press("Space")
     expect(alarms).to_contain_text("STOP is not sent yet")
     with served(bare.connect, port=port) as again:
-        page.evaluate("""async (token) => {
-            const answer = await fetch('./session', { method: 'POST', body: token })
-            localStorage.setItem('cohelm.session', await answer.text())
-        }""", again.token)  # fmt: skip
-        page.evaluate("dispatchEvent(new StorageEvent('storage', "
-                      "{ key: 'cohelm.session', newValue: 'new' }))")  # fmt: skip
+        login(page, again)
         assert requested(bare, RequestKind.STOP)
         expect(alarms).not_to_contain_text("STOP is not sent yet")
+
+
+def login(page: Page, server: Server) -> None:
+    """As if in another tab."""
+    page.evaluate("""async (token) => {
+        const answer = await fetch('./session', { method: 'POST', body: token })
+        localStorage.setItem('cohelm.session', await answer.text())
+    }""", server.token)  # fmt: skip
+    page.evaluate(
+        "dispatchEvent(new StorageEvent('storage', { key: 'cohelm.session', newValue: 'new' }))"
+    )
+
+
+@pytest.mark.parametrize("hours", [0, 2])
+def test_a_stop_that_was_not_sent_survives_a_reload_but_not_for_hours(
+    context: BrowserContext, bare: Bare, hours: int
+) -> None:
+    with served(bare.connect) as station:
+        page = shown(context, station)
+        connected(page)
+        port = station.port
+    alarms = page.get_by_role("alert", name="Alarms")
+    expect(alarms).to_contain_text("No connection to the station")
+    page.keyboard.press("Space")
+    expect(alarms).to_contain_text("STOP is not sent yet")
+    page.evaluate(f"""sessionStorage.setItem(
+        'cohelm.stop', String(Number(sessionStorage.getItem('cohelm.stop')) - 3.6e6 * {hours} - 5e3)
+    )""")
+    bare.requests.clear()
+    with served(bare.connect, port=port) as again:
+        page.reload()
+        page.get_by_label("Token").wait_for()
+        if hours == 0:
+            expect(page.get_by_role("alert").last).to_contain_text("STOP is not sent yet")
+        page.get_by_label("Token").fill(again.token)
+        page.keyboard.press("Enter")
+        connected(page)
+        if hours:
+            expect(alarms).to_contain_text("could not be sent and is now too old: press it again")
+            assert RequestKind.STOP not in bare.requests
+            page.keyboard.press("Space")
+        else:
+            expect(alarms).to_contain_text("was sent late")
+        assert requested(bare, RequestKind.STOP)
+        if hours:
+            expect(page.get_by_label("Alarms", exact=True)).not_to_contain_text("too old")
+
+
+def test_a_button_pressed_without_a_connection_says_so(context: BrowserContext, bare: Bare) -> None:
+    with served(bare.connect) as station:
+        page = shown(context, station)
+        connected(page)
+    expect(page.get_by_role("alert", name="Alarms")).to_contain_text("No connection")
+    page.get_by_role("button", name="Take over").click()
+    expect(page.locator(".refused")).to_contain_text("not sent, as there is no connection")
+
+
+def test_the_display_goes_on_after_the_uplink_was_full(
+    context: BrowserContext, station: Server
+) -> None:
+    """What says that the page has shown a state must not be dropped: no more would come."""
+    page = shown(context, station)
+    connected(page)
+    age = page.get_by_role("row", name="display age")
+    expect(age).not_to_contain_text("–")
+    page.evaluate(
+        "Object.defineProperty(WebSocket.prototype, 'bufferedAmount',"
+        " { get: () => 1e6, configurable: true })"
+    )
+    page.wait_for_timeout(1000)
+    page.evaluate("delete WebSocket.prototype.bufferedAmount")
+    page.wait_for_timeout(1000)
+    text = age.inner_text()
+    assert int("".join(c for c in text if c.isdigit())) < 800, text
+
+
+def test_the_speed_survives_a_reload(context: BrowserContext, station: Server) -> None:
+    page = shown(context, station)
+    connected(page)
+    page.evaluate("document.querySelectorAll('input').forEach((one) => (one.disabled = false))")
+    slider = page.get_by_label("Share of the full speed")
+    slider.fill("0.3")
+    page.reload()
+    connected(page)
+    expect(slider).to_have_value("0.3")
+
+
+def test_a_slider_set_with_the_mouse_leaves_the_arrow_keys_to_the_stick(
+    context: BrowserContext, station: Server
+) -> None:
+    page = shown(context, station)
+    connected(page)
+    page.evaluate("document.querySelectorAll('input').forEach((one) => (one.disabled = false))")
+    slider = page.get_by_label("Share of the full speed")
+    box = slider.bounding_box()
+    assert box is not None
+    page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    before = slider.input_value()
+    assert before != "1"
+    alarms = page.get_by_label("Alarms", exact=True)
+    for key in ("ArrowUp", "w"):
+        page.keyboard.down(key)
+        expect(alarms).to_contain_text("does not steer")  # it would, if this page drove
+        page.keyboard.up(key)
+        expect(alarms).not_to_contain_text("does not steer")
+    assert slider.input_value() == before
+    slider.focus()  # with the keyboard it is set by the keyboard
+    page.keyboard.press("ArrowUp")
+    assert slider.input_value() != before
 
 
 def test_a_connection_that_hangs_is_made_anew(context: BrowserContext, station: Server) -> None:

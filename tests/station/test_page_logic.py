@@ -287,6 +287,25 @@ def test_a_command_shaped_by_the_robots_own_limits_names_no_obstacle(asked) -> N
     ) == [own, near, near]  # fmt: skip
 
 
+def test_where_only_the_stick_commands_the_share_is_the_operators(asked) -> None:
+    def share(mode: str, authority: float, localised: str = "good") -> str:
+        state = {"mode": mode, "authority": authority, "localised": localised}
+        return f"m.operatorsShare({json.dumps(state)})"
+
+    assert asked(
+        "panels/why.ts", share("shared", 0.75), share("manual", 1.0), share("manual", 0.5),
+        share("automatic", 1.0), share("hold", 1.0), share("shared", 1.0, "lost"),
+        "m.operatorsShare(null)",
+    ) == [0.25, 1, 1, 0, None, 1, None]  # fmt: skip
+
+
+def test_a_kept_speed_is_the_whole_one_where_it_is_none(asked) -> None:
+    assert asked(
+        "input/stick.ts", "m.sharedSpeed('0.3')", "m.sharedSpeed(null)", "m.sharedSpeed('0')",
+        "m.sharedSpeed('fast')", "m.sharedSpeed('7')",
+    ) == [0.3, 1, 1, 1, 1]  # fmt: skip
+
+
 def test_without_localization_no_standard_deviation_is_shown(asked) -> None:
     assert asked(
         "panels/format.ts",

@@ -53,7 +53,7 @@ class Client:
         self.answers: deque[Answer] = deque(maxlen=64)
         """The newest, more than its burst of requests."""
         self.awaited: frozenset[int] = frozenset()
-        """Numbers of the requests that its newest command repeats: not answered yet, as it knows."""
+        """Numbers of the requests that its newest command repeats: it has no answer to them yet."""
         self.told = 0
         """How many statuses have had answers that it awaits."""
         self.datagrams = TokenBucket(DATAGRAMS, DATAGRAM_BURST, now)

@@ -59,7 +59,6 @@ const SHOWN_MS = 6000
 
 function Refused() {
   void s.clock.value
-  const refusal = s.refused.value
-  const shown = refusal !== null && performance.now() - refusal.at < SHOWN_MS
-  return <div class="refused" role="status">{shown && refusal.text}</div>
+  const shown = s.refused.value.filter((one) => performance.now() - one.at < SHOWN_MS)
+  return <div class="refused" role="status">{shown.map((one) => <div key={one.text}>{one.text}</div>)}</div>
 }

@@ -9,6 +9,14 @@ export function kept(where: Where, key: string): string | null {
   }
 }
 
+export function forget(where: Where, key: string): void {
+  try {
+    window[where].removeItem(key)
+  } catch {
+    // nothing is kept
+  }
+}
+
 export function keep(where: Where, key: string, value: string): void {
   try {
     window[where].setItem(key, value)

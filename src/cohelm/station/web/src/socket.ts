@@ -1,7 +1,7 @@
 // The WebSocket to the station: reconnects it when it is lost, and detects silence.
 import { batch } from '@preact/signals'
 import { decode, painted, zoned, type MapPart, type ZonePart } from './binary'
-import { keep, kept } from './kept'
+import { forget, keep, kept } from './kept'
 import type { Do, FromPage, ToPage } from './messages'
 import { authorizedFetch, onLogIn, session } from './session'
 import * as s from './state'
@@ -13,14 +13,21 @@ const LONGEST_WAIT_MS = 2000
 const GIVE_UP_MS = 1500
 /** A connection that is not made by then is tried again: a network that is back answers at once. */
 const CONNECT_MS = 3000
-/** With more bytes waiting to be sent, nothing gets through: send no more but requests, which are few. */
+/** With more bytes waiting to be sent, nothing gets through: no more sticks, of which the next one is newer anyway. */
 const FULL = 8192
+const STOP_KEY = 'cohelm.stop'
+/** A STOP that reaches the robot later than this after it was pressed is explained [ms]. */
+const LATE_MS = 2000
+/** A STOP of a page that was reloaded is still sent up to this age: whoever opens it later does not know of it [ms]. */
+const STOP_LIFE_MS = 600_000
+/** Without a scan for this long while states come, the last one is not the present any more [ms]. */
+const SCAN_LIFE_MS = 3000
 
 let socket: WebSocket | null = null
 /** When something was received last, or the connection was begun. */
 let lastReceived = 0
-/** Whether STOP was pressed and nobody has answered it; and the connection it was sent on. */
-let stopping = false
+/** When STOP was pressed that nobody has answered [ms, Date.now()], null: none is; and the connection it was sent on. */
+let stopping: number | null = null
 let stopSentOn: WebSocket | null = null
 let wait = FIRST_WAIT_MS
 let parts: Promise<unknown> = Promise.resolve()
@@ -28,37 +35,73 @@ let parts: Promise<unknown> = Promise.resolve()
 /** `at_ms` of the newest beat. */
 export let newestBeatMs = 0
 
+const PERIODIC: ReadonlySet<string> = new Set(['steer', 'got'])
+
 /** A message from a panel; requests are stamped here. */
 type Outgoing = Exclude<FromPage, Do> | Omit<Do, 'echo_ms'>
 
 export function send(message: Outgoing): boolean {
-  if (socket?.readyState !== WebSocket.OPEN) return false
-  if (message.type !== 'do' && socket.bufferedAmount > FULL) return false
+  if (socket?.readyState !== WebSocket.OPEN) {
+    if (!PERIODIC.has(message.type) && !('what' in message && message.what === 'stop')) {
+      refuse('not sent, as there is no connection to the station: press it again when there is one')
+    }
+    return false
+  }
+  if (message.type === 'steer' && socket.bufferedAmount > FULL) return false
   // a request carries the time it was made, by the station's clock
   socket.send(JSON.stringify(message.type === 'do' ? { ...message, echo_ms: newestBeatMs } : message))
   return true
 }
 
-/** Send STOP, once on each connection, until the robot says that it is stopped. */
+/** Send STOP, once on each connection, until the robot says that it is stopped; also after a reload. */
 export function stop(): void {
-  stopping = true
+  stopping = Date.now()
+  keep('sessionStorage', STOP_KEY, String(stopping))
   stopSentOn = null
+  s.lateStop.value = null
   sendStop()
 }
 
+/** The STOP that this tab could not send before it was reloaded. */
+function recallStop(): void {
+  const pressed = Number(kept('sessionStorage', STOP_KEY) ?? NaN)
+  if (!Number.isFinite(pressed)) return
+  if (Math.abs(Date.now() - pressed) < STOP_LIFE_MS) {
+    stopping = pressed
+  } else {
+    forget('sessionStorage', STOP_KEY)
+    s.lateStop.value = { pressed, sent: null }
+  }
+}
+
 function sendStop(): void {
-  const sent = !stopping || (socket !== null && stopSentOn === socket)
-  if (!sent && send({ type: 'do', what: 'stop', value: 0 })) stopSentOn = socket
-  s.unsentStop.value = stopping && (socket === null || stopSentOn !== socket)
+  const sent = stopping === null || (socket !== null && stopSentOn === socket)
+  if (!sent && send({ type: 'do', what: 'stop', value: 0 })) {
+    stopSentOn = socket
+    const now = Date.now()
+    if (stopping !== null && now - stopping > LATE_MS) s.lateStop.value = { pressed: stopping, sent: now }
+  }
+  s.unsentStop.value = stopping !== null && (socket === null || stopSentOn !== socket)
+}
+
+/** A LiDAR that has fallen silent is not drawn on, as if it still saw. */
+function forgetScans(now: number): void {
+  if (s.isReplay.value || s.stateAge(now) > 500) return // what is shown is old altogether, and marked so
+  const recent = s.scans.value.filter((scan) => now - scan.at < SCAN_LIFE_MS)
+  if (recent.length < s.scans.value.length) s.scans.value = recent
 }
 
 export function start(): void {
+  recallStop()
   void reconnect()
   onLogIn(() => {
     if (s.connection.value === 'login') void retry()
   })
   setInterval(watch, 50)
-  setInterval(() => (s.clock.value += 1), 250)
+  setInterval(() => {
+    s.clock.value += 1
+    forgetScans(performance.now())
+  }, 250)
 }
 
 function watch(): void {
@@ -170,11 +213,16 @@ async function paint(part: MapPart): Promise<void> {
 
 /** The robot is stopped, or can not be. */
 function answerStop(): void {
-  if (socket !== null && stopSentOn === socket) stopping = false
+  if (socket === null || stopSentOn !== socket) return
+  stopping = null
+  forget('sessionStorage', STOP_KEY)
 }
 
+const MOST_REFUSED = 4
+
 function refuse(text: string): void {
-  s.refused.value = { text, at: performance.now() }
+  const others = s.refused.value.filter((one) => one.text !== text)
+  s.refused.value = [...others, { text, at: performance.now() }].slice(-MOST_REFUSED)
 }
 
 function dispatch(message: ToPage): void {
@@ -191,6 +239,7 @@ function dispatch(message: ToPage): void {
       break
     case 'Hello': s.robot.value = message; break
     case 'Status':
+      if (message.stopped === '' && s.state.value?.stopped) s.lateStop.value = null
       s.state.value = message
       s.stateAt.value = performance.now()
       if (message.stopped !== '') answerStop()

@@ -19,10 +19,13 @@ export const health = signal<m.HealthReport | null>(null)
 export const records = signal<m.RecordInfo[]>([])
 export const playing = signal<m.PlaybackPosition | null>(null)
 export const checked = signal<m.Checked | null>(null)
-export const refused = signal<{ text: string; at: number } | null>(null)
+/** What was refused lately, oldest first. */
+export const refused = signal<Array<{ text: string; at: number }>>([])
 export const pageMs = signal<number | null>(null)
 /** Whether STOP was pressed and could not be sent yet. */
 export const unsentStop = signal(false)
+/** A STOP that was sent late: when it was pressed, and when it was sent; or never, as it was too old [ms, Date.now()]. */
+export const lateStop = signal<{ pressed: number; sent: number | null } | null>(null)
 
 export const grid = signal<Grid | null>(null)
 export const zones = signal<Zones[]>([])

@@ -1,5 +1,6 @@
 // At 50 Hz: selects the device, reads its deflection, arms it, and sends it.
-import { computed, signal } from '@preact/signals'
+import { computed, effect, signal } from '@preact/signals'
+import { keep, kept } from '../kept'
 import { newestBeatMs, send, stop } from '../socket'
 import * as s from '../state'
 import { padResumes, padStops, readPad, resumeButtonName, rumble } from './gamepad'
@@ -8,7 +9,9 @@ import { keysHeld, listenToKeys, readKeys, releaseKeys, takesSpace } from './key
 import type { Command, Do } from '../messages'
 import { modeName } from '../panels/format'
 import { readTouch, releasePads, touched } from '../panels/TouchPads'
-import { arm, centred, CENTRED, needed, type Arming, type Device, type Reading, type Stick } from './stick'
+import {
+  arm, centred, CENTRED, needed, sharedSpeed, type Arming, type Device, type Reading, type Stick,
+} from './stick'
 
 const PERIOD_MS = 20
 const IN_USE = 0.1
@@ -16,7 +19,9 @@ const IN_USE = 0.1
 /** The device that is selected, and its deflection, whether it is used or not. */
 export const device = signal<Device>('none')
 export const stick = signal<Stick>(CENTRED)
-export const speedScale = signal(1)
+/** Share of the full speed; a reload of the page in the middle of a drive must not raise it. */
+export const speedScale = signal(sharedSpeed(kept('sessionStorage', 'cohelm.speed')))
+effect(() => keep('sessionStorage', 'cohelm.speed', String(speedScale.value)))
 /** What is sent. */
 const command = signal<Command>({ stick: CENTRED, valid: false, armed: false, device: 'none', speed_scale: 1 })
 /** Why the stick is not armed here, in words; empty when it is. */

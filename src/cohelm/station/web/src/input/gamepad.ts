@@ -2,7 +2,8 @@
 import { settings } from './settings'
 import { lastChange, NO_CHANGE, shaped, silentFor, type LastChange, type Reading } from './stick'
 
-let stopHeld = false
+/** The pads whose stop button is held. */
+let stopHeld = new Set<number>()
 let changed: LastChange = NO_CHANGE
 
 /** The first pad that is plugged in, or null. */
@@ -26,10 +27,13 @@ export function readPad(now: number): Reading {
   return Number.isFinite(fore) && Number.isFinite(left) ? [x, psi] : 'the gamepad is disconnected'
 }
 
-/** Whether the gamepad's stop button was pressed since the last call. */
+/** Whether the stop button of any gamepad was pressed since the last call. */
 export function padStops(): boolean {
-  const held = pad()?.buttons[settings.value.stopButton]?.pressed ?? false
-  const pressed = held && !stopHeld
+  const held = new Set<number>()
+  for (const one of navigator.getGamepads()) {
+    if (one?.connected && one.buttons[settings.value.stopButton]?.pressed) held.add(one.index)
+  }
+  const pressed = [...held].some((index) => !stopHeld.has(index))
   stopHeld = held
   return pressed
 }

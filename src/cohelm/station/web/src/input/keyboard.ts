@@ -12,24 +12,43 @@ let x = 0
 let psi = 0
 let before = 0
 
-/** Whether the focused control takes the keys, and not the stick. */
-export function typing(target: EventTarget | null): boolean {
+/** Whether the focused control takes this key, and not the stick: a slider the arrows, a box to tick none of ours. */
+export function typing(target: EventTarget | null, code: string): boolean {
   if (!(target instanceof HTMLElement)) return false
+  if (target.matches('[type=checkbox]')) return false
+  if (target.matches('[type=range]')) return code.startsWith('Arrow')
   return target.matches('input, select, textarea, [contenteditable]')
 }
 
 /** Whether the focused control takes the space bar; a slider and a number do not, so there it stops the robot. */
 export function takesSpace(target: EventTarget | null): boolean {
-  return typing(target) && !(target as HTMLElement).matches('[type=range], [type=number]')
+  if (!(target instanceof HTMLElement) || target.matches('[type=range], [type=number]')) return false
+  return target.matches('input, select, textarea, [contenteditable]')
+}
+
+/** Whoever sets a slider or a list with the mouse and then presses an arrow key means the robot. */
+function leaveWhatThePointerSet(): void {
+  let byPointer = false
+  const leave = (event: Event) => {
+    const at = event.target
+    if (byPointer && at instanceof HTMLElement && at.matches('[type=range], [type=checkbox], select')) at.blur()
+  }
+  addEventListener('pointerdown', () => (byPointer = true), true)
+  addEventListener('keydown', () => (byPointer = false), true)
+  addEventListener('change', leave)
+  addEventListener('pointerup', (event) => {
+    if (event.target instanceof HTMLElement && event.target.matches('[type=range]')) leave(event)
+  })
 }
 
 export function listenToKeys(): void {
+  leaveWhatThePointerSet()
   addEventListener('keydown', (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) {
       releaseKeys() // with such a key down, some systems do not report the release of another
       return
     }
-    if (KEYS[event.code] === undefined || typing(event.target)) return
+    if (KEYS[event.code] === undefined || typing(event.target, event.code)) return
     event.preventDefault()
     // a key that was released by us and is still held must be pressed again
     if (!event.repeat) held.add(event.code)

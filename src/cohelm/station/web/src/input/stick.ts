@@ -42,6 +42,12 @@ export function towards(from: number, to: number, step: number): number {
   return from + clamp(to - from, -step, step)
 }
 
+/** The share of the full speed that was kept as text; 1 for what is none. */
+export function sharedSpeed(text: string | null): number {
+  const share = Number(text ?? NaN)
+  return share >= 0.1 && share <= 1 ? share : 1
+}
+
 // --- whether a gamepad still sends
 //
 // The receiver of a gamepad that is out of range, or whose battery is flat, keeps the last deflection. Browsers set

@@ -1,5 +1,6 @@
 // Editing waypoints: add, drag, remove, have the robot check them, send them.
 import { signal } from '@preact/signals'
+import { clamp } from '../input/stick'
 import { send } from '../socket'
 import * as s from '../state'
 import type { Point } from './view'
@@ -11,6 +12,9 @@ export const chosen = signal<number | null>(null)
 export const waiting = signal(false)
 
 const CHECK_EVERY_MS = 200
+/** What one message takes, MOST_WAYPOINTS of link/bulk_messages.py, and the largest coordinate [m]. */
+const MOST = 500
+const FARTHEST = 1e5
 let checkedAt = 0
 let later: ReturnType<typeof setTimeout> | undefined
 
@@ -44,7 +48,18 @@ function check(): void {
   }
   if (draft.value.length === 0) return
   checkedAt = performance.now()
-  send({ type: 'waypoints', points: draft.value, only_check: true })
+  propose(true)
+}
+
+/** Send the draft, in millimetres: so a message has room for all of it. */
+function propose(only_check: boolean): boolean {
+  if (draft.value.length > MOST) {
+    s.checked.value = { type: 'checked', ok: false, only_check: true, why: `more than ${MOST} waypoints: leave some out`, worst: null }
+    return false
+  }
+  const round = (value: number) => Math.round(clamp(value, -FARTHEST, FARTHEST) * 1000) / 1000
+  const points = draft.value.map(([x, y]): Point => [round(x), round(y)])
+  return send({ type: 'waypoints', points, only_check })
 }
 
 /** Add one after the selected one, or at the end. */
@@ -64,7 +79,7 @@ export function remove(i: number): void {
 
 export function submit(): void {
   clearTimeout(later)
-  waiting.value = send({ type: 'waypoints', points: draft.value, only_check: false })
+  waiting.value = propose(false)
 }
 
 /** The waypoint waypointAt a pixel, or null. */

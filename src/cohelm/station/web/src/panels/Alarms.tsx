@@ -7,6 +7,11 @@ import { resumeHint, notArmedReason, noEffectReason } from '../input/drive'
 
 const MARK = { alarm: '▲', warning: '◆', notice: '●' } as const
 
+/** A time as a person says it. */
+function ago(ms: number): string {
+  return ms < 100_000 ? `${Math.round(ms / 1000)} s` : `${Math.round(ms / 60_000)} min`
+}
+
 function localAlarms(): ShownAlarm[] {
   const out: ShownAlarm[] = []
   const add = (severity: Alarm['severity'], text: string) =>
@@ -22,6 +27,12 @@ function localAlarms(): ShownAlarm[] {
     add('alarm', `No link to the robot${why}. The display is stale. The robot stops by itself.`)
   }
   if (s.unsentStop.value) add('alarm', 'STOP is not sent yet: it will be as soon as there is a connection to the station.')
+  const late = s.lateStop.value
+  if (late !== null) {
+    const pressed = new Date(late.pressed).toLocaleString()
+    if (late.sent === null) add('alarm', `STOP, pressed ${pressed} in this tab, could not be sent and is now too old: press it again.`)
+    else add('notice', `STOP, pressed ${pressed} in this tab, was sent late, ${ago(late.sent - late.pressed)} after: there was no connection.`)
+  }
   const reason = noEffectReason.value || (s.youDrive.value ? notArmedReason.value : '')
   if (reason !== '') add('warning', `Your stick does not steer: ${reason}.`)
   if (resumeHint.value !== '') add('notice', `To continue: ${resumeHint.value}.`)

@@ -6,14 +6,14 @@ import { DEVICE_NAMES } from '../input/stick'
 import { points } from '../map/points'
 import { clearances, SECTORS } from '../map/ring'
 import * as s from '../state'
-import { abnormal, CLOSE_M, why } from './why'
+import { abnormal, CLOSE_M, operatorsShare, why } from './why'
 import { metres, speed, yaw } from './format'
 
 const NEAR_M = 0.7
 
 export function Authority() {
   const state = s.state.value
-  const authority = state?.authority ?? null
+  const share = operatorsShare(state)
   const clearance = state?.guarding.clearance ?? null
   const applied = state?.applied ?? [0, 0]
   const nominal = state?.nominal ?? [0, 0]
@@ -21,10 +21,11 @@ export function Authority() {
     <section class="authority" aria-label="Operator and controller">
       <Dial />
       <div class="facts">
-        <div class="share" role="meter" aria-label="Operator's share of the command" aria-valuemin={0}
-          aria-valuemax={100} aria-valuenow={authority === null ? 0 : Math.round((1 - authority) * 100)}>
+        <div class={`share ${share === null ? 'nobody' : ''}`} role="meter" aria-label="Operator's share of the command"
+          aria-valuemin={0} aria-valuemax={100} aria-valuenow={Math.round((share ?? 0) * 100)}
+          aria-valuetext={share === null ? 'nobody commands' : undefined}>
           <span>you</span>
-          <div class="bar"><i style={{ width: `${(1 - (authority ?? 1)) * 100}%` }} /></div>
+          <div class="bar"><i style={{ width: `${(share ?? 0) * 100}%` }} /></div>
           <span>auto</span>
         </div>
         <table>

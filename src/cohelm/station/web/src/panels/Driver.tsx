@@ -10,8 +10,20 @@ function request(what: Do['what'], value = 0): void {
 
 const HOLD_WITHIN_MS = 1000
 
+/** Since when this page drives [ms, performance.now()]. */
+let droveAt = -Infinity
+let drove = false
+s.who.subscribe((who) => {
+  const now = who?.you_drive === true
+  if (now && !drove) droveAt = performance.now()
+  drove = now
+})
+/** So long after *Take over* its place, where *Release* is then, is not pressed on purpose [ms]. */
+const DOUBLE_CLICK_MS = 600
+
 /** Hold first: a moving robot whose lease is released stops with an alarm. */
 function release(): void {
+  if (performance.now() - droveAt < DOUBLE_CLICK_MS) return
   if (drives()) request('hold')
   const since = performance.now()
   const handBack = () => {

@@ -2,6 +2,7 @@
 import { signal } from '@preact/signals'
 import { logIn } from '../session'
 import { retry } from '../socket'
+import * as s from '../state'
 
 const wrong = signal('')
 
@@ -25,6 +26,7 @@ export function Login() {
       <label>Token<input name="token" type="password" autocomplete="off" autofocus required /></label>
       <p>It is in the address that the station printed when it started: open that address, or copy it here.</p>
       <p role="alert" class="abnormal">{wrong.value}</p>
+      {s.unsentStop.value && <p role="alert" class="abnormal">STOP is not sent yet: it will be when you have logged in.</p>}
       <button type="submit">Log in</button>
     </form>
   )

@@ -5,13 +5,14 @@ import { pad } from '../input/gamepad'
 import { change, DEFAULTS, settings } from '../input/settings'
 import { DEVICE_NAMES, type Device } from '../input/stick'
 import { routeTo } from '../map/view'
+import type { DockPlace } from '../messages'
 import { send } from '../socket'
 import * as s from '../state'
 import { useEscape } from './escape'
 import { MODES, percent } from './format'
 
 const open = signal(false)
-const MAX_ROUTES = 4
+const MOST_BUTTONS = 4
 
 export function Modes() {
   if (s.isReplay.value) return null
@@ -66,13 +67,27 @@ function Docks() {
 
 /** Routes to follow once a mode is chosen; the robot refuses with a reason. */
 function RoutesToDocks() {
-  if (s.docks.value.length === 0) return null
+  const docks = s.docks.value
+  if (docks.length === 0) return null
+  const title = "Route to the start of the dock's approach; then choose Auto or Shared"
+  const go = (dock: DockPlace | undefined) => {
+    if (dock !== undefined) send({ type: 'waypoints', points: routeTo(dock), only_check: false })
+  }
+  if (docks.length > MOST_BUTTONS) {
+    return (
+      <div class="row docks" role="group" aria-label="Dock">
+        <select aria-label="Route to a dock" title={title} disabled={!s.youDrive.value} value=""
+          onChange={(e) => { go(docks.find((dock) => dock.name === e.currentTarget.value)); e.currentTarget.value = '' }}>
+          <option value="">Route to …</option>
+          {docks.map((dock) => <option key={dock.name} value={dock.name}>{dock.name}</option>)}
+        </select>
+      </div>
+    )
+  }
   return (
     <div class="row docks" role="group" aria-label="Dock">
-      {s.docks.value.slice(0, MAX_ROUTES).map((dock) => (
-        <button key={dock.name} type="button" disabled={!s.youDrive.value}
-          title="Route to the start of the dock's approach; then choose Auto or Shared"
-          onClick={() => send({ type: 'waypoints', points: routeTo(dock), only_check: false })}>
+      {docks.map((dock) => (
+        <button key={dock.name} type="button" disabled={!s.youDrive.value} title={title} onClick={() => go(dock)}>
           Route to {dock.name}
         </button>
       ))}

@@ -37,6 +37,16 @@ async function download(name: string): Promise<void> {
   link.click()
 }
 
+const DOUBLE_CLICK_MS = 600
+let toggledAt = -Infinity
+
+/** A double click is one: else the record would end as it begins. */
+function toggle(on: boolean): void {
+  if (performance.now() - toggledAt < DOUBLE_CLICK_MS) return
+  toggledAt = performance.now()
+  send({ type: 'do', what: on ? 'record_stop' : 'record', value: 0 })
+}
+
 export function Record() {
   useEscape(() => (open.value = false))
   if (s.isReplay.value) return null
@@ -46,7 +56,7 @@ export function Record() {
     <div class="record">
       <button
         type="button" aria-pressed={on} class={on ? 'on' : ''}
-        onClick={() => send({ type: 'do', what: on ? 'record_stop' : 'record', value: 0 })}
+        onClick={() => toggle(on)}
       >
         {on ? '■ Stop recording' : '● Record'}
       </button>

@@ -5,6 +5,15 @@ import type { Status } from '../messages'
 /** Nearer than this is close [m]. */
 export const CLOSE_M = 0.25
 
+/** The person's share of the command, in [0, 1]; null: nobody commands. In manual mode, and where the
+ * localization is lost, there is only the stick, however little it is deflected. */
+export function operatorsShare(state: Pick<Status, 'mode' | 'localised' | 'authority'> | null): number | null {
+  if (state === null || state.mode === 'hold') return null
+  if (state.mode === 'automatic') return 0
+  if (state.mode === 'manual' || state.localised === 'lost') return 1
+  return 1 - (state.authority ?? 1)
+}
+
 /** The gate's reason without a command. */
 const IDLE = 'idle'
 
