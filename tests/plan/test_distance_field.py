@@ -52,6 +52,17 @@ def test_the_swept_clearance_is_shapelys_distance(outline, seen, x, y, psi):
     assert gap == pytest.approx(body.distance(MultiPoint(seen)), abs=1e-9)
 
 
+poses = arrays(np.float64, st.tuples(st.integers(1, 30), st.just(3)), elements=st.floats(-2.0, 2.0))
+
+
+@pytest.mark.parametrize("outline", [JACKAL, LONG, JACKAL + np.array([2.0, 0.0])])
+@given(seen=points, swept=poses)
+def test_along_a_path_each_clearance_is_that_of_its_pose_alone(outline, seen, swept):
+    """Poses that follow one another share their search, also where the axle is off the outline."""
+    alone = [swept_clearances(seen, outline, pose[None])[0] for pose in swept]
+    assert swept_clearances(seen, outline, swept).tolist() == alone
+
+
 def test_nothing_seen_is_an_infinite_clearance():
     assert swept_clearances(NOTHING, JACKAL, np.zeros((3, 3))).tolist() == [math.inf] * 3
 

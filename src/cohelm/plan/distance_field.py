@@ -6,12 +6,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import scipy
-from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats, Ints
+from cohelm.core.types import Floats
+from cohelm.plan.distance_transform import NONE, nearest_occupied
 from cohelm.robot.clearance import point_gap
+
+_TOGETHER = 8  # so many poses of a path share their search for near points
 
 
 class DistanceField(NamedTuple):
@@ -37,41 +38,42 @@ def distance_field(
     """
     columns = math.ceil((high[0] - low[0]) / resolution) + 1
     rows = math.ceil((high[1] - low[1]) / resolution) + 1
-    place = np.rint((points - np.array(low)) / resolution)
-    inside = ((place >= 0.0) & (place < (columns, rows))).all(axis=1)
-    cells = place[inside].astype(np.int64)
-    if len(cells) == 0:
-        return DistanceField(np.full((rows, columns), math.inf), resolution, low[0], low[1])
-    flat = cells[:, 1] * columns + cells[:, 0]
-    order = np.argsort(flat, kind="stable")
-    count = np.bincount(flat, minlength=rows * columns)
-    first = np.concatenate(([0], np.cumsum(count)))
-    nearest: NDArray[np.int32] = scipy.ndimage.distance_transform_edt(
-        (count == 0).reshape(rows, columns),
-        return_distances=False,
-        return_indices=True,
-    )
-    made = DistanceField(np.empty((rows, columns)), resolution, low[0], low[1])
-    _measure(made, points[inside][order], first, nearest)
+    made = DistanceField(np.full((rows, columns), math.inf), resolution, low[0], low[1])
+    _measure(made, points)
     return made
 
 
 @jit
-def _measure(field: DistanceField, points: Floats, first: Ints, nearest: NDArray[np.int32]) -> None:
-    """Fill in the clearance: of each cell to the points of the cell that is nearest to it.
-
-    points: in the order of their cells. first: (cells + 1,), where those of each cell begin.
-    nearest: (2, rows, columns), row and column of the nearest cell that holds any.
-    """
+def _measure(field: DistanceField, points: Floats) -> None:
+    """Fill in the clearance: of each cell to the points of the nearest cell that holds any."""
     rows, columns = field.clearance.shape
+    cell_of = np.full(len(points), NONE)
+    first = np.zeros(rows * columns + 1, np.int64)  # where the points of each cell begin in `order`
+    occupied = np.zeros((rows, columns), np.bool_)
+    for p in range(len(points)):
+        i = np.rint((points[p, 1] - field.y) / field.resolution)
+        j = np.rint((points[p, 0] - field.x) / field.resolution)
+        if 0.0 <= i < rows and 0.0 <= j < columns:  # never for NaN
+            occupied[int(i), int(j)] = True
+            cell_of[p] = int(i) * columns + int(j)
+            first[cell_of[p] + 1] += 1
+    for cell in range(rows * columns):
+        first[cell + 1] += first[cell]
+    order, taken = np.empty(first[-1], np.int64), first.copy()
+    for p in range(len(points)):
+        if cell_of[p] != NONE:
+            order[taken[cell_of[p]]] = p
+            taken[cell_of[p]] += 1
+    nearest = nearest_occupied(occupied)
+    if len(order) == 0:
+        return
     for i in range(rows):
         y = field.y + field.resolution * i
         for j in range(columns):
             x = field.x + field.resolution * j
-            cell = nearest[0, i, j] * columns + nearest[1, i, j]
             square = math.inf
-            for p in range(first[cell], first[cell + 1]):
-                dx, dy = points[p, 0] - x, points[p, 1] - y
+            for k in range(first[nearest[i, j]], first[nearest[i, j] + 1]):
+                dx, dy = points[order[k], 0] - x, points[order[k], 1] - y
                 square = min(square, dx * dx + dy * dy)
             field.clearance[i, j] = math.sqrt(square)
 
@@ -108,6 +110,38 @@ def swept_clearances(points: Floats, outline: Floats, poses: Floats) -> Floats:
     reach = 0.0
     for k in range(len(outline)):
         reach = max(reach, math.hypot(outline[k, 0], outline[k, 1]))
+    clearances = np.empty(len(poses))
+    for first in range(0, len(poses), _TOGETHER):
+        part = poses[first : first + _TOGETHER]
+        clearances[first : first + _TOGETHER] = _clearances(
+            _nearby(points, reach, part), outline, reach, part
+        )
+    return clearances
+
+
+@jit
+def _nearby(points: Floats, reach: float, poses: Floats) -> Floats:
+    """Those of the points (p, 2) that can be the nearest to an outline at one of some poses.
+
+    reach: radius of the outline around its origin [m].
+    """
+    x, y, spread = poses[0, 0], poses[0, 1], 0.0
+    for i in range(1, len(poses)):
+        spread = max(spread, math.hypot(poses[i, 0] - x, poses[i, 1] - y))
+    squares, least = np.empty(len(points)), math.inf
+    for p in range(len(points)):
+        dx, dy = points[p, 0] - x, points[p, 1] - y
+        squares[p] = dx * dx + dy * dy
+        least = min(least, squares[p])
+    # From another pose's origin the point nearest to the first is `least + spread` away, from its
+    # outline up to `reach` more; a point that is nearer to the outline is within `reach` of that.
+    most = math.sqrt(least) + 2.0 * (spread + reach)
+    return points[squares <= most * most * (1.0 + 1e-9)]
+
+
+@jit
+def _clearances(points: Floats, outline: Floats, reach: float, poses: Floats) -> Floats:
+    """As `swept_clearances`, of a few poses."""
     clearances, nearest = np.empty(len(poses)), -1
     for i in range(len(poses)):
         x, y, c, s = poses[i, 0], poses[i, 1], math.cos(poses[i, 2]), math.sin(poses[i, 2])

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
@@ -17,6 +16,7 @@ from cohelm.plan.distance_field import (
     inscribed_radius,
     swept_clearances,
 )
+from cohelm.plan.distance_transform import nearest_occupied
 from cohelm.plan.elastic_band import band, distances, tangents
 from cohelm.plan.heap import pop, push
 
@@ -149,17 +149,21 @@ def switching_costs(field: DistanceField, chosen: Floats, path_params: PathParam
     return 1.0 + path_params.loyal * 2.0 * _distance_to(field, _cells(field, chosen), 0.5)
 
 
+@jit
 def _distance_to(field: DistanceField, cells: Ints, most: float) -> Floats:
     """The distance of each cell from the nearest of some (k, 2), k >= 1, at most `most` [m]."""
     distances = np.full(field.clearance.shape, most)
     border = math.ceil(most / field.resolution)
-    rows, columns = (
-        slice(max(cells[:, i].min() - border, 0), cells[:, i].max() + border + 1) for i in (0, 1)
-    )
-    off = np.ones(field.clearance.shape, dtype=np.bool_)
-    off[cells[:, 0], cells[:, 1]] = False
-    near = np.asarray(scipy.ndimage.distance_transform_edt(off[rows, columns]))
-    distances[rows, columns] = np.minimum(near * field.resolution, most)
+    top, left = max(cells[:, 0].min() - border, 0), max(cells[:, 1].min() - border, 0)
+    part = distances[top : cells[:, 0].max() + border + 1, left : cells[:, 1].max() + border + 1]
+    on = np.zeros(part.shape, np.bool_)
+    for k in range(len(cells)):
+        on[cells[k, 0] - top, cells[k, 1] - left] = True
+    nearest = nearest_occupied(on)
+    for i in range(part.shape[0]):
+        for j in range(part.shape[1]):
+            di, dj = nearest[i, j] // part.shape[1] - i, nearest[i, j] % part.shape[1] - j
+            part[i, j] = min(math.sqrt(float(di * di + dj * dj)) * field.resolution, most)
     return distances
 
 
@@ -182,8 +186,7 @@ def cheapest_path(
     if not free[a]:
         free |= _within(field, a, _LEAVE) & (c >= min(c[a], min_clearance)) & (c > 0.0)
         free[a] = True
-    tight = np.clip((min_clearance + path_params.room - c) / path_params.room, 0.0, 1.0)
-    cost: Floats = (1.0 + path_params.shy * tight * tight) * cell_costs
+    cost = cell_costs * _tightness_costs(c, min_clearance, path_params.room, path_params.shy)
     columns = c.shape[1]
     root = a[0] * columns + a[1]
     target = cells[aim - here]
@@ -218,6 +221,17 @@ def cheapest_path(
     path[:, 1] = field.y + field.resolution * i
     path[-1] = end
     return path, rejoined
+
+
+@jit
+def _tightness_costs(clearance: Floats, least: float, room: float, shy: float) -> Floats:
+    """Cost factor of each cell by its clearance: 1 from `room` above the least on [m]."""
+    costs = np.empty(clearance.shape)
+    for i in range(clearance.shape[0]):
+        for j in range(clearance.shape[1]):
+            tight = min(max((least + room - clearance[i, j]) / room, 0.0), 1.0)
+            costs[i, j] = 1.0 + shy * tight * tight
+    return costs
 
 
 def _cell(field: DistanceField, at: Floats | tuple[float, ...]) -> tuple[int, int]:

@@ -81,10 +81,11 @@ def _search(
             continue
         expanded[m] = k
         m += 1
+        beside = _within(points, at, reach + least + 2.0 * scale * _STEP)
         short = wrap(heading - at.psi)
         for angle in (short, short - math.copysign(2.0 * math.pi, short)):
             allowed = k > 0 or not kind(RecoveryMove(0.0, 0.0, angle)) & refused
-            if allowed and turns(at, angle, points, outline, reach, least):
+            if allowed and turns(at, angle, beside, outline, reach, least):
                 return math.inf, _first_move(steps, before, by, k, angle)
         for i in range(len(steps)):
             step = RecoveryMove(steps[i, 0], steps[i, 1], steps[i, 2])
@@ -93,8 +94,8 @@ def _search(
             there = _stepped(at, step, 1.0)
             if (
                 math.hypot(there.x - pose.x, there.y - pose.y) > _RADIUS
-                or not is_clear(points, outline, reach, _stepped(at, step, 0.5), least)
-                or not is_clear(points, outline, reach, there, least)
+                or not is_clear(beside, outline, reach, _stepped(at, step, 0.5), least)
+                or not is_clear(beside, outline, reach, there, least)
             ):
                 continue
             poses[n, 0], poses[n, 1], poses[n, 2] = there.x, there.y, there.psi
@@ -105,6 +106,13 @@ def _search(
     clearances = swept_clearances(points, outline, poses[expanded[:m]])
     best = int(np.argmax(clearances))
     return clearances[best], _first_move(steps, before, by, expanded[best], 0.0)
+
+
+@jit
+def _within(points: Floats, pose: Pose, radius: float) -> Floats:
+    """The points within a radius of a pose: all that a step from there can come near [m]."""
+    dx, dy = points[:, 0] - pose.x, points[:, 1] - pose.y
+    return points[dx * dx + dy * dy < radius * radius]
 
 
 @jit

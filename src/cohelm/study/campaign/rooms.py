@@ -86,7 +86,7 @@ def has_way(
     """Whether a circle can be rolled from start to goal between discs (x, y, r) and the walls."""
     x, y, clear = rectangle.places(length, width)
     for cx, cy, r in discs:
-        clear = np.minimum(clear, np.hypot(x - cx, y - cy) - r)
+        clear = np.minimum(clear, np.sqrt((x - cx) ** 2 + (y - cy) ** 2) - r)
     return rectangle.leads(clear, start, goal, radius)
 
 
