@@ -10,10 +10,12 @@ from cohelm.drive.factory import simulated
 from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.shown import recordable
-from cohelm.link.bulk_messages import HealthReport, LineKind, Map, Polyline
+from cohelm.link.bulk_messages import HealthReport, LineKind, Map, Polyline, Zone, ZoneMap
 from cohelm.link.messages import Mode, RequestKind
 from cohelm.link.operator import Scripted
+from cohelm.link.rasters import drawable
 from cohelm.link.recorded_status import Displayed
+from cohelm.link.wire import Header, encode, from_robot
 from cohelm.record.messages import messages
 from cohelm.robot.keep.record_pipe import RecordLine
 from tests.drive.faults import CORRIDOR
@@ -104,6 +106,41 @@ def large_map():
     return Map(
         1, Pose(-3.0, 4.0, 0.5), 0.05, 4000, 4001, 0, 0, 4000, 4001, zlib.compress(cells.tobytes())
     ), cells  # fmt: skip
+
+
+def test_a_map_that_no_browser_draws_at_once_is_sent_with_wider_cells():
+    cells = np.full((3, 70_001), 255, dtype=np.uint8)
+    cells[:, 8::16] = 0
+    cells[1, 40_000] = 100
+    wide = Map(
+        1, Pose(-3.0, 4.0, 0.5), 0.05, 70_001, 3, 0, 0, 70_001, 3, zlib.compress(cells.tobytes())
+    )  # fmt: skip
+    shown = drawable(wide)
+    assert isinstance(shown, Map)
+    _, received = from_robot(encode(Header(1, 1, 0.0, 0.0, 0.0), shown), bulk=True)
+    assert isinstance(received, Map)
+    assert received.cells == shown.cells
+    assert (shown.resolution, shown.origin) == (8 * 0.05, wide.origin)
+    assert (shown.width, shown.height) == (shown.columns, shown.rows) == (8751, 1)
+    drawn = np.frombuffer(zlib.decompress(shown.cells), dtype=np.uint8)
+    assert drawn[5000] == 100
+    assert drawn[:5].tolist() == [255, 0, 255, 0, 255]
+    small, _ = large_map()
+    assert drawable(small) is small
+
+
+def test_of_zones_that_are_too_many_cells_to_draw_the_slowest_speed_counts():
+    cells = np.zeros((2, 40_000), dtype=np.uint8)
+    cells[0, :6] = (100, 30, 0, 0, 50, 0)
+    cells[1, 7] = 90
+    for what, expected in ((Zone.SPEED, [30, 50, 0]), (Zone.KEEP_OUT, [100, 100, 0])):
+        given = cells if what == Zone.SPEED else np.where(cells > 0, 100, 0).astype(np.uint8)
+        zones = ZoneMap(
+            what, Pose(0.0, 0.0, 0.0), 0.05, 0.5, 40_000, 2, zlib.compress(given.tobytes())
+        )
+        shown = drawable(zones)
+        assert (shown.columns, shown.rows) == (10_000, 1)
+        assert list(zlib.decompress(shown.cells)[:3]) == expected
 
 
 def test_a_large_map_is_recorded_with_wider_cells(tmp_path):

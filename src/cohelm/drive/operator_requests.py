@@ -19,6 +19,7 @@ from cohelm.drive.session import Session
 from cohelm.drive.shown import NO_ZONES, detour, docks_message, map_message, reference_lines
 from cohelm.drive.station_publisher import StationPublisher
 from cohelm.link.bulk_messages import HealthReport, Map, Polyline, ZoneMap
+from cohelm.link.rasters import drawable
 from cohelm.loop.loop import Loop
 from cohelm.plan.course import Course
 
@@ -113,4 +114,4 @@ class OperatorRequests:
         """Publish now, and to records that begin later."""
         self._drawn = all_
         for one in all_:
-            self._publisher.publish(one)
+            self._publisher.publish(one if isinstance(one, Polyline) else drawable(one))

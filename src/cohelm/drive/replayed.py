@@ -6,7 +6,8 @@ import time
 from collections.abc import Callable
 
 from cohelm.drive.playback import Playback
-from cohelm.link.bulk_messages import slot_of
+from cohelm.link.bulk_messages import Map, ZoneMap, slot_of
+from cohelm.link.rasters import drawable
 from cohelm.link.station_end import LinkState
 from cohelm.station.robot_link import News, PlaybackPosition, RefusingLink
 
@@ -64,7 +65,11 @@ class Replaying(RefusingLink):
         if self._new or now - self._sent_at >= _PERIOD:
             self._new = False
             self._sent_at = now
-            out += [news for news in self._played.at(self.place.at) if self._is_new(news.message)]
+            out += [
+                _drawable(news)
+                for news in self._played.at(self.place.at)
+                if self._is_new(news.message)
+            ]
         return out
 
     def _is_new(self, message: object) -> bool:
@@ -76,3 +81,10 @@ class Replaying(RefusingLink):
     def state(self) -> LinkState:
         """There is no link."""
         return LinkState(True, "a record", "")
+
+
+def _drawable(news: News) -> News:
+    message = news.message
+    if not isinstance(message, Map | ZoneMap):
+        return news
+    return news._replace(message=drawable(message))

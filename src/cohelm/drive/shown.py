@@ -13,6 +13,7 @@ from cohelm.core.frames import compose
 from cohelm.core.types import Pose
 from cohelm.law.reference import Reference, desired
 from cohelm.link.bulk_messages import DockPlace, Docks, LineKind, Map, Polyline, Zone, ZoneMap
+from cohelm.link.rasters import coarser
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.plan.course import Course, poses_along
 from cohelm.plan.docks import Dock
@@ -41,19 +42,9 @@ def map_message(known: LocalizationMap) -> Map:
 
 def recordable(shown: Map | ZoneMap | Polyline) -> Map | ZoneMap | Polyline:
     """The same for records and live views. Of a map that does not fit into one message, cells twice
-    as wide, as often as needed: occupied where one of the four is, else free where one is."""
+    as wide, as often as needed."""
     while isinstance(shown, Map) and len(shown.cells) > _MOST_CELLS:
-        cells = np.frombuffer(zlib.decompress(shown.cells), dtype=np.uint8)
-        rows, columns = -(-shown.rows // 2), -(-shown.columns // 2)
-        known = np.full((2 * rows, 2 * columns), -1, dtype=np.int8)
-        known[: shown.rows, : shown.columns] = cells.reshape(shown.rows, shown.columns).view(
-            np.int8
-        )
-        coarse = known.reshape(rows, 2, columns, 2).max(axis=(1, 3)).view(np.uint8)
-        shown = Map(
-            shown.number, shown.origin, 2.0 * shown.resolution, columns, rows, 0, 0, columns, rows,
-            zlib.compress(coarse.tobytes()),
-        )  # fmt: skip
+        shown = coarser(shown)
     return shown
 
 
