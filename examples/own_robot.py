@@ -57,4 +57,6 @@ class Cart(cohelm.Robot):
 
 
 if __name__ == "__main__":
-    print(cohelm.drive(Cart, "lab-guard", model="sally", seconds=20.0))
+    summary = cohelm.drive(Cart, "lab-guard", model="sally", seconds=20.0)
+    late = 1000.0 * summary["late_worst"]
+    print(f"{summary['periods']} periods, the latest by {late:.1f} ms; {summary['reason']}")

@@ -354,6 +354,7 @@ def test_ros_arguments_are_refused_with_the_matching_option(cohelm):
         (["run"], "missing argument 'SCENARIO'"),
         (["run", "minimal", "more"], "unexpected extra argument(s) (more)"),
         (["run", "minimal", "--bogus"], "no such option: --bogus"),
+        (["run", "minimal", "--robot", "husky"], "--robot: here that is --set robot=VALUE; see"),
         (["nonsense"], "no such command 'nonsense'"),
     ],
 )

@@ -5,10 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from cohelm.link.messages import RequestKind
+from cohelm.core.types import Pose
+from cohelm.link.bulk_messages import DockPlace, Docks
+from cohelm.link.messages import RequestKind, ScanPart
 from cohelm.station import app
 from cohelm.station.serve import Server
 from tests.station.bare import Bare
@@ -186,6 +189,67 @@ def test_the_speed_survives_a_reload(context: BrowserContext, station: Server) -
     page.reload()
     connected(page)
     expect(slider).to_have_value("0.3")
+
+
+PADS = """window.pads = [0, 1].map((index) => ({
+    id: 'Pad', index, connected: true, mapping: 'standard', timestamp: 0, axes: [0, 0, 0, 0],
+    buttons: Array.from({ length: 17 }, () => ({ pressed: false, touched: false, value: 0 })),
+}))
+navigator.getGamepads = () => window.pads"""
+
+
+def test_the_stop_button_of_any_gamepad_stops(
+    context: BrowserContext, station: Server, bare: Bare
+) -> None:
+    """The first may be no gamepad at all, as some headsets and keyboards are."""
+    page = shown(context, station, PADS)
+    connected(page)
+    for pad in (1, 0):
+        bare.requests.clear()
+        page.evaluate(f"window.pads[{pad}].buttons[1].pressed = true")
+        assert requested(bare, RequestKind.STOP)
+        page.evaluate(f"window.pads[{pad}].buttons[1].pressed = false")
+        page.wait_for_timeout(100)
+    assert bare.requests.count(RequestKind.STOP) == 1
+
+
+def test_every_dock_has_a_route(context: BrowserContext, station: Server, bare: Bare) -> None:
+    names = [f"dock {n}" for n in range(6)]
+    bare.bulk.publish(Docks(tuple(DockPlace(n, Pose(1.0, 2.0, 0.0), 1.0) for n in names)))
+    try:
+        page = shown(context, station)
+        connected(page)
+        options = page.get_by_label("Route to a dock").get_by_role("option")
+        expect(options).to_have_text(["Route to …", *names])
+    finally:
+        bare.bulk.publish(Docks(()))
+
+
+def test_a_scan_is_not_shown_on_when_its_lidar_is_silent(
+    context: BrowserContext, station: Server, bare: Bare
+) -> None:
+    page = shown(context, station)
+    connected(page)
+    dots = """() => {
+        const map = document.querySelector('#map')
+        const { data } = map.getContext('2d').getImageData(0, 60, map.width, map.height - 120)
+        let dark = 0
+        for (let i = 0; i < data.length; i += 4) {
+            if (data[i] < 0x80) dark += 1
+        }
+        return dark
+    }"""
+    before = page.evaluate(dots)
+    ranges = np.full(360, 2000, dtype=np.uint16)
+    around = ScanPart(1, 0, bare.end.clock(), Pose(1.0, 2.0, 0.0), 360, 0, 0.0, 0.0175, ranges)
+    end = time.monotonic() + 10.0
+    while page.evaluate(dots) < before + 300:
+        assert time.monotonic() < end
+        around = around._replace(number=around.number + 1)
+        bare.end.show(around)
+        page.wait_for_timeout(100)
+    page.wait_for_timeout(5000)
+    assert page.evaluate(dots) < before + 100
 
 
 def test_a_slider_set_with_the_mouse_leaves_the_arrow_keys_to_the_stick(

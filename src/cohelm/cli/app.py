@@ -91,9 +91,21 @@ def _explain(error: Any) -> None:
     if not error.ctx or text == error.ctx.get_help():
         error.show()
         return
+    if by_set := _by_set(error):
+        text = f"{text.partition(' (')[0].rstrip('.')}: here that is {by_set}"
     text = re.sub(r"Input should be (.*?)(, unable to parse .*)?$", r"must be \1", text)
     hint = f"{text.rstrip('.')}; see `{error.ctx.command_path} --help`"
     say(f"[bold red]error:[/bold red] {plain(hint[0].lower() + hint[1:])}")
+
+
+def _by_set(error: Any) -> str:
+    """How to give a scenario's key that was given as an option; empty: it is none."""
+    name = str(getattr(error, "option_name", "")).lstrip("-").replace("-", "_")
+    if not name or not any("--set" in one.opts for one in error.ctx.command.params):
+        return ""
+    from cohelm.scenario.model import Scenario
+
+    return f"--set {name}=VALUE" if name in Scenario.model_fields else ""
 
 
 def _version(wanted: bool) -> None:
