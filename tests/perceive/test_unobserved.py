@@ -68,8 +68,11 @@ def in_view(points: np.ndarray, lidar: Lidar, pose: Pose) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("to", "later"),
-    [(Pose(0.0, 0.0, 0.0), 0.1), (Pose(1.7, 0.9, 2.0), 0.1), (Pose(0.0, 0.0, 0.0), -50.0)],
-)
+    [
+        (Pose(0.0, 0.0, 0.0), 0.1), (Pose(1.7, 0.9, 2.0), 0.1), (Pose(0.0, 0.0, 0.0), -50.0),
+        (Pose(0.0, 0.0, 0.0), 3.0), (Pose(1.4, -0.3, 1.5), 3.0), (Pose(0.2, 0.0, 0.0), 3.0),
+    ],
+)  # fmt: skip
 def test_odometry_that_jumps_or_begins_anew_moves_neither_robot_nor_what_is_behind_it(to, later):
     """The gate has stopped the robot then; after the reset it backs off by what it remembers."""
     post = np.array([[0.6, 0.45, 0.0, 0.0, 0.05, 0.0]])  # is passed by, and left behind

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.perceive.scan.odometry_buffer import JUMP, jump, top_speeds
+from cohelm.perceive.scan.odometry_buffer import JUMP, fastest, jump
 from cohelm.robot.contact_monitor import overdue
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import AHEAD, Odometry, Readings, Scan
@@ -50,7 +50,7 @@ class SensorWatchdog:
         self._timeouts = timeouts
         self._sensors = [lidar.name for lidar in model.lidars]
         self._contacts = model.contacts
-        self._fastest = top_speeds(model.bounds())
+        self._fastest = fastest(model.bounds(), model.delay_s)
         self._last: Odometry | None = None
         self._checked = [-1] * len(self._sensors)
         self._newest: dict[str, tuple[float, float]] = {}

@@ -17,12 +17,14 @@ from cohelm.perceive.localize.localizer import Localization, Localizer
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.scan.deskew import DeskewedScan, all_round
 from cohelm.perceive.scan.odometry_buffer import (
+    ANY_SPEED,
     EMPTY,
+    GAP,
     extended,
+    fastest,
     is_new,
     jump,
     pose_at,
-    top_speeds,
 )
 from cohelm.perceive.source.contact_memory import ContactMemory
 from cohelm.perceive.source.observation_source import NOTHING, ObservationSource
@@ -36,7 +38,6 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, not_ahead, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
-_ANY_SPEED = Twist(math.inf, math.inf)
 _ON_WALL = 0.1  # a return as near to a wall of the map as this is on it [m]
 
 
@@ -131,7 +132,9 @@ class Perception:
         """The map to localize on, if any."""
         self._localizer = Localizer(known, self.lidar, start) if known is not None else None
         self._odometry_buffer = EMPTY
-        self._fastest = top_speeds(model.bounds()) if isinstance(model, RobotModel) else _ANY_SPEED
+        self._fastest = ANY_SPEED
+        if isinstance(model, RobotModel):
+            self._fastest = fastest(model.bounds(), model.delay_s)
         self._read: Odometry | None = None  # the newest
         self._received: Pose | None = None  # its frame in `odom`; None: it is the same
         self._twist = Twist(0.0, 0.0)
@@ -200,7 +203,8 @@ class Perception:
         if before is not None:
             anew, buffer = odometry.stamp < before.stamp, self._odometry_buffer
             if anew or jump(before, odometry, self._fastest):
-                here = pose_at(buffer, float(buffer[-1, 0] if anew else odometry.stamp))
+                newest = float(buffer[-1, 0])
+                here = pose_at(buffer, newest if anew else min(odometry.stamp, newest + GAP))
                 self._received = compose(here, inverse(pose))
         if self._received is None:
             return odometry

@@ -10,7 +10,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE
 from cohelm.robot.collision_monitor.free_space import VOUCHED
 from cohelm.robot.collision_monitor.monitor import LASTS, CollisionMonitor
-from cohelm.robot.collision_monitor.odometry import advanced, seen_from
+from cohelm.robot.collision_monitor.odometry import GAP, advanced, seen_from
 from cohelm.robot.collision_monitor.source import MISSED
 from cohelm.robot.collision_monitor.surroundings import REMEMBERED, MonitorSurroundings, seen_by
 from cohelm.robot.keep.gated_robot import rules
@@ -425,10 +425,12 @@ def test_odometry_from_the_future_is_refused_and_memory_is_kept():
     assert it.restrict(1.02, Twist(0.3, 0.0)).reason == (
         "collision monitor: the odometry comes from the future"
     )
-    turned = Pose(0.0, 0.0, math.pi)
-    for k in range(5):
-        it.observe(2.0 + 0.02 * k, readings(2.0 + 0.02 * k, empty(), turned), STILL)
-    assert "something 0.0" in it.restrict(2.08, Twist(-0.3, 0.0)).reason
+    only = readings(1.02, wall(0.02))
+    for k in range(60):
+        t, turned = 1.04 + 0.02 * k, Pose(0.0, 0.0, math.pi * min(k / 55.0, 1.0))
+        given = only._replace(odometry=Odometry(t, turned, STILL))
+        it.observe(t, given if k < 55 else readings(t, empty(), turned), STILL)
+    assert "something 0.0" in it.restrict(t, Twist(-0.3, 0.0)).reason
 
 
 def test_after_the_clock_went_back_earlier_readings_do_not_count():
@@ -585,28 +587,71 @@ def test_after_it_was_switched_on_anew_ground_is_unknown_again():
 JUMPS = [Pose(0.0, 0.0, 0.0), Pose(1.5, 2.0, 0.0), Pose(0.4, 0.0, 2.0)]
 
 
+@pytest.mark.parametrize("gap", [0.0, 0.5, 3.0])
 @pytest.mark.parametrize("to", JUMPS)
-def test_where_odometry_jumps_the_ground_behind_stays_as_it_was_seen(to):
-    """The watchdog stops the robot then; reset, it backs off."""
+def test_where_odometry_jumps_the_ground_behind_stays_as_it_was_seen(to, gap):
+    """The watchdog stops the robot then; reset, it backs off. gap: without odometry before, as
+    where its driver is started anew [s]."""
     for post, passes in ((False, True), (True, False)):
         it = watch()
-        for k in range(150):
-            t, x = 0.02 * k, 0.008 * k
+
+        def look(x, post=post):
             ranges = empty()
             if post:  # 4 cm from its left side; out of view beside the rear in the end
                 px, py = 0.9 - x - SENSOR, 0.33
                 ranges[np.abs(BEARINGS - math.atan2(py, px)) < 3.0 * STEP] = math.hypot(px, py)
-            it.observe(t, readings(t, ranges, Pose(x, 0.0, 0.0), Twist(0.4, 0.0)), Twist(0.4, 0.0))
+            return ranges
+
+        for k in range(150):
+            t, x = 0.02 * k, 0.008 * k
+            given = readings(t, look(x), Pose(x, 0.0, 0.0), Twist(0.4, 0.0))
+            it.observe(t, given, Twist(0.4, 0.0))
+        for k in range(1, round(gap / 0.02)):
+            scan = Scan(t + 0.02 * k, 200 + k, look(x), 0.0)
+            it.observe(scan.stamp, given._replace(scan=scan), STILL)
+            old = it.restrict(scan.stamp, Twist(-0.2, 0.0))
+            assert old.reason.endswith("ms old") == (0.02 * k > GAP)
+        t += gap
         for k in range(40):
             t += 0.02
             it.observe(t, readings(t, empty(), to), STILL)
-            jumped = it.restrict(t, Twist(-0.2, 0.0)).reason.endswith("the odometry jumped")
-            assert jumped == (k == 0)
+            jumped = it.restrict(t, Twist(-0.2, 0.0))
+            assert (jumped.share == 0.0) == (k == 0)
+            if k == 0:  # a text stays while it lasts
+                assert jumped.reason.endswith("ms old" if gap else "the odometry jumped")
         turn = it.restrict(t, Twist(0.0, -2.0))
         assert (turn == UNRESTRICTED) == passes
         if post:
             assert "something" in turn.reason
         assert it.restrict(t, Twist(-0.2, 0.0)) == UNRESTRICTED
+
+
+@pytest.mark.parametrize("back", [Pose(1.25, 0.0, 0.0), Pose(1.6, 0.02, 0.1)])
+def test_after_a_gap_odometry_that_went_on_is_no_jump(back):
+    """The network was gone, and the robot braked meanwhile."""
+    it = watch()
+    for k in range(150):
+        t, pose = 0.02 * k, Pose(0.008 * k, 0.0, 0.0)
+        it.observe(t, readings(t, empty(), pose, Twist(0.4, 0.0)), Twist(0.4, 0.0))
+    it.observe(t + 3.0, readings(t + 3.0, empty(), back), STILL)
+    assert it.restrict(t + 3.0, Twist(0.2, 0.0)) == UNRESTRICTED
+
+
+@pytest.mark.parametrize("omega", [0.5, 1.0, 2.0])
+def test_while_odometry_is_silent_no_ground_becomes_known(omega):
+    """The gate stops the robot, which turned; by its last twist it would turn on and on."""
+    it, psi = watch(), 0.0
+    for k in range(60):
+        t, turns = 0.02 * k, Twist(0.0, omega if k > 50 else 0.0)
+        psi += 0.02 * turns.omega
+        given = readings(t, empty(), Pose(0.0, 0.0, psi), turns)
+        it.observe(t, given, turns)
+    before = it.restrict(t, Twist(-1.0, 0.0)).share
+    for k in range(150):
+        t += 0.02
+        it.observe(t, given._replace(scan=Scan(t, 200 + k, empty(), 0.0)), STILL)
+    it.observe(t, readings(t, empty(), Pose(0.0, 0.0, psi + 0.1 * omega)), STILL)
+    assert it.restrict(t, Twist(-1.0, 0.0)).share == pytest.approx(before, abs=0.06)
 
 
 def test_an_all_round_lidar_leaves_no_ground_unknown():

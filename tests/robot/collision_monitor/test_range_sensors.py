@@ -83,12 +83,12 @@ def test_its_error_is_that_of_one_measurement():
 def test_out_of_its_cone_an_obstacle_is_forgotten_after_a_while():
     whole = SALLY.model_copy(update={"further_lidars": (BEHIND,)})
     it = CollisionMonitor(described(whole, rules(whole, 0.02)))
-    for k in range(200):
-        turned = k >= 5
-        t, pose = 0.02 * k, Pose(0.0, 0.0, 0.0)
-        if turned:  # while nothing was measured for half a second
-            t, pose = t + 0.5, Pose(0.0, 0.0, math.pi / 2)
-        it.observe(t, readings(t, math.inf if turned else 0.3, BEHIND, pose), STILL)
+    for k in range(225):
+        t, psi = 0.02 * k, 0.5 * math.pi * min(max(k - 5, 0) / 30.0, 1.0)
+        if k <= 5 or psi == 0.5 * math.pi:  # nothing is measured while it turns
+            given = readings(t, 0.3 if k <= 5 else math.inf, BEHIND)
+        odometry = Odometry(t, Pose(0.0, 0.0, psi), STILL)
+        it.observe(t, given._replace(odometry=odometry), STILL)
         things = it._sources[1].by_odometry
         assert len(things.points) > 0 or t > 2.0
     assert len(things.points) == 0

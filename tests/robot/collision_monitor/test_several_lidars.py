@@ -119,15 +119,15 @@ def who_went_ahead(model, front=None):
     default of nothing."""
     it = CollisionMonitor(described(model, rules(model, PERIOD)))
     turn = math.radians(60.0)
-    for k in range(46, 61):
-        t, pose = 0.02 * k, HERE
-        if k > 50:
-            t, pose = t + 0.5, Pose(0.0, 0.0, turn)
-        rear = empty()
-        if k <= 50:
-            rear[:14] = 0.75  # from 45 deg to the left of straight ahead
-        given = readings(t, front=front if k > 50 else None, rear=rear)
-        it.observe(t, given._replace(odometry=Odometry(t, pose, STILL)), STILL)
+    for k in range(46, 86):
+        t, turned = 0.02 * k, turn * min(max(k - 50, 0) / 25.0, 1.0)
+        if k <= 50 or turned == turn:  # no scan while it turns
+            rear = empty()
+            if k <= 50:
+                rear[:14] = 0.75  # from 45 deg to the left of straight ahead
+            given = readings(t, front=front if k > 50 else None, rear=rear)
+        odometry = Odometry(t, Pose(0.0, 0.0, turned), STILL)
+        it.observe(t, given._replace(odometry=odometry), STILL)
     return it.restrict(1.7, Twist(1.0, 0.0))
 
 

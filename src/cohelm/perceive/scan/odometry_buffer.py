@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from cohelm.core.jit import jit
 from cohelm.core.scalars import is_finite, wrap
 from cohelm.core.types import Floats, Pose, Twist
+from cohelm.robot.achievable import braking_time
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, speeds
 from cohelm.robot.port import Odometry
@@ -20,6 +22,9 @@ _ANEW = 1.0  # stamps that go back by at least this are of odometry that begins 
 _TOP = 50.0  # no robot is faster [m/s, rad/s]
 JUMP = 0.15
 """Tolerance of an odometry step beyond what the robot's speed explains [m, rad]."""
+GAP = 0.25
+"""After so long without odometry the gate brakes [s]: it passes nothing by readings that are older,
+and its watchdog runs out."""
 
 EMPTY: Floats = np.empty((0, 6))
 """An empty buffer; rows of stamp, x, y, psi, v, omega, in the order of time."""
@@ -33,20 +38,49 @@ def is_new(buffer: Floats, odometry: Odometry) -> bool:
     return since > 0.0 or since <= -_ANEW
 
 
-def top_speeds(limits: Limits) -> Twist:
+class Fastest(NamedTuple):
+    """How fast a robot is believed to be."""
+
+    top: Twist
     """The largest twist that odometry is believed to have [m/s, rad/s]."""
-    return Twist(*(min(top, _TOP) for top in speeds(limits)))
+    stopping: float
+    """From a command to stand until it does, from there [s]."""
 
 
-def jump(before: Odometry, after: Odometry, fastest: Twist, tolerance: float = JUMP) -> str:
+ANY_SPEED = Fastest(Twist(math.inf, math.inf), 0.0)
+"""Of a robot of which nothing is known."""
+
+
+def fastest(limits: Limits, delay: float) -> Fastest:
+    """Of a robot. delay: from a command to the wheels [s]."""
+    top = Twist(*(min(top, _TOP) for top in speeds(limits)))
+    return Fastest(top, delay + braking_time(top, limits))
+
+
+def jump(before: Odometry, after: Odometry, most: Fastest, tolerance: float = JUMP) -> str:
     """By how much odometry has jumped between two readings, as `0.50 m` or `57 deg`; empty: it has
-    not. fastest: see `top_speeds`."""
+    not. Where it was silent for a while and then begins at exactly its origin, it has."""
     dt = after.stamp - before.stamp
     way = math.hypot(after.pose.x - before.pose.x, after.pose.y - before.pose.y)
     turn = abs(math.remainder(after.pose.psi - before.pose.psi, 2.0 * math.pi))
-    if way > 1.5 * fastest.v * dt + tolerance:
+    anew = dt > GAP and after.pose.x == after.pose.y == 0.0 and way > 0.0
+    far, angle = (
+        1.5 * _farthest(abs(one), abs(other), top, most.stopping, dt) + tolerance
+        for one, other, top in zip(before.twist, after.twist, most.top, strict=True)
+    )
+    if way > far or anew:
         return f"{way:.2f} m"
-    return f"{math.degrees(turn):.0f} deg" if turn > 1.5 * fastest.omega * dt + tolerance else ""
+    return f"{math.degrees(turn):.0f} deg" if turn > angle else ""
+
+
+def _farthest(before: float, after: float, top: float, stopping: float, dt: float) -> float:
+    """How far a robot moves at most between two readings with these speeds. After a gap without
+    odometry it was stopped, unless it still moved at its end."""
+    if dt <= GAP or math.isinf(top):
+        return top * max(dt, 0.0)
+    gained = top * min(GAP / max(stopping, 1e-9), 1.0)
+    began, held = min(max(before, after) + gained, top), min(before, after)
+    return min(began * (GAP + 0.5 * stopping) + held * (dt - GAP), top * dt)
 
 
 def extended(buffer: Floats, odometry: Odometry) -> Floats:
@@ -66,10 +100,11 @@ def extended(buffer: Floats, odometry: Odometry) -> Floats:
     return extended_buffer
 
 
-def too_old(buffer: Floats, stamp: float) -> bool:
-    """Whether the buffer does not go back to a time any more: where the robot was then is not
-    known."""
-    return len(buffer) == KEPT and stamp < float(buffer[0, 0])
+def unknown_at(buffer: Floats, stamp: float) -> bool:
+    """Whether it is not known where the robot was at a time: the buffer does not go back to it any
+    more, or odometry has been silent for longer than a pose is predicted."""
+    old = len(buffer) == KEPT and stamp < float(buffer[0, 0])
+    return old or stamp > float(buffer[-1, 0]) + _AHEAD
 
 
 @jit

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats
 from cohelm.perceive.scan.deskew import DeskewedScan, deskew
-from cohelm.perceive.scan.odometry_buffer import too_old
+from cohelm.perceive.scan.odometry_buffer import unknown_at
 from cohelm.perceive.space.free_space_memory import with_possibly_occupied
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
 from cohelm.perceive.track.params import TrackerParams
@@ -51,12 +51,12 @@ class ObservationSource:
 
     def take(self, scan: Scan, buffer: Floats, on_map: OnMap) -> DeskewedScan | None:
         """Take a new scan. Returns it deskewed and without movers; None for what is no scan of this
-        LiDAR, or too old."""
+        LiDAR, or from where nobody knows."""
         self.number = scan.number
         stamp = scan.stamp + scan.duration
         if len(scan.ranges) != len(self.lidar.beams) or not math.isfinite(stamp):
             return None
-        if too_old(buffer, stamp):
+        if unknown_at(buffer, stamp):
             return None
         ranges = np.asarray(scan.ranges, dtype=np.float64)
         sweep = static = deskew(self.lidar, ranges, scan.stamp, scan.duration, buffer)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.frames import inverse, placed
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.scan.odometry_buffer import pose_at, too_old
+from cohelm.perceive.scan.odometry_buffer import pose_at, unknown_at
 from cohelm.perceive.track.tracker import EMPTY_STATE
 from cohelm.robot.port import Scan
 from cohelm.robot.sensors import LidarModel
@@ -45,7 +45,7 @@ class RangeSource:
         lidar, stamp = self.lidar, scan.stamp + scan.duration
         if len(scan.ranges) != len(lidar.beams) or not math.isfinite(stamp):
             return
-        if too_old(buffer, stamp):
+        if unknown_at(buffer, stamp):
             return
         if np.isnan(scan.ranges).all():
             return

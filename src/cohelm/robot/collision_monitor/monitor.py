@@ -17,7 +17,7 @@ from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.collision_monitor.contacts import NEVER, Met, met
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE, allowed, horizon
 from cohelm.robot.collision_monitor.free_space import UNWATCHED, unknown_to_all
-from cohelm.robot.collision_monitor.odometry import PoseHistory, jumped
+from cohelm.robot.collision_monitor.odometry import GAP, PoseHistory, jumped
 from cohelm.robot.collision_monitor.returns import TOO_NEAR, Sensor, returns
 from cohelm.robot.collision_monitor.runaway import PATIENCE, Runaway
 from cohelm.robot.collision_monitor.source import MonitorSource
@@ -107,8 +107,10 @@ class CollisionMonitor:
         self._frame: Pose | None = None
         """Where the odometry's frame lies in that of what is remembered, which goes on where the
         odometry jumps; None: it is the same."""
-        self._reported = Pose(0.0, 0.0, 0.0)
-        """The newest pose of the odometry."""
+        self._reported = Pose(0.0, 0.0, 0.0), _NONE
+        """The newest pose and twist of the odometry."""
+        self._reckoned = Pose(0.0, 0.0, 0.0)
+        """Where the commands sent had led by then."""
         self._clock = self._sent = -math.inf
         """The robot's, at the last look; and when a twist was last checked, and so sent [s]."""
         self._all = NOTHING
@@ -228,15 +230,20 @@ class CollisionMonitor:
             # as compiled code is made for
             pose, twist = Pose(*map(float, odometry.pose)), Twist(*map(float, odometry.twist))
             time = odometry.stamp - history.stamp
-            jump = len(history) > 0 and jumped(self._reported, pose, time, self._top)
+            jump = len(history) > 0 and jumped(
+                self._reported, (pose, twist), time, self._top, self._stopping
+            )
+            reckoned = self._commanded.at(odometry.stamp)
             if jump:
-                self._frame = compose(history.at(odometry.stamp), inverse(pose))
-            self._reported = pose
+                driven = compose(inverse(self._reckoned), reckoned)
+                self._frame = compose(compose(history.pose, driven), inverse(pose))
+            self._reported, self._reckoned = (pose, twist), reckoned
             here = pose if self._frame is None else compose(self._frame, pose)
             history.add(odometry.stamp, here, twist)
             if jump:
                 return "the odometry jumped"
-        return ""
+        age = now - history.stamp
+        return f"the odometry is {1000.0 * age:.0f} ms old" if age > GAP else ""
 
     def _reckon(self, now: float, applied: Twist) -> None:
         """Extend the poses predicted from the commands sent."""

@@ -12,6 +12,9 @@ from cohelm.core.types import Floats, Pose, Twist
 KEPT = 1.5
 """Length of the history [s]: longer than any usual sweep and latency of `robot.sensors` together;
 older times get the oldest pose."""
+GAP = 0.25
+"""After so long without odometry the gate brakes [s]: it passes nothing by readings that are older,
+and its watchdog runs out. From then on nobody knows where the robot is."""
 _JUMP = 0.15  # tolerance of a step beyond what the robot's speed explains [m, rad]
 _TOP = 50.0  # no robot is faster [m/s, rad/s]
 
@@ -39,15 +42,32 @@ def between(before: Pose, after: Pose, time: float) -> Twist:
     return Twist(math.copysign(math.hypot(dx, dy), ahead) / time, turned / time)
 
 
-def jumped(before: Pose, after: Pose, time: float, top: Twist) -> bool:
-    """Whether no motion at up to half above the largest speeds leads from one pose to the other in
-    a time [s]."""
-    way = math.hypot(after.x - before.x, after.y - before.y)
-    turn = abs(math.remainder(after.psi - before.psi, 2.0 * math.pi))
-    return (
-        way > 1.5 * min(top.v, _TOP) * time + _JUMP
-        or turn > 1.5 * min(top.omega, _TOP) * time + _JUMP
+def jumped(
+    before: tuple[Pose, Twist], after: tuple[Pose, Twist], time: float, top: Twist, stopping: float
+) -> bool:
+    """Whether no motion at up to half above the largest speeds leads from one reading to the other
+    in a time [s]; or after a gap it begins at exactly its origin.
+
+    stopping: from a command to stand until the robot does, from the largest speeds [s].
+    """
+    way = math.hypot(after[0].x - before[0].x, after[0].y - before[0].y)
+    turn = abs(math.remainder(after[0].psi - before[0].psi, 2.0 * math.pi))
+    far, angle = (
+        1.5 * _farthest(abs(one), abs(other), min(most, _TOP), stopping, time) + _JUMP
+        for one, other, most in zip(before[1], after[1], top, strict=True)
     )
+    anew = time > GAP and after[0].x == after[0].y == 0.0 and way > 0.0
+    return way > far or turn > angle or anew
+
+
+def _farthest(before: float, after: float, top: float, stopping: float, time: float) -> float:
+    """How far a robot moves at most between two readings with these speeds. After a gap without
+    odometry the gate had stopped it, unless it still moved at its end."""
+    if time <= GAP:
+        return top * time
+    gained = top * min(GAP / max(stopping, GAP), 1.0)
+    began, held = min(max(before, after) + gained, top), min(before, after)
+    return min(began * (GAP + 0.5 * stopping) + held * (time - GAP), top * time)
 
 
 def placed(points: Floats, x: Floats, y: Floats, psi: Floats) -> Floats:
