@@ -18,6 +18,6 @@ LIDAR = DEEP.lidar()
      (LIDAR._replace(floor_from=math.nan), math.inf, False)],
 )  # fmt: skip
 def test_where_the_floor_is_seen_all_along_the_camera_sees(lidar, ranges, sees):
-    view = ScanView(lidar)
+    view = ScanView(lidar, 0.29)
     view.take(np.full(DEEP.beams, ranges), None)
     assert (view.vouches(0.0), view.blank) == (sees, not sees)

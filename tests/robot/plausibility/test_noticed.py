@@ -155,6 +155,27 @@ def test_a_quarter_that_was_blind_from_the_start_is_not_driven_into_but_at_a_cra
     assert all(one.share <= CRAWL / 0.02 for _, one in found)
 
 
+@pytest.mark.parametrize("wide", [0.3, 0.58, 1.5])
+def test_the_width_of_the_robot_has_to_have_been_seen_ahead(wide):
+    """Blind from the start as far to either side as the robot is wide half a metre before it, 30
+    deg at most; beside that it sees."""
+    half = 0.5 * wide
+    model = SALLY.model_copy(
+        update={"footprint_m": [[0.36, half], [-0.36, half], [-0.36, -half], [0.36, -half]]}
+    )
+    lidar = model.lidar.lidar()
+    dead = min(math.atan2(half, 0.5), math.radians(30.0)) + math.radians(6.0)
+    bearings = np.abs(lidar.first + lidar.step * np.arange(len(lidar.beams)))
+
+    def told(t, readings, _):
+        blind = np.where(bearings < dead, math.inf, readings.scan.ranges)
+        return readings._replace(scan=readings.scan._replace(ranges=blind))
+
+    found = watched(ahead, 1.0, told=told, model=model)
+    assert "has not shown that it sees" in found[0][1].reason
+    assert watched(ahead, 1.0, model=model) == []
+
+
 WORSE = {
     "noisy": ranges(lambda r, old: np.clip(r + 0.2 * np.sin(1e5 * r), 0.1, 11.0)),
     "not a number": ranges(lambda r, old: np.where(np.arange(len(r)) % 5 < 2, math.nan, r)),

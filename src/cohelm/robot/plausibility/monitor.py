@@ -43,8 +43,9 @@ class PlausibilityMonitor:
         self._reach = model.reach
         self._trail, self._commands = Trail(5), Trail(2)
         self._following = Following(model)
+        half_width = float(np.abs(model.outline[:, 1]).max())
         self._sources = [
-            PlausibilitySource(lidar, i == 0)
+            PlausibilitySource(lidar, i == 0, half_width)
             for i, lidar in enumerate(model.lidars) if not lidar.range_sensor
         ]  # fmt: skip
         self._last: Odometry | None = None

@@ -26,11 +26,11 @@ _MAX_BLINDED = math.radians(25.0)  # a LiDAR that lost more is broken or covered
 class PlausibilitySource:
     """All checks of one LiDAR."""
 
-    def __init__(self, model: LidarModel, first: bool) -> None:
-        """first: whether its scans come as `Readings.scan`."""
+    def __init__(self, model: LidarModel, first: bool, half_width: float) -> None:
+        """first: whether its scans come as `Readings.scan`. half_width: of the robot [m]."""
         self._name, self._first, self._lidar = model.name, first, model.lidar()
         self._arrival, self._content = Arrival(model), Content(model)
-        self._motion, self._view = Motion(self._lidar), ScanView(self._lidar)
+        self._motion, self._view = Motion(self._lidar), ScanView(self._lidar, half_width)
         self._pending: deque[Scan] = deque(maxlen=3)
         self._looked = -math.inf
         self._way = math.inf

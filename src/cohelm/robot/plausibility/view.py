@@ -19,7 +19,9 @@ _MIN_SHARE = 0.9  # of the surface: the rest are edges and movers
 _MIN_SCANS = 3  # scans in a row before blinded directions are reported
 _BIN = math.radians(10.0)
 _CONE = math.radians(30.0)
-"""Half angle of Sally's width, 2 x 0.29 m, half a metre before the LiDAR."""
+"""Largest half angle in which a return vouches for a direction: any return in it does, so a wider
+one would prove less."""
+_BEFORE = 0.5  # a robot is as wide as the half angle, so far before its LiDAR [m]
 
 
 class Vanished(NamedTuple):
@@ -116,8 +118,11 @@ def _farther(
 class ScanView:
     """Which directions of the LiDAR have returned anything: by bins of ten degrees."""
 
-    def __init__(self, lidar: Lidar) -> None:
+    def __init__(self, lidar: Lidar, half_width: float) -> None:
+        """half_width: of the robot [m]."""
         n = len(lidar.beams)
+        self._half = min(max(math.atan2(half_width, _BEFORE), 0.5 * _BIN), _CONE)
+        """Half angle of the cone about a bearing in which a return vouches for it [rad]."""
         self._lidar, self._floor = lidar, lidar.floor_from > 0.0
         """A sensor that watches the floor returns inf only where it sees the floor."""
         self._bin = (np.arange(n) * lidar.step / _BIN).astype(np.int64)
@@ -170,7 +175,7 @@ class ScanView:
             first = self._lidar.mount.psi + self._lidar.first
             middles = first + _BIN * (np.arange(self._count) + 0.5)
             error = np.abs(np.remainder(middles - bearing + math.pi, 2.0 * math.pi) - math.pi)
-            cone = error <= _CONE
+            cone = error <= self._half + 1e-9
             looks, sees = bool(cone.any()), bool((self.proven | ~self.empty)[cone].any())
             self._cones[bearing] = looks, sees or not looks
         return self._cones[bearing]
