@@ -6,6 +6,7 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
+from cohelm.core.errors import CohelmError
 from cohelm.robot.contacts import ContactModel
 from cohelm.robot.limits import unlimited
 from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
@@ -81,6 +82,32 @@ def test_an_outline_that_is_not_convex_is_refused(corners, why):
 def test_an_outline_in_another_order_or_with_corners_too_many_is_kept_as_it_must_be(corners):
     made = RobotModel.model_validate(SQUARE | {"footprint_m": corners})
     assert made.outline.tolist() == SQUARE["footprint_m"]
+
+
+BEHIND_THE_AXLE = [[-0.2, 0.3], [-1.2, 0.3], [-1.2, -0.3], [-0.2, -0.3]]
+
+
+@pytest.mark.parametrize("corners", [SQUARE["footprint_m"], BEHIND_THE_AXLE])
+def test_an_outline_that_the_robot_reports_is_at_least_half_as_large_as_that_of_its_file(corners):
+    made = RobotModel(**{**SQUARE, "footprint_m": corners})
+    outline, middle = made.outline, made.least_outline.mean(axis=0)
+    for share in (0.51, 1.0, 3.0):
+        smaller = middle + share * (outline - outline.mean(axis=0))
+        assert made.checked_outline(smaller[::-1]).shape == outline.shape
+    for share in (0.001, 0.49):
+        with pytest.raises(CohelmError, match="give the bare robot as least_footprint_m"):
+            made.checked_outline(middle + share * (outline - outline.mean(axis=0)))
+
+
+def test_how_small_an_outline_may_be_can_be_given():
+    bare = [[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]]
+    made = RobotModel(**{**SQUARE, "least_footprint_m": bare[::-1]})
+    assert made.checked_outline(bare).tolist() == bare
+    with pytest.raises(CohelmError, match="leaves out"):
+        made.checked_outline(0.9 * np.array(bare))
+    for wrong in ([[9.0, x] for x in (0.0, 0.1, 0.3)], [[9.0, 0.0], [9.2, 0.1], [9.0, 0.3]]):
+        with pytest.raises(ValidationError, match=r"line|must lie within footprint_m"):
+            RobotModel(**{**SQUARE, "least_footprint_m": wrong})
 
 
 def test_an_outline_that_goes_round_twice_is_refused():

@@ -7,11 +7,14 @@ import pytest
 
 from cohelm.law.verdict import Verdict
 from cohelm.pilot.reshaping import Shape
+from cohelm.robot.limits import Limits
+from cohelm.robot.model import RobotModel
 from cohelm.ros import footprint
 from cohelm.ros.footprint import FootprintTopic
 from cohelm.ros.port import Received
 
 NAN, INF = float("nan"), float("inf")
+LIMITS = Limits(1.0, 1.0, 1.0, 1.0)
 BOX = [(0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)]
 ARM = [(0.6, 0.1), (0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2), (0.6, -0.1)]
 
@@ -21,7 +24,9 @@ class Topic:
 
     def __init__(self, axle=0.0):
         self.heard = []
-        self.told = FootprintTopic(self, "/footprint", "base_link", 0.4, axle)
+        box = [(0.346, 0.2), (-0.346, 0.2), (-0.346, -0.2), (0.346, -0.2)]  # reaches 0.4 m
+        model = RobotModel.of("box", box, LIMITS).model_copy(update={"axle_x_m": axle})
+        self.told = FootprintTopic(self, "/footprint", "base_link", model)
 
     def subscribe(self, topic, kind, qos, heard):
         self.heard.append(heard)
@@ -74,6 +79,8 @@ def test_an_outline_is_taken_from_the_axle_where_that_is_not_the_bases_origin():
         ([BOX[0], BOX[2], BOX[1], BOX[3]], "base_link", "crosses itself"),
         ([(x + 1.0, y) for x, y in BOX], "base_link", "does not contain the middle of the axle"),
         ([(3 * x, 3 * y) for x, y in BOX], "base_link", "more than twice the 0.40 m"),
+        ([(0.001, 0.0), (-0.001, 0.001), (-0.001, -0.001)], "base_link", "leaves out [0.17, 0.1]"),
+        ([(0.4 * x, 2.0 * y) for x, y in BOX], "base_link", "give the bare robot as least_footpri"),
         ([(np.cos(a), np.sin(a)) for a in np.arange(0, 6.2, 0.1)], "base_link", "at most 32"),
         (BOX, "map", "in the frame 'map', and an outline is in that of the base, 'base_link'"),
         (BOX, "", "in the frame ''"),

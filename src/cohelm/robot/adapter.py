@@ -13,7 +13,6 @@ from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Twist
 from cohelm.robot.achievable import achievable
 from cohelm.robot.base import Robot
-from cohelm.robot.footprint import convex_outline
 from cohelm.robot.limits import unbraked
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Health, Odometry, Readings
@@ -130,7 +129,7 @@ class RobotAdapter:
         before = self._newest.outline
         if reported is None or (before is not None and np.array_equal(reported, before)):
             return before
-        return convex_outline(reported)
+        return self.model.checked_outline(reported)
 
     def _brake(self) -> None:
         now = self._time()

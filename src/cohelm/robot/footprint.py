@@ -64,6 +64,15 @@ def convex_outline(corners: ArrayLike) -> Floats:
     )
 
 
+def outside(points: Floats, outline: Floats) -> NDArray[np.bool_]:
+    """Which points (p, 2) are outside of an outline, by more than a micrometre [m]."""
+    edges = np.roll(outline, -1, axis=0) - outline
+    lengths = np.hypot(*edges.T)
+    x, y = (points[:, None, i] - outline[None, :, i] for i in (0, 1))
+    beyond = (edges[:, 1] * x - edges[:, 0] * y) / lengths
+    return np.asarray(beyond.max(axis=1) > 1e-6)
+
+
 def hull(points: Floats) -> Floats:
     """The smallest convex outline around points (p, 2), counter-clockwise [m]; they must not all
     lie on a line."""

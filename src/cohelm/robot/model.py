@@ -14,7 +14,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Schema
 from cohelm.core.types import Floats
 from cohelm.robot.contacts import CliffModel, ContactModel
-from cohelm.robot.footprint import convex_outline
+from cohelm.robot.footprint import convex_outline, outside
 from cohelm.robot.limits import LARGEST, Limits, checked_limits, unlimited
 from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel, of_sensor
 
@@ -61,6 +61,9 @@ class RobotModel(Schema):
     footprint_m: Annotated[list[Corner], Field(min_length=3)]
     """Corners [x, y] of the convex outline in their order, x forward and y left; kept
     counter-clockwise."""
+    least_footprint_m: Annotated[list[Corner], Field(min_length=3)] | None = None
+    """Corners of the bare robot: an outline that changes must contain it. Without it, footprint_m
+    half as large."""
     track_m: Annotated[float, Field(gt=0.0, le=LARGEST["track"])]
     """Distance between the two driven wheels."""
     wheel_radius_m: Annotated[float, Field(gt=0.0, le=5.0)]
@@ -90,11 +93,11 @@ class RobotModel(Schema):
     camera: CameraModel | None = None
     """The camera, if there is one."""
 
-    @field_validator("footprint_m")
+    @field_validator("footprint_m", "least_footprint_m")
     @classmethod
-    def _convex(cls, corners: list[Corner]) -> list[Corner]:
+    def _convex(cls, corners: list[Corner] | None) -> list[Corner] | None:
         try:
-            return convex_outline(corners).tolist()
+            return None if corners is None else convex_outline(corners).tolist()
         except CohelmError as error:
             raise ValueError(str(error)) from error
 
@@ -110,6 +113,15 @@ class RobotModel(Schema):
         touching = [one.name for one in self.contacts]
         if len(set(touching)) < len(touching):
             raise ValueError("each of bumpers and cliff_sensors needs a name of its own")
+        return self
+
+    @model_validator(mode="after")
+    def _contained(self) -> Self:
+        if outside(self.least_outline, self.outline).any():
+            raise ValueError(
+                "least_footprint_m must lie within footprint_m, which counts until the outline "
+                "changes"
+            )
         return self
 
     @model_validator(mode="after")
@@ -172,6 +184,28 @@ class RobotModel(Schema):
     def outline(self) -> Floats:
         """The footprint as an array, (k, 2) [m]."""
         return np.array(self.footprint_m, dtype=np.float64)
+
+    @property
+    def least_outline(self) -> Floats:
+        """What an outline that changes must contain, (k, 2) [m]."""
+        if self.least_footprint_m is not None:
+            return np.array(self.least_footprint_m, dtype=np.float64)
+        outline, axle = self.outline, np.zeros((1, 2))
+        middle = outline.mean(axis=0) if outside(axle, outline)[0] else axle[0]
+        return middle + 0.5 * (outline - middle)
+
+    def checked_outline(self, corners: ArrayLike) -> Floats:
+        """An outline that the robot reports, as compiled code needs it, (k, 2) [m]. Raises
+        CohelmError for what is none, or is too small for the robot."""
+        made, least = convex_outline(corners), self.least_outline
+        missing = outside(least, made)
+        if missing.any():
+            x, y = least[int(missing.argmax())]
+            raise CohelmError(
+                f"the outline leaves out [{x:.2g}, {y:.2g}], which is part of the robot: if it can "
+                "be so small, give the bare robot as least_footprint_m in its file"
+            )
+        return made
 
     @property
     def reach(self) -> float:

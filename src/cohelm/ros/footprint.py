@@ -12,6 +12,7 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
 from cohelm.robot.footprint import convex_outline
+from cohelm.robot.model import RobotModel
 from cohelm.ros.mismatch import POLYGON
 from cohelm.ros.port import LATCHED, SENSOR, Received, Transport
 
@@ -26,13 +27,10 @@ _CHANGES, _WITHIN = 5, 5.0
 class FootprintTopic:
     """The newest outline received, or what is wrong with it; None before the first."""
 
-    def __init__(
-        self, transport: Transport, topic: str, body: str, reach: float, axle: float = 0.0
-    ) -> None:
-        """body: the frame of the base, in which an outline has to be. reach: of the outline in the
-        robot's file [m]; one that reaches more than twice as far is none. axle: from which an
-        outline is counted here, in that frame [m]."""
-        self._topic, self._body, self._reach, self._axle = topic, body, reach, axle
+    def __init__(self, transport: Transport, topic: str, body: str, model: RobotModel) -> None:
+        """body: the frame of the base, in which an outline has to be. model: the robot's file; an
+        outline that reaches more than twice as far, or less far than its least, is none."""
+        self._topic, self._body, self._model = topic, body, model
         self._lock = threading.Lock()
         self._newest: Floats | None = None
         self._error = ""
@@ -77,7 +75,8 @@ class FootprintTopic:
                 f"it is in the frame {frame!r}, and an outline is in that of the base, "
                 f"{self._body!r}: publish it in that"
             )
-        corners = [(float(one.x) - self._axle, float(one.y)) for one in message.polygon.points]
+        axle, reach = self._model.axle_x_m, self._model.reach
+        corners = [(float(one.x) - axle, float(one.y)) for one in message.polygon.points]
         if len(corners) > _MOST:
             raise CohelmError(f"an outline has at most {_MOST} corners, got {len(corners)}")
         made = convex_outline(np.array(corners, dtype=np.float64).reshape(-1, 2))
@@ -88,12 +87,12 @@ class FootprintTopic:
                 "base"
             )
         far = float(np.hypot(made[:, 0], made[:, 1]).max())
-        if far > 2.0 * self._reach:
+        if far > 2.0 * reach:
             raise CohelmError(
                 f"the outline reaches {far:.2f} m from the base, more than twice the "
-                f"{self._reach:.2f} m of the robot's file: fix either"
+                f"{reach:.2f} m of the robot's file: fix either"
             )
-        return made
+        return self._model.checked_outline(made)
 
 
 def _same(made: Floats, before: Floats | None) -> bool:

@@ -99,7 +99,7 @@ class Ros2Robot(Robot):
             self._footprint = None
             if topics.footprint:
                 self._footprint = FootprintTopic(
-                    self._transport, topics.footprint, found.body, model.reach, model.axle_x_m
+                    self._transport, topics.footprint, found.body, model
                 )
             for lidar, one in zip(model.lidars, found.lidars, strict=True):
                 callback = partial(self._on_scan, lidar.name)
