@@ -53,18 +53,29 @@ def test_a_robot_that_matches_its_file_is_safe_and_its_file_unchanged():
 
 
 def test_a_late_robot_is_unsafe_and_an_early_one_wasteful():
-    assert said("delay_s", answered(total=0.08), placed()) == ("unsafe", 0.08)
-    assert said("delay_s", answered(total=0.02), placed()) == ("wasteful", 0.02)
+    assert said("delay_s", answered(total=0.08), placed()) == ("unsafe", 0.081)
+    assert said("delay_s", answered(total=0.02), placed()) == ("wasteful", 0.021)
+
+
+@pytest.mark.parametrize(
+    ("total", "off", "write"), [(0.12, 0.008, 0.128), (0.03, 0.0, 0.03), (0.9, 0.3, 1.0)]
+)
+def test_the_late_end_of_the_delays_interval_is_written(total, off, write):
+    """As no robot may be later than that, and a file takes no more than a second."""
+    late = answered()
+    late = late._replace(straight=late.straight._replace(total=Measured(total, off)))
+    late = late._replace(turn=late.straight)
+    assert said("delay_s", late, placed())[1] == pytest.approx(write)
 
 
 def test_a_robot_that_answers_later_in_turns_is_as_late_as_those():
-    assert said("delay_s", answered(turns=0.09), placed()) == ("unsafe", 0.09)
+    assert said("delay_s", answered(turns=0.09), placed()) == ("unsafe", 0.091)
     assert said("delay_s", answered(turns=0.02), placed()) == ("safe", 0.05)
 
 
 def test_a_lag_that_the_loop_adds_by_itself_is_not_written_twice():
     assert said("delay_s", answered(total=0.07), placed(), added=0.02) == ("safe", 0.05)
-    assert said("delay_s", answered(total=0.10), placed(), added=0.02) == ("unsafe", 0.08)
+    assert said("delay_s", answered(total=0.10), placed(), added=0.02) == ("unsafe", 0.081)
 
 
 @pytest.mark.parametrize(("rise", "brake"), [(2.0, 1.5), (1.5, 2.0), (1.5, 9.0)])
@@ -123,7 +134,7 @@ def test_with_a_load_the_worse_of_both_counts_and_the_rest_stays(tmp_path):
     earlier, _ = earlier_run(file, "sally")
     both = with_load(findings(SALLY, answered(brake=1.2), placed()), earlier)
     write = {one.key: one.write for one in both}
-    assert (write["delay_s"], write["lidar.mount_x_m"]) == (0.09, 0.35)
+    assert (write["delay_s"], write["lidar.mount_x_m"]) == (0.091, 0.35)
     assert write[RIM] == pytest.approx(1.19)
     alone = with_load(findings(SALLY, answered(brake=1.2), None), earlier)
     assert {one.key for one in alone} == set(empty)

@@ -12,7 +12,7 @@ import numpy as np
 from cohelm.calibrate.mount import MeasuredMount
 from cohelm.calibrate.response import Measured, Response
 from cohelm.core.errors import CohelmError
-from cohelm.robot.model import RobotModel
+from cohelm.robot.model import LONGEST_DELAY, RobotModel
 
 Verdict = Literal["safe", "unsafe", "wasteful"]
 _WASTE = 0.15  # an assumption that gives away more than this share is wasteful
@@ -164,7 +164,8 @@ def as_dict(found: list[Comparison]) -> dict[str, Any]:
 
 def _delay(assumed: float, total: Measured, added: float) -> Comparison:
     seen = Measured(total.value - added, total.off)
-    write = round(max(seen.value, 0.0), 3)
+    # the end of the interval, as of a limit: what obeys later than predicted stops farther on
+    write = min(max(math.ceil(1e3 * (seen.value + seen.off) - 1e-6) / 1e3, 0.0), LONGEST_DELAY)
     if seen.value - seen.off > assumed:
         return Comparison("delay_s", assumed, seen, write, "unsafe",
                        f"it obeys {1e3 * (seen.value - assumed):.0f} ms later: it stops farther on "
