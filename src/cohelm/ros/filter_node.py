@@ -34,7 +34,7 @@ from cohelm.ros.found import Found
 from cohelm.ros.pacing import Pacing
 from cohelm.ros.port import Transport
 from cohelm.ros.report import Report, Row
-from cohelm.ros.reset import resets
+from cohelm.ros.reset import ResetRequest, resets
 
 WATCHDOG = 0.2
 """Without a sound proposal for so long the gate process brakes the base [s]."""
@@ -87,8 +87,8 @@ class FilterNode:
         self._commands = Commands(transport, found.topics.command, params.timeout, ticks)
         self._report = Report(transport, found, log, clock)
         self._shape = Shape(model.outline, self._reshape)
-        self._reset_requested = False
-        resets(transport, self._report.topic("reset"), self._on_reset, self._report.note)
+        self._resets = ResetRequest()
+        resets(transport, self._report.topic("reset"), self._resets.request, self._report.note)
         self._readings = Readings()
         self._looked = self._period_start = -math.inf
         """When the readings were taken in, and when the last period began [s]."""
@@ -180,16 +180,12 @@ class FilterNode:
     def _drive(self, nominal: Nominal, fault: str) -> None:
         """Enables the base as soon as a controller is there and nothing is wrong."""
         gate = self._gated.gate
-        if self._reset_requested:
-            self._reset_requested = False
-            if latched(gate.mode):
-                refusal = self._gated.reset()
-                self._report.note(f"reset: {refusal}" if refusal else "reset")
+        refusal = self._resets.due(gate, time.monotonic())
+        if refusal is not None:
+            refusal = refusal or self._gated.reset()
+            self._report.note(f"not reset: {refusal}" if refusal else "reset")
         elif gate.mode == GateMode.IDLE and nominal.fresh and not fault and self.may_drive:
             self._gated.drive(GateMode.AUTOMATIC)
-
-    def _on_reset(self, _: float) -> None:
-        self._reset_requested = True
 
 
 def obstacles(seen: Seen) -> Obstacles:

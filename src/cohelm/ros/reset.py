@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from cohelm.robot.gate.gate import Gate
+from cohelm.robot.gate.modes import latched
 from cohelm.ros.port import End, Qos, Received, Transport
 
 EMPTY = "std_msgs/msg/Empty"
@@ -32,3 +34,29 @@ def resets(
             log(f"{topic} is published continuously: publish it once (ros2 topic pub --once)")
 
     return transport.subscribe(topic, EMPTY, ONCE, on_message)
+
+
+class ResetRequest:
+    """The newest request to reset one gate. It counts once, and only for a stop that was known when
+    it came: one from before would release what nobody has seen yet."""
+
+    def __init__(self) -> None:
+        self._requested = math.nan
+        self._why, self._since = "", -math.inf
+        """Of the stop or fault that is latched, and since when that is known [s]."""
+
+    def request(self, stamp: float) -> None:
+        """From any thread. stamp: when it came, by this machine's monotonic clock [s]."""
+        self._requested = stamp
+
+    def due(self, gate: Gate, now: float) -> str | None:
+        """Whether to reset now: None: no; why not, or "". now: by the same clock [s]."""
+        why = f"{gate.mode.name}: {gate.reason}" if latched(gate.mode) else ""
+        if why != self._why:
+            self._why, self._since = why, now
+        requested, self._requested = self._requested, math.nan
+        if math.isnan(requested) or not why:
+            return None
+        if requested > self._since:
+            return ""
+        return f"it came before the stop: {gate.reason}"
