@@ -13,13 +13,11 @@ from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Command, Device
 from cohelm.link.operator import NullOperator, OperatorInput, is_current
+from cohelm.link.sticks.port import patience
 from cohelm.ros import mismatch
 from cohelm.ros.port import SENSOR, Received, Transport
 
 JOY = "sensor_msgs/msg/Joy"
-STUCK, STUCK_AT_THE_END = 3.0, 10.0
-"""A hand on a deflected stick trembles: without any change for so long it is not held [s]; at the
-end of its travel, for so long."""
 _WAITS = 2.0
 """For the first message, before its absence is reported [s]."""
 _MOST = 1.01
@@ -153,10 +151,9 @@ class JoyOperator(NullOperator):
             return f"its axes are {x:g} and {psi:g}, and go from -1 to 1: fix its driver"
         if needed and not buttons[params.enable]:
             return CENTRED
-        most = max(abs(x), abs(psi))
-        patience = STUCK_AT_THE_END if most >= 0.99 else STUCK
-        if most > 0.1 and self._clock() - changed > patience:
-            return f"it is deflected, and nothing of it has changed for {patience:g} s"
+        most = patience(Stick(x, psi))
+        if self._clock() - changed > most:
+            return f"it is deflected, and nothing of it has changed for {most:g} s"
         return Stick(min(max(x, -1.0), 1.0), min(max(psi, -1.0), 1.0))
 
     def _on_joy(self, received: Received) -> None:

@@ -76,7 +76,7 @@ def robot():
 class Held:
     """A device in a test's hand, that notes what is felt."""
 
-    name, kind, force = "held", Device.FORCE_STICK, True
+    name, kind, force, repeats = "held", Device.FORCE_STICK, True, False
 
     def __init__(self) -> None:
         self.stick, self.there = CENTRED, True

@@ -101,6 +101,7 @@ class BrunnerStick:
     """
 
     kind = Device.FORCE_STICK
+    repeats = False
 
     def __init__(
         self, params: BrunnerParams, line: Cls2SimLine | None = None,

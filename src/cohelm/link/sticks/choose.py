@@ -75,6 +75,7 @@ class FileStick:
     Starts at its first reading, and becomes invalid when the record is over."""
 
     kind = Device.SCRIPT
+    repeats = False
     force = False
 
     def __init__(self, record: StickRecording, name: str, clock: Callable[[], float]) -> None:

@@ -45,6 +45,7 @@ class EvdevStick:
     """One device, from opening to closing."""
 
     kind = Device.FORCE_STICK
+    repeats = True
 
     def __init__(self, path: str) -> None:
         """path: /dev/input/event... Raises CohelmError where there is no stick."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import NamedTuple, Protocol
 
 from cohelm.core.types import CENTRED, Stick
-from cohelm.link.messages import Device
+from cohelm.link.messages import CENTRE, Device
+
+_END = 0.98
 
 
 class Button(IntEnum):
@@ -42,6 +45,20 @@ class Feel(NamedTuple):
     """A push on the stick, in [-1, 1], forward and left positive."""
 
 
+STUCK, STUCK_AT_THE_END = 3.0, 10.0
+"""A hand on a deflected stick trembles: without any change for so long it is not held [s]; at the
+end of its travel, where the converter saturates, for so long."""
+
+
+def patience(stick: Stick) -> float:
+    """For how long a deflection without any change is believed, where a device that is gone goes on
+    giving its last one [s]."""
+    most = max(abs(stick.x), abs(stick.psi))
+    if most <= CENTRE:
+        return math.inf
+    return STUCK_AT_THE_END if most >= _END else STUCK
+
+
 NOTHING = Feel(0.0, CENTRED)
 
 
@@ -61,6 +78,12 @@ class StickDevice(Protocol):
     @property
     def force(self) -> bool:
         """Whether it can push; else it vibrates instead, or does nothing."""
+        ...
+
+    @property
+    def repeats(self) -> bool:
+        """Whether one that is gone may give its last reading for ever, as the receivers of gamepads
+        do; not where each reading is an answer of the device itself."""
         ...
 
     def read(self) -> Reading:

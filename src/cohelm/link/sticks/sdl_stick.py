@@ -41,6 +41,7 @@ class SdlStick:
     """One device, from opening to closing."""
 
     kind = Device.GAMEPAD
+    repeats = True
     force = False
 
     def __init__(self, index: int = 0) -> None:

@@ -14,7 +14,7 @@ from cohelm.link.messages import Arming, Command, Mode, RequestKind, is_centred
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import ReceivedStatus, StationEnd
 from cohelm.link.sticks.feel import STILL, CueRules, damped, faded, returning, spring, wanted
-from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice
+from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice, patience
 
 PERIOD = 0.01
 """[s]; a hand feels more than 50 Hz, and the link sends the newest reading."""
@@ -59,8 +59,11 @@ def drive(
                     lease = status.status.lease
                     driven = lease.driver == lease.you
                     if not taking or (lease.driver == 0 and end.answer(taking)):  # it was lost
-                        taking = end.ask(RequestKind.TAKE)
-                reporter.changes(end, status, reading)
+                        taking = helm.take()
+                reporter.changes(end, status, reading, helm.stuck)
+                for refusal in helm.refusals:
+                    say(refusal)
+                helm.refusals.clear()
                 if not reading.valid:
                     break  # a stick that is gone does not come back to this process
                 next_turn = max(next_turn + PERIOD, time.monotonic())
@@ -96,11 +99,13 @@ class _Reporter:
         self._say = say
         self._last: dict[str, str] = {}
 
-    def changes(self, end: StationEnd, received: ReceivedStatus | None, reading: Reading) -> None:
+    def changes(
+        self, end: StationEnd, received: ReceivedStatus | None, reading: Reading, stuck: str
+    ) -> None:
         """Report what differs from the last report."""
         state = end.state()
         self._report("link", "linked" if state.connected else f"no link: {state.why}")
-        self._report("stick", "" if reading.valid else reading.why)
+        self._report("stick", stuck if reading.valid else reading.why)
         if received is None:
             return
         status = received.status
@@ -132,10 +137,18 @@ class Helm:
         self._armed = False
         self._last = math.nan
         self._drained_at = -math.inf
+        self._stick, self._changed_at = CENTRED, -math.inf
+        self._asked: dict[int, str] = {}
+        self.stuck = ""
+        """Why the device's deflection is not believed; empty: it is."""
+        self.refusals: list[str] = []
+        """What the robot refused; whoever says it empties the list."""
 
     def turn(self, now: float) -> Reading:
-        """One period. now: a steady clock [s]."""
-        reading = self._device.read()
+        """One period; returns the device's reading. now: a steady clock [s]."""
+        own = self._device.read()
+        reading = self._believed(own, now)
+        self._take_answers()
         last = self._end.status()
         if now - self._last > STOOD:
             self._drained_at = now + _DRAINED
@@ -146,7 +159,29 @@ class Helm:
         self._armed = reading.valid and (self._armed or is_centred(reading.stick))
         self._end.steer(Command(reading.stick, reading.valid, self._armed, self._device.kind))
         self._device.feel(self._cue(last, reading, now))
-        return reading
+        return own
+
+    def take(self) -> int:
+        """Request the lease; returns the number of the answer."""
+        return self._ask("take the lease", RequestKind.TAKE)
+
+    def _believed(self, own: Reading, now: float) -> Reading:
+        """The reading, or that there is no stick, as nobody can be holding it."""
+        if own.stick != self._stick or own.pressed or not own.valid:
+            self._stick, self._changed_at = own.stick, now
+        most, self.stuck = patience(own.stick), ""
+        if not (self._device.repeats and own.valid and now - self._changed_at > most):
+            return own
+        self.stuck = f"{self._device.name}: nothing new for {most:g} s: centre the stick"
+        return own._replace(stick=CENTRED, valid=False, why=self.stuck)
+
+    def _take_answers(self) -> None:
+        for number, what in list(self._asked.items()):
+            answer = self._end.answer(number)
+            if answer is not None:
+                del self._asked[number]
+                if not answer.granted:
+                    self.refusals.append(f"{what}: {answer.reason}")
 
     def _cue(self, last: ReceivedStatus | None, reading: Reading, now: float) -> Feel:
         dt = now - self._last if now > self._last else 0.0
@@ -163,12 +198,19 @@ class Helm:
 
     def _pressed(self, button: Button, last: ReceivedStatus | None) -> None:
         if button is Button.STOP:
-            self._end.ask(RequestKind.STOP)
+            self._ask("stop", RequestKind.STOP)
         elif button is Button.RESET:
-            self._end.ask(RequestKind.RESET)
+            self._ask("reset", RequestKind.RESET)
         elif last is not None and button is Button.MODE:
-            shared = last.status.mode is Mode.SHARED
-            self._end.ask(RequestKind.MODE, Mode.AUTOMATIC if shared else Mode.SHARED)
+            mode = Mode.AUTOMATIC if last.status.mode is Mode.SHARED else Mode.SHARED
+            self._ask(f"mode {mode.name.lower()}", RequestKind.MODE, mode)
         elif last is not None and button is Button.LEASE:
-            drives = last.status.lease.driver == last.status.lease.you
-            self._end.ask(RequestKind.GIVE if drives else RequestKind.TAKE)
+            if last.status.lease.driver == last.status.lease.you:
+                self._ask("give back the lease", RequestKind.GIVE)
+            else:
+                self.take()
+
+    def _ask(self, what: str, kind: RequestKind, value: int = 0) -> int:
+        number = self._end.ask(kind, value)
+        self._asked[number] = what
+        return number

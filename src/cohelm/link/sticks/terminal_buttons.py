@@ -24,7 +24,7 @@ class TerminalButtons:
         """fd: of the terminal; else that of stdin."""
         self._device = device
         self.name, self.kind, self.force = device.name, device.kind, device.force
-        self.feel = device.feel
+        self.repeats, self.feel = device.repeats, device.feel
         self._fd, self._before = -1, list[Any]()
         with contextlib.suppress(OSError, ValueError, termios.error):
             found = sys.stdin.fileno() if fd is None else fd
