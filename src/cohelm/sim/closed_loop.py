@@ -271,7 +271,6 @@ def _scanned(k: int, dt: float, now: Now, scene: Scene, scanner: Scanner) -> Sca
     return Scan(k * dt, k, ranges, 0.0, scanner.sensor)
 
 
-@jit
 def known(t: float, seen_obstacles: Surroundings, walls: Floats, scene: Scene) -> Surroundings:
     """What the robot knows of its surroundings at time t: what it sees, or all there is."""
     if scene.sees:
@@ -281,6 +280,9 @@ def known(t: float, seen_obstacles: Surroundings, walls: Floats, scene: Scene) -
     return Surroundings(
         discs, scene.max_acceleration, np.zeros(len(discs)), walls, seen_obstacles.points
     )
+
+
+_known = jit(known)  # called from Python it unpacks the scene, which takes longer than all it does
 
 
 @jit
@@ -306,7 +308,7 @@ def _advance(
         pose, before = robot.pose, robot.applied
         there = discs[j]
         place(there, scene.obstacles, k * dt)
-        obstacles = known(k * dt, seen_obstacles, walls, scene)
+        obstacles = _known(k * dt, seen_obstacles, walls, scene)
         if scene.operator.active:
             person, stick = operate(
                 person, scene.operator, pose, there, scene.obstacles.noticed, k, dt, scene.seed
