@@ -154,7 +154,6 @@ def drive(
     so, and the command ends.
     """
     from cohelm.core.errors import CohelmError
-    from cohelm.drive.factory import SITE
     from cohelm.drive.operate import DriveOptions, map_and_zones, robot_factory
     from cohelm.drive.robot_process import RobotProcess
     from cohelm.drive.teleop_server import TeleopConfig
@@ -180,7 +179,7 @@ def drive(
     with (
         ExitStack() as joined,
         RobotProcess(options, door, carry_on, pictures=pictures, live=view) as robot,
-        starting(f"the robot in {name or scenario or SITE}") as begun,
+        starting(name or "the robot") as begun,
     ):
 
         def linked() -> Linked | None:
