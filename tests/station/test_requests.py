@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from cohelm.link.bulk_messages import MOST_WAYPOINTS
@@ -71,6 +72,25 @@ def test_a_page_that_leaves_does_not_raise_the_speed(server: Server, bare: Bare)
     command = bare.end.receive().command
     assert command is not None
     assert command.speed_scale == pytest.approx(0.2)
+
+
+def test_a_robot_with_several_fast_lidars_does_not_flood_its_page(server: Server) -> None:
+    """Each scan that was shown is acknowledged, beside a stick and states."""
+    scan, steer = (
+        json.dumps({"type": "got", "stream": "scan"}, separators=(",", ":")),
+        json.dumps({"type": "do", "what": "acknowledge", "value": 7}),
+    )
+    with opened(server) as page:
+        for k in range(900):
+            page.send(scan)
+            if k % 9 == 0:
+                page.send(steer)
+                time.sleep(0.01)
+        now = 1e3 * time.monotonic()
+        assert any(beat["at_ms"] > now for beat in heard(page, "beat"))
+        with pytest.raises(ConnectionClosed):
+            while True:  # what no page sends
+                page.send(steer)
 
 
 @pytest.mark.parametrize("count", [201, MOST_WAYPOINTS])

@@ -7,6 +7,7 @@ meanwhile its stick counts as lost.
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import math
 import time
@@ -34,6 +35,11 @@ SILENT = 5.0
 """A driver's page that says nothing for this long is disconnected [s]: a connection may stay whole
 for minutes while the tablet sleeps, and in automatic mode the robot would drive on."""
 _POLL = 0.01
+_GOT = frozenset(
+    json.dumps({"type": "got", "stream": stream}, separators=(",", ":"))
+    for stream in ("state", "scan", "frame")
+)
+"""As pages write them."""
 _OTHER = "if the page is of another version, reload it; in a checkout, run make again first"
 _log = logging.getLogger("cohelm.station")
 
@@ -150,11 +156,14 @@ class PageOperator:
                 self.link.steer(robot.NO_STICK._replace(speed_scale=self._speed_scale))
 
     async def _read(self, socket: WebSocket) -> None:
-        rate = TokenBucket(per_second=200.0, at_once=200.0, now=time.monotonic())
+        now = time.monotonic()
+        rate = TokenBucket(per_second=200.0, at_once=200.0, now=now)
+        shown = TokenBucket(per_second=1000.0, at_once=1000.0, now=now)
         while _open(socket):
             text = await socket.receive_text()
             self._received_at = time.monotonic()
-            if not rate.take(time.monotonic()):
+            # what a page acknowledges is as much as it is sent: of several LiDARs, many scans
+            if not (shown if text in _GOT else rate).take(self._received_at):
                 _log.warning("%s sends too many messages; closed", self.name)
                 await _disconnect(socket, 1008, "too many messages")
                 return

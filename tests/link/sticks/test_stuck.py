@@ -1,4 +1,4 @@
-"""`cohelm stick` with a device that is gone, and repeats its last deflection; and what is refused."""
+"""`cohelm stick` with a device that is gone and repeats its last deflection; what is refused."""
 
 from __future__ import annotations
 
