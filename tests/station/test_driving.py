@@ -436,5 +436,38 @@ def test_a_phone_in_landscape_shows_the_map_and_both_touch_pads(
     release(page)
 
 
+@pytest.mark.parametrize("width", first([740, 667]))
+def test_on_a_phone_in_landscape_reset_and_route_are_not_covered(
+    browser_phone: BrowserContext, page: Page, server: Server, width: int
+) -> None:
+    phone = browser_phone.new_page()
+    phone.set_viewport_size({"width": width, "height": 330})
+    phone.goto(server.address)
+    who(phone).get_by_role("button", name="Take over").wait_for()
+    take(phone)
+    phone.get_by_role("button", name="Stop the robot").tap()
+    expect(stopped(phone)).to_contain_text("stop by operator")  # by whom, as the page calls it
+    who(page).get_by_role("button", name="Request control").click()
+    names = ("Reset", "Hand over", "Keep", "Stop the robot")
+    phone.get_by_role("button", name="Keep").wait_for()
+    boxes = [phone.get_by_role("button", name=name).bounding_box() for name in names]
+    for name, box in zip(names, boxes, strict=True):
+        assert box is not None
+        assert 0 <= box["x"] < box["x"] + box["width"] <= width, name
+    for one, other in itertools.combinations(filter(None, boxes), 2):
+        apart_x = abs(2 * (one["x"] - other["x"]) + one["width"] - other["width"])
+        apart_y = abs(2 * (one["y"] - other["y"]) + one["height"] - other["height"])
+        assert (
+            apart_x >= one["width"] + other["width"] or apart_y >= one["height"] + other["height"]
+        )
+    phone.get_by_role("button", name="Keep").tap()
+    phone.get_by_role("button", name="Edit route").tap()
+    panel = phone.get_by_role("dialog", name="Edit the route")
+    panel.get_by_role("button", name="Add in the middle").tap(timeout=5_000)
+    panel.get_by_role("button", name="Close").tap(timeout=5_000)
+    expect(phone.get_by_role("slider", name="Left and right")).to_be_visible()
+    release(phone)
+
+
 def _touch(kind: str, x: float, y: float) -> dict[str, object]:
     return {"type": kind, "touchPoints": [{"x": x, "y": y, "id": 1}]}

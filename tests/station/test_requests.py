@@ -89,8 +89,12 @@ def test_a_robot_with_several_fast_lidars_does_not_flood_its_page(server: Server
         now = 1e3 * time.monotonic()
         assert any(beat["at_ms"] > now for beat in heard(page, "beat"))
         with pytest.raises(ConnectionClosed):
-            while True:  # what no page sends
-                page.send(steer)
+            flood(page, steer)  # what no page sends
+
+
+def flood(page: ClientConnection, text: str) -> None:
+    while True:
+        page.send(text)
 
 
 @pytest.mark.parametrize("count", [201, MOST_WAYPOINTS])

@@ -251,7 +251,8 @@ class PageOperator:
         if status is not self._shown:
             self._shown, self._state_at = status, now
             age = now - self._status_at
-            self._outbox.put("state", view.shown(status, stamp=self._stamp, age=age))
+            named = view.named(status, self.names)
+            self._outbox.put("state", view.shown(named, stamp=self._stamp, age=age))
         everybody = view.who(status.lease, self.names, self.others)
         self._outbox.put("who", everybody.model_dump_json(), changed_only=True)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import struct
 from enum import IntEnum
 from typing import Any, cast
@@ -19,6 +20,7 @@ from cohelm.link.scans import WholeScan
 from cohelm.station import messages as page
 from cohelm.station.robot_link import ReplayLink
 
+_STOPPED_BY = re.compile(r"\bstop by [^()]* \((\d+)\)")
 MOST_POINTS = 2000
 """Most rows of one array sent to a page; a longer line is thinned out."""
 
@@ -84,6 +86,17 @@ def who(lease: robot.Lease, names: dict[int, str], operators: list[str]) -> page
         you_request=lease.requester == lease.you != 0,
         left_s=None if left is None else math.ceil(max(left, 0.0)), operators=operators,
     )  # fmt: skip
+
+
+def named(status: robot.Status, names: dict[int, str]) -> robot.Status:
+    """With the page's name of who pressed stop, in place of the certificate's and the number.
+    names: as `who` has them."""
+
+    def shown(text: str) -> str:
+        return _STOPPED_BY.sub(lambda by: f"stop by {names.get(int(by[1])) or by[0][8:]}", text)
+
+    alarms = tuple(alarm._replace(text=shown(alarm.text)) for alarm in status.alarms)
+    return status._replace(stopped=shown(status.stopped), why=shown(status.why), alarms=alarms)
 
 
 # Binary messages to the page: maps, zones, scans and pictures. `web/src/binary.ts` reads them.

@@ -1,5 +1,6 @@
 // The page.
 import { signal } from '@preact/signals'
+import { editing } from './map/edit'
 import { MapPanel } from './map/MapPanel'
 import { Alarms } from './panels/Alarms'
 import { Authority } from './panels/Authority'
@@ -23,7 +24,7 @@ export function App() {
   if (s.connection.value === 'login') return <Login />
   const stale = s.welcome.value !== null && s.connection.value !== 'open'
   return (
-    <div class={`station tab-${tab.value.toLowerCase()} ${stale ? 'stale' : ''} ${s.youDrive.value ? 'driving' : ''}`}>
+    <div class={`station tab-${tab.value.toLowerCase()} ${stale ? 'stale' : ''} ${s.youDrive.value ? 'driving' : ''} ${editing.value ? 'editing' : ''}`}>
       <header>
         {/* above everything that appears and disappears, so that STOP keeps its position */}
         <div class="head">

@@ -2,6 +2,7 @@
 import { signal } from '@preact/signals'
 import { useEffect, useRef } from 'preact/hooks'
 import { CENTRED, clamp, type Reading, type Stick } from '../input/stick'
+import { editing } from '../map/edit'
 import * as s from '../state'
 
 export const touched = signal<Stick>(CENTRED)
@@ -57,7 +58,9 @@ function Pad({ axis, label }: { axis: 0 | 1; label: string }) {
 }
 
 export function TouchPads() {
-  const shown = !s.isReplay.value && s.youDrive.value
+  // where they would lie over the route that is edited
+  const covered = editing.value && matchMedia('(max-height: 500px) and (min-width: 560px)').matches
+  const shown = !s.isReplay.value && s.youDrive.value && !covered
   useEffect(() => (shown ? releasePads : undefined), [shown]) // hidden pads count as released
   if (!shown) return null
   return (
