@@ -2,6 +2,7 @@
 
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,22 @@ def test_the_guard_has_margins_for_lidar_noise_and_predicts_the_whole_lag(kind, 
         law.replan_params().slack + 0.04
     )
     assert len(driver.pilot.sent) == steps
+
+
+def test_a_robot_with_slow_odometry_drives_as_well():
+    """Between two readings the newest was too old for the gate: nothing ever passed."""
+    plan = SessionConfig(simulated("lab-guard", real_time=False))
+    model = plan.robot.model
+    slow = model.odometry.model_copy(update={"rate_hz": 5.0})
+    scenario = plan.robot.scenario.model_copy(
+        update={"robot": model.model_copy(update={"odometry": slow})}
+    )
+    robot = replace(plan.robot, scenario=scenario)
+    with Session(replace(plan, robot=robot)) as session:
+        end = session.gated.now() + 5.0
+        session.run(lambda loop: loop.gated.now() > end, Mode.AUTOMATIC)
+        assert session.gated.gate.reason == ""
+        assert session.gated.truth().pose.x - plan.robot.start.x > 0.5
 
 
 @pytest.mark.xdist_group("realtime")

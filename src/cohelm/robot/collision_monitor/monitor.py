@@ -67,6 +67,8 @@ class Described(NamedTuple):
     """From a command to the wheels [s]."""
     period: float
     """From one command to the next [s]."""
+    age: float
+    """Of readings, at most, with which the gate passes anything [s]."""
 
 
 class MonitoredMotion(NamedTuple):
@@ -95,7 +97,7 @@ class CollisionMonitor:
         stopping = max(known, default=0.0)
         self._runaway = Runaway(described.delay + stopping)
         self._stopping = stopping + described.delay
-        self._top = Twist(top.v, spin.omega)
+        self._top, self._gap = Twist(top.v, spin.omega), max(GAP, described.age)
         remembers = not any(
             all_round(sensor) and sensor.forgets == math.inf for sensor in described.sensors
         )
@@ -231,7 +233,7 @@ class CollisionMonitor:
             pose, twist = Pose(*map(float, odometry.pose)), Twist(*map(float, odometry.twist))
             time = odometry.stamp - history.stamp
             jump = len(history) > 0 and jumped(
-                self._reported, (pose, twist), time, self._top, self._stopping
+                self._reported, (pose, twist), time, self._top, self._stopping, self._gap
             )
             reckoned = self._commanded.at(odometry.stamp)
             if jump:
@@ -243,7 +245,7 @@ class CollisionMonitor:
             if jump:
                 return "the odometry jumped"
         age = now - history.stamp
-        return f"the odometry is {1000.0 * age:.0f} ms old" if age > GAP else ""
+        return f"the odometry is {1000.0 * age:.0f} ms old" if age > self._gap else ""
 
     def _reckon(self, now: float, applied: Twist) -> None:
         """Extend the poses predicted from the commands sent."""

@@ -13,8 +13,8 @@ KEPT = 1.5
 """Length of the history [s]: longer than any usual sweep and latency of `robot.sensors` together;
 older times get the oldest pose."""
 GAP = 0.25
-"""After so long without odometry the gate brakes [s]: it passes nothing by readings that are older,
-and its watchdog runs out. From then on nobody knows where the robot is."""
+"""After so long without odometry the gate brakes, if it does not let readings be older [s]: its
+watchdog runs out. From then on nobody knows where the robot is."""
 _JUMP = 0.15  # tolerance of a step beyond what the robot's speed explains [m, rad]
 _TOP = 50.0  # no robot is faster [m/s, rad/s]
 
@@ -43,31 +43,35 @@ def between(before: Pose, after: Pose, time: float) -> Twist:
 
 
 def jumped(
-    before: tuple[Pose, Twist], after: tuple[Pose, Twist], time: float, top: Twist, stopping: float
-) -> bool:
+    before: tuple[Pose, Twist], after: tuple[Pose, Twist], time: float, top: Twist,
+    stopping: float, gap: float,
+) -> bool:  # fmt: skip
     """Whether no motion at up to half above the largest speeds leads from one reading to the other
     in a time [s]; or after a gap it begins at exactly its origin.
 
-    stopping: from a command to stand until the robot does, from the largest speeds [s].
+    stopping: from a command to stand until the robot does, from the largest speeds [s]. gap:
+    without odometry for so long the gate brakes [s].
     """
     way = math.hypot(after[0].x - before[0].x, after[0].y - before[0].y)
     turn = abs(math.remainder(after[0].psi - before[0].psi, 2.0 * math.pi))
     far, angle = (
-        1.5 * _farthest(abs(one), abs(other), min(most, _TOP), stopping, time) + _JUMP
+        1.5 * _farthest(abs(one), abs(other), min(most, _TOP), stopping, time, gap) + _JUMP
         for one, other, most in zip(before[1], after[1], top, strict=True)
     )
-    anew = time > GAP and after[0].x == after[0].y == 0.0 and way > 0.0
+    anew = time > gap and after[0].x == after[0].y == 0.0 and way > 0.0
     return way > far or turn > angle or anew
 
 
-def _farthest(before: float, after: float, top: float, stopping: float, time: float) -> float:
+def _farthest(
+    before: float, after: float, top: float, stopping: float, time: float, gap: float
+) -> float:
     """How far a robot moves at most between two readings with these speeds. After a gap without
     odometry the gate had stopped it, unless it still moved at its end."""
-    if time <= GAP:
+    if time <= gap:
         return top * time
-    gained = top * min(GAP / max(stopping, GAP), 1.0)
+    gained = top * min(gap / max(stopping, gap), 1.0)
     began, held = min(max(before, after) + gained, top), min(before, after)
-    return min(began * (GAP + 0.5 * stopping) + held * (time - GAP), top * time)
+    return min(began * (gap + 0.5 * stopping) + held * (time - gap), top * time)
 
 
 def placed(points: Floats, x: Floats, y: Floats, psi: Floats) -> Floats:

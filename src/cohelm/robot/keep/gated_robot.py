@@ -30,9 +30,11 @@ _NO_NUMBER = Odometry(math.nan, Pose(*3 * [math.nan]), Twist(math.nan, math.nan)
 def rules(model: RobotModel, period: float, watchdog: float = 0.1) -> GateRules:
     """The gate's rules for a robot, and for a loop with this period [s]."""
     limits = model.bounds()
+    # odometry counts until the next is overdue by half: of a slow one nothing would ever pass
+    seldom = 1.5 / model.odometry.rate_hz + period
     return GateRules(
-        Bounds(*limits), age=max(0.1, 3.0 * period, watchdog), watchdog=max(watchdog, 2.0 * period),
-        period=period, jitter=0.5 * period,
+        Bounds(*limits), age=max(0.1, 3.0 * period, watchdog, seldom),
+        watchdog=max(watchdog, 2.0 * period), period=period, jitter=0.5 * period,
     )  # fmt: skip
 
 

@@ -32,7 +32,7 @@ def described(model: RobotModel, rules: GateRules) -> Described:
     if model.lidar is None:
         raise ValueError("a robot without a LiDAR has no collision monitor")
     sensors = tuple(_sensor(given, model.outline) for given in model.lidars)
-    return Described(model.outline, sensors, rules.bounds, model.delay_s, rules.period)
+    return Described(model.outline, sensors, rules.bounds, model.delay_s, rules.period, rules.age)
 
 
 def _sensor(given: LidarModel, outline: Floats) -> Sensor:
