@@ -244,7 +244,9 @@ def test_zones_are_adopted_where_the_robot_can_stop_and_at_once_while_it_is_lost
     with Session(SessionConfig(simulated(CORRIDOR, real_time=False))) as session:
         driver, here = session.loop.driver, Pose(1.05, 0.0, 0.0)
         zones, settings = masked([keep_out(ACROSS)]), driver.settings
-        other = [Zoned(zones, settings.outline, settings.gains.u_d) for _ in range(3)]
+        other = [
+            Zoned(zones, settings.outline, settings.gains.u_d, settings.limits) for _ in range(3)
+        ]
         driver._twist = Twist(0.5, 0.0)
         assert not driver.set_zones(other[0], here)
         assert driver.zones is None

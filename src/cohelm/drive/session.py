@@ -39,6 +39,7 @@ from cohelm.robot.keep.priority import raise_priority, raise_thread_priorities, 
 from cohelm.robot.keep.process import GatedRobot, RemoteGatedRobot
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.limits import checked_braking
+from cohelm.robot.model import checked_sight
 from cohelm.robot.port import Encoded, Frame
 from cohelm.scenario.docks import checked
 from cohelm.scenario.load import dump
@@ -106,6 +107,7 @@ class Session:
         model = robot.model
         if robot.kind == "own":  # a simulated one brakes as it is described, at once too
             checked_braking(model.bounds())
+        checked_sight(model)
         self.recording: Recording | None = None
         self.live: Live | None = None
         self.gated: GatedRobot | None = None

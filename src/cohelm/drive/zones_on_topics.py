@@ -118,7 +118,7 @@ class ZonesOnTopics:
         zones = given_first(masked(masks, lifted=True), plan.zones) or Zones()
         check(zones, session.known)
         settings, u_d = session.loop.driver.settings, plan.robot.scenario.reference.speed_mps
-        zoned = Zoned(zones, settings.outline, settings.gains.u_d)
+        zoned = Zoned(zones, settings.outline, settings.gains.u_d, settings.limits)
         self._made.put(_NewZones(zones, all_zone_messages(zones, u_d), zoned, topics))
         self._used = masks
         self._say(f"{topics} has changed: its zones are being loaded")

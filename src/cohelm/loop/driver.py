@@ -68,7 +68,11 @@ class Driver:
         self._planned = -math.inf
         self._map: tuple[Floats, Pose | None] = (np.empty((0, 2)), None)
         self._points: Floats = np.empty((0, 2))
-        self.zones = None if zones is None else Zoned(zones, settings.outline, settings.gains.u_d)
+        self.zones = (
+            None
+            if zones is None
+            else Zoned(zones, settings.outline, settings.gains.u_d, settings.limits)
+        )
         """Keep-out points and speed limits of the zones."""
         self._zone_points = self._points
         self._all_points = self._points

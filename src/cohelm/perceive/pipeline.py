@@ -38,6 +38,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, not_ahead, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
+_MARGIN = 0.5  # what the filter keeps clear, and more [m]
 _ON_WALL = 0.1  # a return as near to a wall of the map as this is on it [m]
 
 
@@ -105,8 +106,10 @@ class Perception:
             raise CohelmError(f"{model.name} has no LiDAR, and nothing to perceive with: add one")
         else:
             self.lidar, outline, further = model.lidar.lidar(), model.outline, model.further_lidars
-            stopping = stopping_distance(model.bounds(), model.delay_s + _oldest(model))
+            stopping = stopping_distance(model.bounds(), model.delay_s + model.scan_age)
         memory = memory_params or ScanMemoryParams()
+        if memory_params is None and outline is not None and math.isfinite(stopping):
+            memory = memory._replace(keep=max(memory.keep, _reach(outline, self.lidar) + stopping))
         self._tracker_params = tracker_params or TrackerParams()
         self._first = ObservationSource(self.lidar, "", memory, self._tracker_params)
         self._further = tuple(
@@ -310,9 +313,9 @@ class Perception:
         return np.vstack(discs), np.vstack(mobile), np.concatenate(velocity_error)
 
 
-def _oldest(model: RobotModel) -> float:
-    """Age of a LiDAR's first beam when its next scan is there [s]."""
-    return max(1.0 / one.rate_hz + one.sweep_s + one.latency_s for one in model.lidars)
+def _reach(outline: Floats, lidar: Lidar) -> float:
+    """From a LiDAR to beyond the turning circle of the outline, with a margin [m]."""
+    return math.hypot(lidar.mount.x, lidar.mount.y) + float(np.hypot(*outline.T).max()) + _MARGIN
 
 
 def warm_up(model: RobotModel, mapped: bool) -> None:

@@ -15,11 +15,14 @@ from numpy.typing import NDArray
 from cohelm.core.frames import between, placed
 from cohelm.core.types import Floats, Pose
 from cohelm.law.guard.surroundings import Surroundings
+from cohelm.robot.achievable import stopping_distance
+from cohelm.robot.limits import Limits
+from cohelm.robot.model import LONGEST_DELAY
 
 CELL = 0.05
 """Largest cell of keep-out zones, so that nothing passes between the points of two [m]."""
 FAR = 7.0
-"""Radius in which zones are sampled, larger than plans look ahead [m]."""
+"""Radius in which zones are sampled, larger than plans look ahead, at least [m]."""
 _MOVED = 0.5
 """Distance after which they are sampled anew [m]."""
 _EDGE = 1.5
@@ -91,16 +94,16 @@ class Fence:
     as localization has found it elsewhere, it begins from there.
     """
 
-    def __init__(self, zones: KeepOut, outline: Floats) -> None:
-        """outline: (k, 2), convex, counter-clockwise [m]."""
-        self.zones = zones
+    def __init__(self, zones: KeepOut, outline: Floats, stopping: float = 0.0) -> None:
+        """outline: (k, 2), convex, counter-clockwise [m]. stopping: distance in which the robot
+        stops from full speed [m]."""
+        self.zones, self._stopping = zones, stopping
         self._beyond = _BEYOND + zones.depth.resolution
         self.reshape(outline)
         self._allowed: dict[int, float] = {}
         """Allowed depth in each zone that the robot is in [m]."""
         self._points: Floats = np.empty((0, 2))
         self._shown: dict[int, float] | None = None
-        self._here: Pose | None = None
         cells = zones.depth
         i, j = np.nonzero((zones.zone > 0) & (cells.values <= _EDGE * cells.resolution))
         self._border, self._of = cells.centres(i, j), zones.zone[i, j]
@@ -111,6 +114,10 @@ class Fence:
         """Use another outline from now on."""
         self._samples = covering(outline, CELL)
         self._pose: Pose | None = None
+        reach = float(np.hypot(*outline.T).max())
+        most = math.hypot(*self.zones.depth.values.shape) * self.zones.depth.resolution
+        self._far = max(FAR, min(reach + self._stopping, most)) + _MOVED
+        self._here: Pose | None = None
 
     def points(self, pose: Pose) -> Floats:
         """(p, 2), in the map [m], for a robot there."""
@@ -128,7 +135,7 @@ class Fence:
         if self._here is None or _far(self._here, pose) > _MOVED:
             self._here = pose
             off = self._border - np.array(pose[:2])
-            self._near = np.hypot(off[:, 0], off[:, 1]) < FAR + _MOVED
+            self._near = np.hypot(off[:, 0], off[:, 1]) < self._far
             self._shown = None
         if self._shown is None or not _alike(self._shown, self._allowed):
             self._shown = dict(self._allowed)
@@ -171,7 +178,7 @@ class Fence:
         """The part of the raster around a pose."""
         cells = self.zones.depth
         here = between(cells.origin, pose)
-        reach = math.ceil((FAR + _MOVED) / cells.resolution)
+        reach = math.ceil(self._far / cells.resolution)
         parts: list[slice] = []
         for middle, most in zip((here.y, here.x), cells.values.shape, strict=True):
             at = math.floor(middle / cells.resolution)
@@ -203,10 +210,14 @@ class Zones(NamedTuple):
 class Zoned:
     """The zones of one robot."""
 
-    def __init__(self, zones: Zones | None, outline: Floats, u_d: float) -> None:
-        """outline: (k, 2), convex, counter-clockwise [m]. u_d: the usual speed [m/s]."""
+    def __init__(self, zones: Zones | None, outline: Floats, u_d: float, limits: Limits) -> None:
+        """outline: (k, 2), convex, counter-clockwise [m]. u_d: the usual speed [m/s]. limits: of
+        the robot, which has to stop clear of the zones."""
         kept_out, self._slow = zones or Zones()
-        self._fence = None if kept_out is None else Fence(kept_out, outline)
+        self._fence = None
+        if kept_out is not None:
+            stopping = stopping_distance(limits, LONGEST_DELAY)
+            self._fence = Fence(kept_out, outline, stopping if math.isfinite(stopping) else 0.0)
         self._u_d = u_d
         self.reshape(outline)
 

@@ -15,7 +15,7 @@ from cohelm.core.schema import Schema
 from cohelm.core.types import Floats
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.footprint import convex_outline, outside
-from cohelm.robot.limits import LARGEST, Limits, checked_limits, unlimited
+from cohelm.robot.limits import LARGEST, Limits, checked_limits, ramps, speeds, unlimited
 from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel, of_sensor
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -181,6 +181,12 @@ class RobotModel(Schema):
             raise CohelmError(f"{place}: {fault['msg']}, got {fault['input']!r}") from error
 
     @property
+    def scan_age(self) -> float:
+        """Age of a LiDAR's first beam when its next scan is there [s]; 0 without a LiDAR."""
+        ages = (1.0 / one.rate_hz + one.sweep_s + one.latency_s for one in self.lidars)
+        return max(ages, default=0.0)
+
+    @property
     def outline(self) -> Floats:
         """The footprint as an array, (k, 2) [m]."""
         return np.array(self.footprint_m, dtype=np.float64)
@@ -226,6 +232,32 @@ class RobotModel(Schema):
             wheel_acceleration=given.wheel_acceleration_mps2 or math.inf,
             track=self.track_m,
         )
+
+
+def checked_sight(model: RobotModel) -> RobotModel:
+    """The same robot, if it stops from full speed within what its LiDARs see ahead. Raises
+    CohelmError if not: what it sees too late it would drive into.
+
+    Of a robot that has no limit of speed or brakes, or looks ahead with nothing, nothing is said.
+    """
+    bounds = model.bounds()
+    speed, brakes = speeds(bounds)[0], ramps(bounds)[0]
+    looks = [
+        one.range_max_m + one.mount_x_m for one in model.lidars
+        if not one.range_sensor
+        and abs(math.remainder(one.mount_yaw_deg, 360.0)) <= 0.5 * one.field_of_view_deg
+    ]  # fmt: skip
+    if not looks or math.isinf(speed) or math.isinf(brakes):
+        return model
+    sees, late = max(looks) - float(model.outline[:, 0].max()), model.delay_s + model.scan_age
+    needs = speed * late + 0.5 * speed**2 / brakes
+    if needs > sees:
+        most = brakes * (math.sqrt(late**2 + 2.0 * max(sees, 0.0) / brakes) - late)
+        raise CohelmError(
+            f"{model.name} sees {sees:.2g} m ahead, and from {speed:g} m/s stops after "
+            f"{needs:.2g} m: set limits.speed_mps to {math.floor(100.0 * most) / 100.0:g} at most"
+        )
+    return model
 
 
 SHIPPED = (

@@ -134,7 +134,7 @@ def stretches(
     scanners_ = scanners(piloted, scene.seed)
     zones = None
     if piloted.zones is not None:
-        zones = Zoned(piloted.zones, settings.outline, settings.gains.u_d)
+        zones = Zoned(piloted.zones, settings.outline, settings.gains.u_d, settings.limits)
     m = len(scene.obstacles.discs)
     queue, sent, mover_history = np.zeros((delay, 2)), np.zeros((delay, 2)), empty_mover_history()
     period = max(round(piloted.period / dt), 1)

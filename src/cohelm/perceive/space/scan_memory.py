@@ -30,7 +30,7 @@ class ScanMemoryParams(NamedTuple):
     behind: float = 0.10
     """A remembered point this far behind a return is occluded, not gone [m]."""
     keep: float = 8.0
-    """Farther than this from the robot, points are forgotten [m]."""
+    """Farther than this from the LiDAR, points are forgotten [m]."""
 
 
 @jit

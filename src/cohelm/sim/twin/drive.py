@@ -186,7 +186,9 @@ class _KnownPose(TwinRun):
         zones = self.piloted.zones
         self.zones = None
         if zones is not None:
-            self.zones = Zoned(zones, self.settings.outline, self.settings.gains.u_d)
+            self.zones = Zoned(
+                zones, self.settings.outline, self.settings.gains.u_d, self.settings.limits
+            )
 
     def step(self, k: int, row: Any) -> None:
         """Control step k, from seeing to the next one, written into the row."""
