@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from cohelm.core.types import Pose
-from cohelm.link.bulk_messages import DockPlace, Docks
+from cohelm.link.bulk_messages import DockPlace, Docks, Hello
 from cohelm.link.messages import RequestKind, ScanPart
 from cohelm.station import app
 from cohelm.station.serve import Server
@@ -150,6 +151,22 @@ def test_a_stop_that_was_not_sent_survives_a_reload_but_not_for_hours(
         assert requested(bare, RequestKind.STOP)
         if hours:
             expect(page.get_by_label("Alarms", exact=True)).not_to_contain_text("too old")
+
+
+def test_a_display_without_a_link_to_the_robot_is_pale(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path) as robot, served(robot.connect) as server:
+        robot.bulk.publish(
+            Hello("sally", np.zeros((3, 2), np.float32), 2.0, 1.0, (np.nan,) * 4)  # type: ignore[arg-type]
+        )
+        page = shown(context, server)
+        connected(page)
+        expect(page.get_by_role("row", name="robot").first).to_contain_text("sally")
+        expect(page.locator(".station.stale")).to_have_count(0)
+        robot.die()
+        expect(page.get_by_label("Alarms", exact=True)).to_contain_text("No link to the robot")
+        expect(page.locator(".station.stale")).to_have_count(1)
 
 
 def test_a_button_pressed_without_a_connection_says_so(context: BrowserContext, bare: Bare) -> None:

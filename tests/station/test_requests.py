@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -12,6 +13,8 @@ from websockets.sync.client import ClientConnection
 
 from cohelm.link.bulk_messages import MOST_WAYPOINTS
 from cohelm.link.messages import RequestKind
+from cohelm.station import operator as of_operator
+from cohelm.station.messages import Waypoints
 from cohelm.station.operator import PageOperator
 from cohelm.station.robot_link import RefusingLink
 from cohelm.station.serve import Server
@@ -46,11 +49,28 @@ def test_refusals_that_come_together_all_reach_the_page() -> None:
         operator._requested[operator.link.ask(kind)] = kind.name.lower()
     for only_check in (False, True):
         number = operator.link.propose([(0.0, 0.0)], only_check)
-        operator._proposed[number] = only_check
+        operator._proposed[number] = only_check, time.monotonic()
     operator._poll_link()
     told = [json.loads(text) for text in operator._outbox.take()]
     assert [one["what"] for one in told if one["type"] == "refused"] == ["reset", "mode", "dock"]
     assert [one["only_check"] for one in told if one["type"] == "checked"] == [False, True]
+
+
+def test_a_route_that_the_robot_does_not_answer_is_said_to_be_lost(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It was on its way when the connection broke."""
+    link = SimpleNamespace(propose=lambda *_: 1, news=list)
+    operator = PageOperator("key", "anna", link, 0.25)  # type: ignore[arg-type]
+    operator._on_message(Waypoints(points=[(0.0, 0.0)], only_check=False))
+    operator._poll_link()
+    assert operator._outbox.take() == []
+    monkeypatch.setattr(of_operator, "ROUTE_WITHIN", 0.0)
+    operator._poll_link()
+    operator._poll_link()
+    [told] = [json.loads(text) for text in operator._outbox.take()]
+    assert (told["type"], told["ok"], told["only_check"]) == ("checked", False, False)
+    assert told["why"] == "the robot did not answer: send it again"
 
 
 def test_a_page_that_leaves_does_not_raise_the_speed(server: Server, bare: Bare) -> None:

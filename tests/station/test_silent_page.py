@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from cohelm.station import app, operator
@@ -39,6 +40,34 @@ def test_a_driver_whose_page_is_silent_loses_the_lease(server: Server, bare: Bar
         until(lambda: not bare.end.driver, within=5.0)
         assert len(server.station.operators) == 1  # who only looks on may be silent
         watching.ping().wait(1.0)
+
+
+def read(page: ClientConnection) -> None:
+    while True:
+        page.recv(timeout=2.0)
+
+
+def test_a_page_whose_network_was_gone_comes_back_as_the_driver_that_it_was(
+    bare: Bare,
+) -> None:
+    """It connects anew, and the station has not noticed yet that its first connection is dead."""
+    with served(bare.connect) as server, opened(server) as before:
+        welcome = json.loads(before.recv())
+        drives(before, bare)
+        driver = bare.end.driver
+        with opened(server, key=welcome["key"]) as other:  # a second tab: the first one is well
+            assert json.loads(other.recv())["you"] != welcome["you"]
+        time.sleep(1.2)
+        with opened(server, key=welcome["key"]) as again:
+            assert json.loads(again.recv())["you"] == welcome["you"]
+            with pytest.raises(ConnectionClosed):
+                read(before)
+            again.send(json.dumps({"type": "got", "stream": "state"}))
+            who = {}
+            while who.get("type") != "who" or not who["you_drive"]:
+                text = again.recv(timeout=2.0)
+                who = json.loads(text) if isinstance(text, str) else {}
+            assert bare.end.driver == driver
 
 
 def test_a_driver_whose_page_is_in_the_background_keeps_the_lease(

@@ -37,9 +37,12 @@ def session(server: Server) -> str:
     return said.text
 
 
-def opened(server: Server, shown: str | None = None, **options: object) -> ClientConnection:
-    """A WebSocket; shown: the session, else one that is got for the token."""
+def opened(
+    server: Server, shown: str | None = None, key: str = "", **options: object
+) -> ClientConnection:
+    """A WebSocket; shown: the session, else one that is got for the token. key: of the operator
+    that it was."""
     here = f"127.0.0.1:{server.port}"
     options.setdefault("origin", f"http://{here}")
     protocols = ["cohelm", shown or session(server)]
-    return connect(f"ws://{here}/ws", max_size=None, subprotocols=protocols, **options)  # type: ignore[arg-type]
+    return connect(f"ws://{here}/ws?key={key}", max_size=None, subprotocols=protocols, **options)  # type: ignore[arg-type]

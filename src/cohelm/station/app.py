@@ -206,8 +206,11 @@ class Station:
         Raises CohelmError where there are too many, or the robot's host is not known.
         """
         known = self.operators.get(key or "")
-        if known is not None and known.socket is None:
-            return known
+        if known is not None and not known.is_there:
+            if known.socket is not None:
+                await known.leave()
+            if known.socket is None:
+                return known
         if len(self.operators) + self._connecting >= MOST_OPERATORS:
             raise CohelmError("too many operators")
         self._count += 1

@@ -34,6 +34,12 @@ SEND_WITHIN = 5.0
 SILENT = 5.0
 """A driver's page that says nothing for this long is disconnected [s]: a connection may stay whole
 for minutes while the tablet sleeps, and in automatic mode the robot would drive on."""
+ROUTE_WITHIN = 15.0
+"""A route to follow is answered by then, or was lost with a connection [s]: it waits for the robot
+for 5 s at most, and its check takes as long."""
+DEAD = 1.0
+"""A page says something many times a second, a hidden one too: where one that was silent for this
+long connects anew, its connection before is dead, as when a network was gone [s]."""
 _POLL = 0.01
 _GOT = frozenset(
     json.dumps({"type": "got", "stream": stream}, separators=(",", ":"))
@@ -66,8 +72,10 @@ class PageOperator:
         self._state_at = self._link_at = self._beat_at = self._received_at = -math.inf
         self._page_ms: float | None = None
         self._speed_scale = 1.0  # the newest: it counts on while the page is away
+        self._leave, self._left = asyncio.Event(), asyncio.Event()
         self._requested: dict[int, str] = {}
-        self._proposed: dict[int, bool] = {}
+        self._proposed: dict[int, tuple[bool, float]] = {}
+        """Routes without an answer: whether only to be checked, and when they were sent [s]."""
 
     # ---- the robot's side --------------------------------------------------------------
 
@@ -83,6 +91,10 @@ class PageOperator:
             if not answer.granted:
                 refused = page.Refused(what=what.replace("_", " "), why=answer.reason)
                 self._send(refused, number)
+        for number, (only_check, sent) in list(self._proposed.items()):
+            if not only_check and time.monotonic() - sent > ROUTE_WITHIN:
+                why = "the robot did not answer: send it again"
+                self._checked(bulk.Checked(robot.Answer(number, False, why), 65535))
         if isinstance(self.link, StartingLink):
             self.link = self.link.ready() or self.link
 
@@ -118,7 +130,7 @@ class PageOperator:
     def _checked(self, message: bulk.Checked) -> None:
         number, ok, why = message.answer
         worst = None if message.worst == 65535 else message.worst
-        only = self._proposed.pop(number, True)
+        only, _ = self._proposed.pop(number, (True, 0.0))
         self._send(page.Checked(ok=ok, only_check=only, why=why, worst=worst), number)
 
     def _send(self, message: page.ToPage, number: int = 0) -> None:
@@ -127,21 +139,33 @@ class PageOperator:
 
     # ---- the page's side ---------------------------------------------------------------
 
+    @property
+    def is_there(self) -> bool:
+        """Whether its page is connected, and has said something lately."""
+        return self.socket is not None and time.monotonic() - self._received_at < DEAD
+
+    async def leave(self) -> None:
+        """Serve the page no longer, whose connection is dead, or will be found to be."""
+        self._leave.set()
+        await self._left.wait()
+
     async def attend(self, socket: WebSocket) -> None:
-        """Serve a page until it disconnects."""
+        """Serve a page until it disconnects, or `leave`."""
+        self._leave, self._left = asyncio.Event(), asyncio.Event()
         self.socket = socket
         self._outbox = Outbox()
         self._stick_n = -1
         self._state_at = self._link_at = self._beat_at = -math.inf
         self._received_at = time.monotonic()
         self._shown = None
-        both: set[asyncio.Task[None]] = set()
+        both = set[asyncio.Task[None]]()
         try:
             welcome = view.welcome(self.name, self.key, self.stale, self.link)
             await socket.send_text(welcome.model_dump_json())
             for slot, message in self._published.items():
                 self._outbox.put(slot, message)
             both |= {asyncio.create_task(do(socket)) for do in (self._read, self._write)}
+            both.add(asyncio.create_task(self._told_to_leave()))
             done, _ = await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 task.result()
@@ -154,6 +178,10 @@ class PageOperator:
             if self.socket is socket:
                 self.socket, self.left = None, time.monotonic()
                 self.link.steer(robot.NO_STICK._replace(speed_scale=self._speed_scale))
+            self._left.set()
+
+    async def _told_to_leave(self) -> None:
+        await self._leave.wait()
 
     async def _read(self, socket: WebSocket) -> None:
         now = time.monotonic()
@@ -191,7 +219,7 @@ class PageOperator:
             case page.Waypoints():
                 number = self.link.propose(message.points, message.only_check)
                 self._proposed = {**dict(list(self._proposed.items())[-8:])}
-                self._proposed[number] = message.only_check
+                self._proposed[number] = message.only_check, time.monotonic()
             case page.Got():
                 self._outbox.credit(message.stream)
             case page.Play():

@@ -22,7 +22,9 @@ const tab = signal<(typeof TABS)[number]>('Drive')
 
 export function App() {
   if (s.connection.value === 'login') return <Login />
-  const stale = s.welcome.value !== null && s.connection.value !== 'open'
+  const link = s.link.value
+  const unlinked = link !== null && !link.connected && s.robot.value !== null
+  const stale = s.welcome.value !== null && (s.connection.value !== 'open' || unlinked)
   return (
     <div class={`station tab-${tab.value.toLowerCase()} ${stale ? 'stale' : ''} ${s.youDrive.value ? 'driving' : ''} ${editing.value ? 'editing' : ''}`}>
       <header>

@@ -27,7 +27,8 @@ export function EditPanel({ onAdd }: { onAdd: () => void }) {
   useEscape(edit.leave)
   const points = edit.draft.value
   const answer = s.checked.value
-  const sent = edit.waiting.value && answer !== null && !answer.only_check
+  const answered = answer !== null && !answer.only_check
+  const sent = edit.waiting.value && answered
   return (
     <div class="edit" role="dialog" aria-label="Edit the route">
       <p>Tap the map to add a waypoint, drag one to move it.</p>
@@ -50,7 +51,7 @@ export function EditPanel({ onAdd }: { onAdd: () => void }) {
         ))}
       </ol>
       <p role="status" class={answer !== null && !answer.ok ? 'bad' : ''}>
-        {answer === null || points.length === 0
+        {edit.waiting.value && !answered ? 'Sent: the robot has not answered yet …' : answer === null || points.length === 0
           ? ' '
           : answer.ok
             ? sent ? 'The robot accepted the new route.' : 'The robot can follow this route.'

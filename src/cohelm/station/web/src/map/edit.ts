@@ -33,6 +33,7 @@ export function leave(): void {
 }
 
 function changed(points: Point[], choose: number | null): void {
+  waiting.value = false
   draft.value = points
   chosen.value = choose
   check()
@@ -79,6 +80,7 @@ export function remove(i: number): void {
 
 export function submit(): void {
   clearTimeout(later)
+  s.checked.value = null
   waiting.value = propose(false)
 }
 
