@@ -312,7 +312,8 @@ def test_without_localization_no_standard_deviation_is_shown(asked) -> None:
         *(f"m.localization({{localised: '{how}', sigma: 0.02}})"
           for how in ("good", "poor", "unknown", "exact", "lost")),
         "m.localization({localised: 'good', sigma: null})",
-    ) == ["good, ± 2 cm", "poor, ± 2 cm", "unknown", "exact", "lost", "good"]  # fmt: skip
+    ) == ["good, ± 2 cm", "poor, ± 2 cm", "no map, odometry only",
+         "exact", "lost", "good"]  # fmt: skip
 
 
 def test_the_route_to_a_dock_arrives_along_its_axis(asked) -> None:

@@ -199,6 +199,7 @@ class Localised(IntEnum):
     """Quality of localisation."""
 
     UNKNOWN = 0
+    """There is no map: the pose is the odometry's."""
     EXACT = 1
     """Given, not estimated (simulation)."""
     GOOD = 2

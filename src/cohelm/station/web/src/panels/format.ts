@@ -15,6 +15,7 @@ export function modeName(mode: string): string {
 
 /** Quality of localization; its standard deviation [m] only where the pose is estimated. */
 export function localization({ localised, sigma }: Pick<Status, 'localised' | 'sigma'>): string {
+  if (localised === 'unknown') return 'no map, odometry only'
   const estimated = localised === 'good' || localised === 'poor'
   return sigma === null || !estimated ? localised : `${localised}, ± ${(sigma * 100).toFixed(0)} cm`
 }
