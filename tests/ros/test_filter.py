@@ -12,7 +12,7 @@ pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machi
 
 from cohelm.core.types import Twist
 from tests.few import first
-from tests.ros.stage import resetting, stage, until
+from tests.ros.stage import Controller, resetting, stage, until
 
 pytestmark = pytest.mark.xdist_group("realtime")
 
@@ -32,6 +32,18 @@ def test_with_full_speed_at_a_wall_it_stops_before_it(hall):
     assert truth.least_moving > 0.01  # the promise is half of the hard margin, 15 mm
     assert truth.clearance < 0.4
     assert any("limited by" in said or "brakes" in said for said in hall.filter.said)
+
+
+def test_two_controllers_at_once_are_named(hall):
+    hall.controller.twist = Twist(0.0, 0.0)
+    other = Controller(hall.theirs)
+    try:
+        assert until(
+            lambda: any("come from several nodes in turn" in said for said in hall.filter.said),
+            10.0,
+        )
+    finally:
+        other.close()
 
 
 def goes_again(hall) -> bool:

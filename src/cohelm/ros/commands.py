@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections import deque
 from typing import NamedTuple
 
 from cohelm.core.types import Twist
@@ -13,6 +14,8 @@ from cohelm.ros.port import SENSOR, Received, Transport
 
 AHEAD = 0.1
 """A command may be stamped so far in the future [s]: controllers stamp when they like."""
+_SWITCHES, _WITHIN = 3, 2.0
+"""So many changes of the sender within so long [s] are no controller that replaces another."""
 _STILL = Twist(0.0, 0.0)
 
 
@@ -40,6 +43,9 @@ class Commands:
         self._error = ""
         self.sideways = False
         """Whether a command had a sideways speed, which no differential drive can do."""
+        self._sender = ""
+        self._switches: deque[float] = deque(maxlen=_SWITCHES)
+        """When another sender than before commanded [s]."""
         for kind in (TWIST, STAMPED):
             transport.subscribe(topic, kind, SENSOR, self._on_command)
 
@@ -68,6 +74,12 @@ class Commands:
             return Nominal(_STILL, error, True)
         return Nominal(twist, "", True)
 
+    def contested(self, monotonic: float) -> bool:
+        """Whether several nodes command in turn now, as far as the transport tells senders."""
+        with self._arrived:
+            switches = tuple(self._switches)
+        return len(switches) == _SWITCHES and monotonic - switches[0] < _WITHIN
+
     def _on_command(self, received: Received) -> None:
         message = received.message
         error, twist = received.damage, None
@@ -81,6 +93,9 @@ class Commands:
                 error = error or "the command is not a number"
             self.sideways = self.sideways or message.linear.y != 0.0
         with self._arrived:
+            if self._count and received.sender != self._sender:
+                self._switches.append(received.stamp)
+            self._sender = received.sender
             self._count += 1
             self._twist, self._came, self._error = twist, received.stamp, error
             self._arrived.notify_all()

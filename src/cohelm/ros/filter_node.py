@@ -47,6 +47,8 @@ WARM = 0.5
 """So long the node works while it lets nothing move [s]."""
 SHAPED = 0.01
 """A command that is changed by less counts as unchanged [m/s]."""
+_WARN_EVERY = 30.0
+"""Between two warnings of several controllers [s]."""
 _STILL = Twist(0.0, 0.0)
 _NOWHERE = Pose(math.nan, math.nan, math.nan)
 
@@ -93,6 +95,7 @@ class FilterNode:
         self._looked = self._period_start = -math.inf
         """When the readings were taken in, and when the last period began [s]."""
         self._number = 0
+        self._topic, self._warned = found.topics.command, -math.inf
         self.may_drive = False
         """Whether a command may let the base move; `run` allows it."""
 
@@ -128,6 +131,7 @@ class FilterNode:
         start = time.monotonic()
         gated = self._gated
         nominal = self._commands.now(start)
+        self._warn_of_several(start)
         after, self._period_start = start - self._period_start, start
         if start - self._looked > FRESH:
             self._look()
@@ -166,6 +170,16 @@ class FilterNode:
         )  # fmt: skip
         self._report.take(row)
         return row
+
+    def _warn_of_several(self, now: float) -> None:
+        """Two controllers are no fault: each command is made safe. But nobody means such a
+        drive."""
+        if self._commands.contested(now) and now - self._warned > _WARN_EVERY:
+            self._warned = now
+            self._report.note(
+                f"commands on {self._topic} come from several nodes in turn, and the newest "
+                "counts: stop one of them, or choose between them with twist_mux"
+            )
 
     def _reshape(self, outline: Floats) -> None:
         self._filter.reshape(outline)
