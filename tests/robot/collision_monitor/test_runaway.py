@@ -1,15 +1,18 @@
 """Motion that nobody commands."""
 
+import pytest
+
 from cohelm.core.types import Twist
 from cohelm.robot.collision_monitor.runaway import MOVES, PATIENCE, Runaway
 
-STOPPING = 0.5
+DELAY, BRAKING = 0.1, 0.4
+STOPPING = DELAY + BRAKING
 STILL, DRIVES = Twist(0.0, 0.0), Twist(0.3, 0.0)
 
 
 def noticed_after(speed, moved_before=True, commanded=lambda t: False):
     """How long after the first 0 it is noticed; None within 3 s."""
-    watch = Runaway(STOPPING)
+    watch = Runaway(DELAY, BRAKING)
     if moved_before:
         assert not watch.noticed(-0.02, DRIVES, 0.3)
     for k in range(150):
@@ -54,7 +57,7 @@ def test_a_robot_that_has_stood_and_is_commanded_to_drive_has_the_full_time_agai
 
 
 def test_turning_by_either_hand_or_backing_is_driving():
-    watch = Runaway(STOPPING)
+    watch = Runaway(DELAY, BRAKING)
     for k in range(200):
         for twist in (Twist(0.0, 0.3), Twist(-0.2, 0.0)):
             assert not watch.noticed(0.02 * k, twist, 0.3)
@@ -62,15 +65,29 @@ def test_turning_by_either_hand_or_backing_is_driving():
 
 def test_a_robot_that_had_not_begun_to_move_has_the_full_stopping_time():
     """Its drives lag: it speeds up yet for a reading, and brakes then."""
-    watch = Runaway(STOPPING)
+    watch = Runaway(DELAY, BRAKING)
     assert not watch.noticed(0.0, DRIVES, 0.0)
     assert not watch.noticed(0.02, STILL, 0.0)
     for k in range(2, 25):
         assert not watch.noticed(0.02 * k, STILL, 0.3)
 
 
+@pytest.mark.parametrize(("delay", "lasts"), [(0.1, 0.6), (0.32, 0.3), (0.5, 0.45), (1.0, 0.6)])
+def test_a_short_command_that_takes_effect_late_is_no_motion_by_itself(delay, lasts):
+    """Of a robot with a long delay it is over before the robot begins to move."""
+    watch = Runaway(delay, BRAKING)
+    for k in range(200):
+        t = 0.02 * k
+        applied = DRIVES if t < lasts else STILL
+        moves = delay <= t < delay + lasts
+        assert not watch.noticed(t, applied, 0.3 if moves else 0.0)
+    for k in range(200, 214):
+        found = watch.noticed(0.02 * k, STILL, 0.3)
+    assert found
+
+
 def test_it_is_noticed_after_its_patience_and_not_at_its_end():
-    watch = Runaway(STOPPING)
+    watch = Runaway(DELAY, BRAKING)
     for k in range(9):
         assert not watch.noticed(0.125 * k, STILL, 0.0)
     assert not watch.noticed(1.0 + PATIENCE, STILL, 0.3)

@@ -95,7 +95,7 @@ class CollisionMonitor:
         spin = Twist(0.0, min(bounds.yaw_rate, 2.0 * bounds.wheel_speed / bounds.track))
         known = [change_time(twist, bounds) for twist in (top, spin) if math.isfinite(sum(twist))]
         stopping = max(known, default=0.0)
-        self._runaway = Runaway(described.delay + stopping)
+        self._runaway = Runaway(described.delay, stopping)
         self._stopping = stopping + described.delay
         self._top, self._gap = Twist(top.v, spin.omega), max(GAP, described.age)
         remembers = not any(

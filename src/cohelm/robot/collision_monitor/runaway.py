@@ -17,9 +17,9 @@ and a person may nudge the robot."""
 class Runaway:
     """Watches a robot that is commanded to stand."""
 
-    def __init__(self, stopping: float) -> None:
-        """stopping: delay and braking from the largest speed [s]."""
-        self._allowed = stopping + PATIENCE
+    def __init__(self, delay: float, braking: float) -> None:
+        """delay: from a command to the wheels [s]. braking: from the largest speed [s]."""
+        self._delay, self._allowed = delay, delay + braking + PATIENCE
         self.forget()
 
     def forget(self) -> None:
@@ -36,8 +36,8 @@ class Runaway:
             self._stopped = now
         if math.isnan(speed):
             return False
-        if not speed > MOVES:
-            self._stood = now
+        if not speed > MOVES and now - self._stopped >= self._delay:
+            self._stood = now  # before that, earlier commands are still under way
         since = self._stood if self._stood > self._stopped else math.nan
         if math.isnan(since):  # has not stood since it was commanded to
             return now - self._stopped > self._allowed
