@@ -2,6 +2,8 @@
 
 import time
 
+import pytest
+
 from cohelm.drive.jobs import ThreadJobs
 from cohelm.link.messages import RequestKind
 from cohelm.link.rate import TokenBucket
@@ -88,3 +90,42 @@ def test_only_the_driver_can_record(tmp_path):
     with Drive(tmp_path) as drive:
         drive.run(script(drive))
     assert len(list(tmp_path.glob("*.mcap"))) == 1
+
+
+@pytest.mark.parametrize("fails", ["begin", "end"])
+def test_a_record_that_can_not_be_made_is_an_alarm(tmp_path, fails):
+    """Whoever pressed the button is told, and not only the robot's log."""
+
+    class Failing(FakeRecording):
+        def begin(self, epoch: int) -> None:
+            if fails == "begin":
+                super().close()
+                raise OSError(28, "No space left on device")
+            super().begin(epoch)
+
+        def close(self, within: float = 0.0) -> bool:
+            return super().close(within) and fails != "end"
+
+    def script(drive: Drive):
+        anna = drive.station("anna")
+        yield from range(5)
+        anna.ask(RequestKind.TAKE)
+        yield from range(5)
+        anna.ask(RequestKind.RECORD, 1)
+        yield from range(10)
+        anna.ask(RequestKind.RECORD, 0)
+        yield from range(20)
+        (alarm,) = drive.loop.alarms.worst()
+        assert not alarm.acknowledged
+        assert (
+            alarm.text
+            == {
+                "begin": "no record: No space left on device",
+                "end": "the record is not whole, or still being written",
+            }[fails]
+        )
+        assert len(alarm.text.encode()) <= 64
+
+    with Drive(tmp_path) as drive:
+        drive.desk._records._make = Failing
+        drive.run(script(drive))

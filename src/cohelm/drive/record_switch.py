@@ -19,6 +19,7 @@ from cohelm.drive.session import Session
 from cohelm.drive.shown import recordable
 from cohelm.drive.station_publisher import StationPublisher
 from cohelm.link.bulk_messages import Map, Polyline, ZoneMap
+from cohelm.link.messages import Severity
 from cohelm.loop.loop import Loop
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.model import RobotModel
@@ -46,6 +47,8 @@ class RecordSwitch:
         self._wanted = self._busy = False
         self._made: Recording | None = None
         """The present recording."""
+        self._failed = ""
+        """What went wrong beside the loop, until it is an alarm."""
         self._attached = False
         """Whether loop and gate process send to it."""
         publisher.end.record = self.request
@@ -61,6 +64,10 @@ class RecordSwitch:
 
     def turn(self, loop: Loop) -> None:
         """Between two periods: one step towards the requested state."""
+        if self._failed:
+            loop.alarms.on("no record", self._failed, Severity.WARNING)
+            loop.alarms.off("no record")  # inactive at once, but to be acknowledged
+            self._failed = ""
         if self._busy:
             return
         made = self._made
@@ -103,6 +110,7 @@ class RecordSwitch:
             self._made = made
         except (CohelmError, OSError) as error:
             _log.warning("no record: %s", error)
+            self._failed = f"no record: {getattr(error, 'strerror', None) or error}"
             self._wanted = False
         finally:
             self._busy = False
@@ -111,10 +119,12 @@ class RecordSwitch:
         try:
             if not made.close(within):
                 _log.warning("%s is not whole, or still being written", made.path)
+                self._failed = "the record is not whole, or still being written"
             made.path.rename(made.path.with_suffix(".mcap"))
             self._publisher.list_records()
         except OSError as error:
             _log.warning("the record stays %s: %s", made.path, error)
+            self._failed = f"the record stays {made.path.name}: {error.strerror}"
         finally:
             self._made, self._busy = None, False
 
