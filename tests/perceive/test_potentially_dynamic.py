@@ -10,7 +10,7 @@ from cohelm.core.types import RADIUS, VX, VY, Pose, Twist, X, Y, disc, discs
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception
 from cohelm.perceive.scan.deskew import NO_SCAN
-from cohelm.perceive.space.free_space_memory import appeared, empty_memory, with_scan
+from cohelm.perceive.space.free_space_memory import NEAR, appeared, empty_memory, with_scan
 from cohelm.perceive.track.params import PotentiallyDynamicParams
 from cohelm.perceive.track.potentially_dynamic import discs_of_points, grown
 from cohelm.scenario import load
@@ -136,15 +136,17 @@ def test_ground_keeps_what_was_free_and_when():
     n = len(lidar.beams)
     open_ = posed(np.full(n, 3.0), Pose(0.0, 0.0, 0.0), 1.0)
     walled = posed(np.full(n, 1.0), Pose(0.0, 0.0, 0.0), 5.0)
-    free_space = with_scan(empty_memory(), lidar, open_, NOTHING, 1.0)
+    free_space = with_scan(empty_memory(), lidar, open_, NOTHING, 1.0, NEAR)
     assert appeared(free_space, 1.5, 0.0, 0.5)
     assert not appeared(free_space, 1.5, 0.0, 1.5)
     assert not appeared(free_space, -1.5, 0.0, 0.5)
-    later = with_scan(free_space, lidar, walled, NOTHING, 5.0)
+    later = with_scan(free_space, lidar, walled, NOTHING, 5.0, NEAR)
     assert appeared(later, 1.5, 0.0, 0.5)
     assert not appeared(later, 1.5, 0.0, 2.0)
     assert appeared(later, 0.5, 0.0, 2.0)
-    far = with_scan(later, lidar, posed(np.full(n, 3.0), Pose(6.4, 0.0, 0.0), 6.0), NOTHING, 6.0)
+    far = with_scan(
+        later, lidar, posed(np.full(n, 3.0), Pose(6.4, 0.0, 0.0), 6.0), NOTHING, 6.0, NEAR
+    )
     assert not appeared(far, 1.5, 0.0, 0.5)
 
 
@@ -156,12 +158,12 @@ def test_what_stood_before_its_ground_was_seen_free_has_not_come():
     short = posed(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
     free_space = empty_memory()
     for k in range(9):
-        free_space = with_scan(free_space, lidar, short, wall, 1.0 + 0.1 * k)
-    free_space = with_scan(free_space, lidar, open_, NOTHING, 2.0)
+        free_space = with_scan(free_space, lidar, short, wall, 1.0 + 0.1 * k, NEAR)
+    free_space = with_scan(free_space, lidar, open_, NOTHING, 2.0, NEAR)
     assert not appeared(free_space, 1.5, 0.0, 0.5)
     assert not appeared(free_space, 1.55, 0.05, 0.5)
     assert appeared(free_space, 1.5, 0.2, 0.5)
-    free_space = with_scan(free_space, lidar, open_, NOTHING, 12.5)
+    free_space = with_scan(free_space, lidar, open_, NOTHING, 12.5, NEAR)
     assert appeared(free_space, 1.5, 0.0, 2.5)
 
 
@@ -169,10 +171,12 @@ def test_a_walker_through_a_cell_has_not_stood_there():
     lidar = LIDAR.lidar()
     open_ = posed(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
     short = posed(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
-    free_space = with_scan(empty_memory(), lidar, open_, NOTHING, 1.0)
+    free_space = with_scan(empty_memory(), lidar, open_, NOTHING, 1.0, NEAR)
     for k in range(3):
-        free_space = with_scan(free_space, lidar, short, np.array([[1.5, 0.0]]), 1.1 + 0.1 * k)
-    assert appeared(with_scan(free_space, lidar, open_, NOTHING, 2.0), 1.5, 0.0, 0.5)
+        free_space = with_scan(
+            free_space, lidar, short, np.array([[1.5, 0.0]]), 1.1 + 0.1 * k, NEAR
+        )
+    assert appeared(with_scan(free_space, lidar, open_, NOTHING, 2.0, NEAR), 1.5, 0.0, 0.5)
 
 
 def test_a_thin_wall_that_is_driven_through_by_its_door_has_not_come():

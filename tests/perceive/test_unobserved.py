@@ -178,6 +178,22 @@ def test_a_long_robot_may_turn_and_back_over_ground_that_it_has_driven_over_or_s
     assert away.min(initial=9.0) > LONG.reach + 0.9
 
 
+@pytest.mark.parametrize("mount", [1.4, 0.0])
+@pytest.mark.parametrize("gap", [0.1, 0.5, 1.0, 1.3])
+def test_what_appears_before_a_long_robot_may_move_as_before_a_small_one(gap, mount):
+    """A leg, from behind a pillar say, wherever the LiDAR is."""
+    lidar = LONG.lidar.model_copy(update={"mount_x_m": mount})
+    eyes = Perception(LONG.model_copy(update={"lidar": lidar}))
+    leg = np.array([[1.5 + gap + 0.05, 0.2, 0.0, 0.0, 0.05, 0.5]])
+    here, ranges = Pose(0.0, 0.0, 0.0), np.empty(len(eyes.lidar.beams))
+    for k in range(16):
+        sight(here, eyes.lidar, leg if k == 15 else np.empty((0, 6)), WALLS, NO_GRID, ranges)
+        odometry = Odometry(0.1 * k, here, Twist(0.0, 0.0))
+        seen = eyes.take(0.1 * k, Readings(odometry, Scan(0.1 * k, k, ranges, 0.0)))
+        assert len(seen.mobile) == 0 or k == 15
+    assert np.hypot(*(seen.mobile[:, :2] - leg[0, :2]).T).min() < 0.1
+
+
 def test_a_long_robot_of_which_a_load_is_taken_off_or_put_on_keeps_what_it_has_seen():
     eyes, ranges = Perception(SALLY), np.full(len(SALLY.lidar.lidar().beams), math.inf)
 

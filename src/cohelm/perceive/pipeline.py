@@ -38,6 +38,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Contact, Odometry, Readings, Scan, not_ahead, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
+_APPEARS = 1.4  # what appears within this of the turning circle may move [m]
 _MARGIN = 0.5  # what the filter keeps clear, and more [m]
 _ON_WALL = 0.1  # a return as near to a wall of the map as this is on it [m]
 
@@ -111,6 +112,8 @@ class Perception:
         if memory_params is None and outline is not None and math.isfinite(stopping):
             memory = memory._replace(keep=max(memory.keep, _reach(outline, self.lidar) + stopping))
         self._tracker_params = tracker_params or TrackerParams()
+        if outline is not None:
+            self._tracker_params = _around(self._tracker_params, outline)
         self._first = ObservationSource(self.lidar, "", memory, self._tracker_params)
         self._further = tuple(
             RangeSource(one) if one.range_sensor
@@ -311,6 +314,12 @@ class Perception:
             return parts[0]
         discs, mobile, velocity_error = zip(*parts, strict=True)
         return np.vstack(discs), np.vstack(mobile), np.concatenate(velocity_error)
+
+
+def _around(params: TrackerParams, outline: Floats) -> TrackerParams:
+    """Parameters with which what appears around a large robot counts as around a small one."""
+    near = max(params.dynamic.near, float(np.hypot(*outline.T).max()) + _APPEARS)
+    return params._replace(dynamic=params.dynamic._replace(near=near))
 
 
 def _reach(outline: Floats, lidar: Lidar) -> float:

@@ -17,7 +17,7 @@ from cohelm.perceive.space.free_space_memory import with_possibly_occupied
 from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
 from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.track import MOVES, RADIUS, TX, TY
-from cohelm.perceive.track.tracker import EMPTY_STATE, update_tracker
+from cohelm.perceive.track.tracker import empty_state, update_tracker
 from cohelm.robot.port import Scan
 from cohelm.robot.sensors import Lidar
 
@@ -41,7 +41,7 @@ class ObservationSource:
         self._memory_params, self._tracker_params = memory_params, tracker_params
         self.points = NOTHING
         """Static points, (p, 2), in `odom` [m]."""
-        self.movers = EMPTY_STATE
+        self.movers = empty_state(self.lidar, self._tracker_params)
         self.last_scan: DeskewedScan | None = None
         """The newest sweep."""
         self.stamp = -math.inf
@@ -62,7 +62,7 @@ class ObservationSource:
         sweep = static = deskew(self.lidar, ranges, scan.stamp, scan.duration, buffer)
         self.last_scan, self.stamp = sweep, sweep.stamp
         if self.movers.stamp - self.stamp >= _RESET:
-            self.movers = EMPTY_STATE
+            self.movers = empty_state(self.lidar, self._tracker_params)
         if self.stamp - self.movers.stamp > _APART:
             may_move, trackable = np.ones(len(sweep.points), dtype=np.bool_), sweep
             if scan.edges is not None:  # the edge of a floor does not move, whatever the noise

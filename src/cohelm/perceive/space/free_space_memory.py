@@ -19,7 +19,7 @@ from cohelm.perceive.space.cell_window import CELL, SIDE, cell, holds, nowhere
 from cohelm.robot.sensors import Lidar
 
 NEAR = 2.5
-"""Range of the memory from the LiDAR; the window is larger [m]."""
+"""Range of the memory from the LiDAR, at least; the window is larger [m]."""
 
 POSSIBLY, CERTAINLY = 1, 2  # whether an object has appeared
 _STOOD = 8.0  # sweeps with a return in a cell, after which something stood there
@@ -46,10 +46,11 @@ class FreeSpaceMemory(NamedTuple):
     possibly_occupied: Floats
 
 
-def empty_memory() -> FreeSpaceMemory:
-    """A memory without any scan."""
-    never = np.full((SIDE, SIDE), -math.inf)
-    return FreeSpaceMemory(nowhere(), never, np.zeros_like(never), never, never, never)
+def empty_memory(near: float = NEAR) -> FreeSpaceMemory:
+    """A memory without any scan. near: its range from the LiDAR [m]."""
+    side = max(SIDE, 2 * math.ceil(near / CELL) + 2)
+    never = np.full((side, side), -math.inf)
+    return FreeSpaceMemory(nowhere(side), never, np.zeros_like(never), never, never, never)
 
 
 @jit
@@ -63,23 +64,24 @@ def _copied(free_space: FreeSpaceMemory) -> FreeSpaceMemory:
 
 @jit
 def with_scan(
-    free_space: FreeSpaceMemory, lidar: Lidar, sweep: DeskewedScan, static: Floats, clock: float
-) -> FreeSpaceMemory:
+    free_space: FreeSpaceMemory, lidar: Lidar, sweep: DeskewedScan, static: Floats, clock: float,
+    near: float,
+) -> FreeSpaceMemory:  # fmt: skip
     """The memory after a sweep at `clock`; static: (p, 2), its points in `odom` that have not
-    appeared by themselves [m]."""
+    appeared by themselves [m]. near: the range of the memory from the LiDAR [m]."""
     memory = _copied(free_space)
     sensor, ranges = sweep.sensor, sweep.ranges
     for k in range(len(static)):
         x, y = static[k, 0], static[k, 1]
-        if abs(x - sensor.x) > NEAR or abs(y - sensor.y) > NEAR:
+        if abs(x - sensor.x) > near or abs(y - sensor.y) > near:
             continue
         a, b = _entry(memory, cell(x), cell(y))
         if memory.last[a, b] != clock:
             memory.hits[a, b] += 1.0
             memory.last[a, b] = clock
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
-    low_x, low_y = cell(sensor.x - NEAR), cell(sensor.y - NEAR)
-    count = math.ceil(2.0 * NEAR / CELL)
+    low_x, low_y = cell(sensor.x - near), cell(sensor.y - near)
+    count = math.ceil(2.0 * near / CELL)
     n = len(ranges)
     around = all_round(lidar)
     for i in range(low_x, low_x + count):
@@ -87,7 +89,7 @@ def with_scan(
         for j in range(low_y, low_y + count):
             wy = (j + 0.5) * CELL - sensor.y
             square = wx * wx + wy * wy
-            if square > NEAR * NEAR:
+            if square > near * near:
                 continue
             beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
             least = math.sqrt(square) + FREE
@@ -122,7 +124,7 @@ def with_possibly_occupied(
 @jit_inline
 def _entry(free_space: FreeSpaceMemory, i: int, j: int) -> tuple[int, int]:
     """Indices of a cell's entry, which is cleared if it was of another cell."""
-    a, b = i % SIDE, j % SIDE
+    a, b = i % len(free_space.which), j % len(free_space.which)
     if not holds(free_space.which, i, j):
         free_space.which[a, b, 0], free_space.which[a, b, 1] = i, j
         free_space.free[a, b] = free_space.last[a, b] = free_space.free_though_hit[a, b] = -math.inf
@@ -139,7 +141,7 @@ def appeared(free_space: FreeSpaceMemory, x: float, y: float, since: float) -> i
     row, column, found = cell(x), cell(y), CERTAINLY
     for i in range(row - 1, row + 2):
         for j in range(column - 1, column + 2):
-            a, b = i % SIDE, j % SIDE
+            a, b = i % len(free_space.which), j % len(free_space.which)
             if not (holds(free_space.which, i, j) and since > free_space.free_though_hit[a, b]):
                 return 0
             if free_space.free[a, b] >= since:

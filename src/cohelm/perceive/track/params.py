@@ -16,6 +16,8 @@ class PotentiallyDynamicParams(NamedTuple):
     """How long free space is remembered [s]."""
     vouched: float = 2.0
     """Distance driven for which free space is remembered, by odometry drift [m]."""
+    near: float = 2.0
+    """Points farther from the body's origin than this are not considered [m]."""
 
 
 class TrackerParams(NamedTuple):

@@ -21,8 +21,6 @@ from cohelm.perceive.space.free_space_memory import FreeSpaceMemory, appeared
 from cohelm.perceive.track.params import PotentiallyDynamicParams
 from cohelm.robot.sensors import Lidar
 
-NEAR = 2.0
-"""Points farther from the robot than this are not considered [m]."""
 LX, LY, STOOD = range(3)
 """Columns of the points: position in `odom` [m], whether it has stood (1) or not (0)."""
 

@@ -27,15 +27,15 @@ from cohelm.perceive.scan.clusters import (
 from cohelm.perceive.scan.deskew import NO_SCAN, DeskewedScan
 from cohelm.perceive.space.free_space_memory import (
     CERTAINLY,
+    NEAR,
     POSSIBLY,
     FreeSpaceMemory,
     empty_memory,
     with_scan,
 )
 from cohelm.perceive.track.departed import departed, out_of_view
-from cohelm.perceive.track.params import TrackerParams
+from cohelm.perceive.track.params import PotentiallyDynamicParams, TrackerParams
 from cohelm.perceive.track.potentially_dynamic import (
-    NEAR,
     discs_of_points,
     grown,
     is_covered,
@@ -90,6 +90,16 @@ EMPTY_STATE = TrackerState(
 )  # fmt: skip
 
 
+def empty_state(lidar: Lidar, params: TrackerParams) -> TrackerState:
+    """Of a LiDAR that has not looked yet."""
+    return EMPTY_STATE._replace(free_space=empty_memory(_free_within(lidar, params.dynamic)))
+
+
+def _free_within(lidar: Lidar, dynamic: PotentiallyDynamicParams) -> float:
+    """Range of the free-space memory from a LiDAR [m]: all that is considered."""
+    return max(NEAR, dynamic.near + math.hypot(lidar.mount.x, lidar.mount.y))
+
+
 _NO_DISCS = np.empty((0, 6)), np.empty((0, 6)), np.empty(0)
 
 
@@ -127,12 +137,13 @@ def update_tracker(
     if before.scans:
         way = math.dist(before.scans[-1].sensor[:2], sweep.sensor[:2])
         clock += way * dynamic.keep / dynamic.vouched
-    near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < NEAR) & ~of_movers & ~fixed
+    near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < dynamic.near) & ~of_movers & ~fixed
     since = clock - dynamic.keep
     appearance = which_appeared(places, near, before.free_space, since, sweep, lidar.noise)
     free_space = with_scan(
-        before.free_space, lidar, sweep, places[~of_movers & (appearance == 0)], clock
-    )
+        before.free_space, lidar, sweep, places[~of_movers & (appearance == 0)], clock,
+        _free_within(lidar, dynamic),
+    )  # fmt: skip
     dynamic_points = certain_points = np.empty((0, 3))
     if appearance.any():
         dynamic_points, certain_points = (
