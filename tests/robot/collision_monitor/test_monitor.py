@@ -626,6 +626,27 @@ def test_where_odometry_jumps_the_ground_behind_stays_as_it_was_seen(to, gap):
         assert it.restrict(t, Twist(-0.2, 0.0)) == UNRESTRICTED
 
 
+def test_a_slow_sweep_that_arrives_late_is_placed_where_it_was_measured():
+    """Its first beams are 1.9 s old: the robot has driven 1.5 m since."""
+    made = model(rate_hz=1.0, sweep_s=1.0, latency_s=0.9)
+    it = CollisionMonitor(described(made, rules(made, PERIOD)))
+    speed, wall_at = 0.8, 4.0
+    for k in range(176):
+        t = 0.02 * k
+        begun = max(math.floor((t - 1.9) / 1.0 + 1e-9), 0)  # the newest that has arrived
+        along = speed * (begun + np.arange(720) / 719.0) + SENSOR
+        ranges = empty()
+        ahead = np.abs(BEARINGS) < 0.5
+        ranges[ahead] = ((wall_at - along) / np.cos(BEARINGS))[ahead]
+        scan = Scan(float(begun), begun, ranges, 1.0) if t >= 1.9 else None
+        odometry = Odometry(t, Pose(speed * t, 0.0, 0.0), Twist(speed, 0.0))
+        it.restrict(t - PERIOD, Twist(speed, 0.0))
+        it.observe(t, Readings(odometry, scan), Twist(speed, 0.0))
+    points = it._all.points[it._all.errors > -math.inf]
+    assert len(points) > 50
+    assert np.abs(points[np.abs(points[:, 1]) < 0.5, 0] - wall_at).max() < 0.02
+
+
 @pytest.mark.parametrize("back", [Pose(1.25, 0.0, 0.0), Pose(1.6, 0.02, 0.1)])
 def test_after_a_gap_odometry_that_went_on_is_no_jump(back):
     """The network was gone, and the robot braked meanwhile."""

@@ -17,10 +17,10 @@ from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.collision_monitor.contacts import NEVER, Met, met
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE, allowed, horizon
 from cohelm.robot.collision_monitor.free_space import UNWATCHED, unknown_to_all
-from cohelm.robot.collision_monitor.odometry import GAP, PoseHistory, jumped
+from cohelm.robot.collision_monitor.odometry import GAP, KEPT, PoseHistory, jumped
 from cohelm.robot.collision_monitor.returns import TOO_NEAR, Sensor, returns
 from cohelm.robot.collision_monitor.runaway import PATIENCE, Runaway
-from cohelm.robot.collision_monitor.source import MonitorSource
+from cohelm.robot.collision_monitor.source import MISSED, MonitorSource
 from cohelm.robot.collision_monitor.surroundings import (
     NOTHING,
     MonitorSurroundings,
@@ -105,7 +105,9 @@ class CollisionMonitor:
             MonitorSource(sensor, i == 0, self._shape, self._farthest(), remembers)
             for i, sensor in enumerate(described.sensors)
         ]
-        self._measured, self._commanded = PoseHistory(), PoseHistory()
+        oldest = max(one.sweep + one.latency + MISSED / one.rate for one in described.sensors)
+        kept = max(KEPT, oldest)  # of a first beam, two lost scans later
+        self._measured, self._commanded = PoseHistory(kept), PoseHistory(kept)
         self._frame: Pose | None = None
         """Where the odometry's frame lies in that of what is remembered, which goes on where the
         odometry jumps; None: it is the same."""

@@ -10,8 +10,7 @@ import numpy as np
 from cohelm.core.types import Floats, Pose, Twist
 
 KEPT = 1.5
-"""Length of the history [s]: longer than any usual sweep and latency of `robot.sensors` together;
-older times get the oldest pose."""
+"""Length of the history, at least [s]; older times get the oldest pose."""
 GAP = 0.25
 """After so long without odometry the gate brakes, if it does not let readings be older [s]: its
 watchdog runs out. From then on nobody knows where the robot is."""
@@ -99,7 +98,9 @@ class PoseHistory:
     """Poses at increasing times, each with the twist from then on. Linear in between; after
     the last one it goes on with its twist."""
 
-    def __init__(self) -> None:
+    def __init__(self, kept: float = KEPT) -> None:
+        """kept: its length [s]."""
+        self._kept = kept
         self._stamps: list[float] = []
         self._poses: list[Pose] = []
         self._twists: list[Twist] = []
@@ -130,7 +131,7 @@ class PoseHistory:
         self._stamps.append(stamp)
         self._poses.append(pose)
         self._twists.append(twist)
-        while self._stamps[0] < stamp - KEPT:
+        while self._stamps[0] < stamp - self._kept:
             del self._stamps[0], self._poses[0], self._twists[0]
 
     def clear(self) -> None:
