@@ -90,7 +90,7 @@ def drive(tmp_path_factory):
 class Hand:
     """A stick that a test holds."""
 
-    name, kind, force = "hand", Device.SCRIPT, False
+    name, kind, force, repeats = "hand", Device.SCRIPT, False, False
 
     def __init__(self) -> None:
         self.stick, self.there = CENTRED, True
