@@ -116,14 +116,14 @@ def test_a_local_stick_joins_the_drive_and_takes_the_lease(drive):
             until(watching.status, PATIENT)
             told = lambda: watching.status().status  # noqa: E731
 
-            def steer() -> None:
-                """Ahead while it is believed; else centred, as it must be seen first, and again
-                when a busy machine was too late."""
-                hand.stick = Stick(-0.8, 0.0) if told().arming == Arming.ARMED else CENTRED
-
             until(lambda: told().lease.driver_name == "stick", PATIENT)
             until(lambda: "you drive" in said, PATIENT)
-            until(lambda: told().stick.x < -0.7, PATIENT, steer)
+            until(lambda: told().arming == Arming.ARMED, PATIENT)
+            hand.stick = Stick(-0.8, 0.0)  # in hold, it must be centred before a mode uses it
+            until(lambda: told().arming == Arming.WAITING, PATIENT)
+            assert told().stick == CENTRED
+            hand.stick = CENTRED
+            until(lambda: told().arming == Arming.ARMED, PATIENT)
         finally:
             hand.there = False
             stick.join(PATIENT)
