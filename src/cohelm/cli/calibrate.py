@@ -90,7 +90,7 @@ def calibrate(
         raise CohelmError("nothing was driven: answer y when the floor is free, or give --yes")
     check_folder(out)
     with starting(model.name) as line, end_signals() as stop:
-        gated = RemoteGatedRobot(made, rules(made.model, PERIOD))
+        gated = RemoteGatedRobot(made.maker(), rules(made.model, PERIOD))
         try:
             stop.handle_signals()
             line.over()

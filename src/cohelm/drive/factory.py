@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import inspect
 import pickle
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+
+import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.plugins import plugin
 from cohelm.core.types import Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
-from cohelm.record.topics import NO_WALLS
-from cohelm.robot.adapter import RobotAdapter
+from cohelm.robot.adapter import AdaptedMaker, Make, RobotAdapter
 from cohelm.robot.base import Robot
-from cohelm.robot.clock import clock_of
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import RobotPort
 from cohelm.scenario import load
 from cohelm.scenario.model import Scenario
 from cohelm.scenario.worlds.maps import read_map
 from cohelm.sim.grid import NO_GRID
-from cohelm.sim.kinematic import Kinematic
+from cohelm.sim.maker import Kind, SimulatedMaker
 from cohelm.sim.twin.settings import TwinModel, lag
 
 GROUP = "cohelm.robots"
@@ -32,9 +29,6 @@ SITE = "lab-guard"
 """Where a simulated robot is driven if no site is named..."""
 OWN_SITE = "open"
 """... and a real one: without map, as that of a shipped scenario would be wrong."""
-
-Make = Callable[[RobotModel], Robot] | Robot
-"""A class or function that makes a robot of its model; or a robot that can be pickled."""
 
 
 @dataclass(frozen=True)
@@ -71,23 +65,13 @@ class OwnRobot(_AtSite):
     """Whether time passes by itself."""
     kind: str = "own"
 
+    def maker(self) -> AdaptedMaker:
+        """Makes the robot, in another process too."""
+        return AdaptedMaker(self.make, self.model)
+
     def __call__(self) -> RobotPort:
         """Make the robot here. Raises CohelmError if that fails, or if its model differs."""
-        try:
-            robot = self.make if isinstance(self.make, Robot) else _made(self.make, self.model)
-        except CohelmError:
-            raise
-        except Exception as error:
-            raise CohelmError(
-                f"the robot can not be made: {type(error).__name__}: {error}"
-            ) from error
-        adapted = RobotAdapter(robot)
-        if adapted.model != self.model:
-            raise CohelmError(
-                f"the robot's model is not the model of {self.model.name} that it was given: let "
-                "it keep that one, def __init__(self, model): super().__init__(model)"
-            )
-        return adapted
+        return self.maker()()
 
 
 def own_robot(
@@ -128,18 +112,6 @@ def own_robot(
     return OwnRobot(load.standing_alone(made, Path()), make, site is not None, real_time)
 
 
-def _made(make: Callable[..., Any], model: RobotModel) -> Robot:
-    """Call `make`, with the model if it takes one."""
-    try:
-        takes = bool(inspect.signature(make).parameters)
-    except (TypeError, ValueError):
-        takes = True
-    return make(model) if takes else make()
-
-
-Kind = Literal["kinematic", "twin"]
-
-
 @dataclass(frozen=True)
 class Simulated(_AtSite):
     """The simulated robot of a scenario."""
@@ -154,17 +126,19 @@ class Simulated(_AtSite):
             return self.model.delay_s
         return lag(self.model, TwinModel(), period)
 
+    def maker(self) -> SimulatedMaker:
+        """Makes the robot at the start, in another process too, which need not know scenarios."""
+        scenery = self.scenario.scenery()
+        if scenery.grid is not NO_GRID:  # its borders come with the map, and a LiDAR sees its cells
+            scenery = scenery._replace(walls=np.empty((0, 4)))
+        world = self.scenario.build_world(scenery)
+        return SimulatedMaker(
+            self.model, self.start, world, scenery.grid, self.kind, self.seed, self.real_time
+        )
+
     def __call__(self) -> RobotPort:
         """Make a robot that stands at the start."""
-        scenery, clock = self.scenario.scenery(), clock_of(self.real_time)
-        if scenery.grid is not NO_GRID:  # its borders come with the map, and a LiDAR sees its cells
-            scenery = scenery._replace(walls=NO_WALLS)
-        world, grid = self.scenario.build_world(scenery), scenery.grid
-        if self.kind == "kinematic":
-            return Kinematic(self.model, self.start, world, grid=grid, seed=self.seed, clock=clock)
-        from cohelm.sim.twin.robot import Twin  # MuJoCo takes half a second to import
-
-        return Twin(self.model, self.start, world, grid=grid, seed=self.seed, clock=clock)
+        return self.maker()()
 
 
 RobotFactory = OwnRobot | Simulated

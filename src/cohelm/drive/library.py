@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError
-from cohelm.drive.factory import Make, own_robot
+from cohelm.drive.factory import own_robot
 from cohelm.drive.operate import End, end_signals, mode_and_stick
 from cohelm.drive.session import SessionConfig
 from cohelm.drive.until_ended import drive_for_stations, drive_here
 from cohelm.loop.loop import LoopParams
+from cohelm.robot.adapter import Make
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.model import Scenario
 

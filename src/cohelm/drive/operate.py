@@ -14,7 +14,6 @@ from cohelm.core.errors import CohelmError
 from cohelm.drive.factory import (
     OWN_SITE,
     SITE,
-    Kind,
     OwnRobot,
     RobotFactory,
     mapped,
@@ -28,6 +27,7 @@ from cohelm.robot.model import SHIPPED
 from cohelm.scenario import build, load
 from cohelm.scenario.stick import StickNone, StickOperator
 from cohelm.scenario.zones import masked, read_zones
+from cohelm.sim.maker import Kind
 from cohelm.sim.operator_model import Replay, replayed
 
 if TYPE_CHECKING:

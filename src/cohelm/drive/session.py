@@ -153,7 +153,7 @@ class Session:
             record, live = (_line(one, real_time) for one in listeners)
             if real_time:
                 ends = [None if one is None else one.gated for one in listeners]
-                self.gated = RemoteGatedRobot(robot, gate, *ends)
+                self.gated = RemoteGatedRobot(robot.maker(), gate, *ends)
             else:  # one process, one line: messages of loop and gate arrive in order
                 self.gated = LocalGatedRobot(robot(), gate, record, viewer=live)
             epoch = time.time_ns() - round(self.gated.now() * 1e9)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import math
 import threading
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +18,10 @@ from cohelm.robot.achievable import achievable
 from cohelm.robot.base import Robot
 from cohelm.robot.limits import unbraked
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Health, Odometry, Readings
+from cohelm.robot.port import Health, Odometry, Readings, RobotPort
+
+Make = Callable[[RobotModel], Robot] | Robot
+"""A class or function that makes a robot of its model; or a robot that can be pickled."""
 
 _STILL = Twist(0.0, 0.0)
 _SAME = 0.005  # stamps of one reading, read twice with its age, differ by less [s]
@@ -181,3 +187,38 @@ def _said(method: str, error: Exception) -> str:
     if isinstance(error, CohelmError):  # a sentence already
         return str(error)
     return f"{method} failed: {type(error).__name__}: {error}"
+
+
+class AdaptedMaker(NamedTuple):
+    """Makes a user's robot in the process that is to hold it."""
+
+    make: Make
+    model: RobotModel
+
+    def __call__(self) -> RobotPort:
+        """Raises CohelmError if that fails, or if its model differs."""
+        make, model = self
+        try:
+            robot = make if isinstance(make, Robot) else _made(make, model)
+        except CohelmError:
+            raise
+        except Exception as error:
+            raise CohelmError(
+                f"the robot can not be made: {type(error).__name__}: {error}"
+            ) from error
+        adapted = RobotAdapter(robot)
+        if adapted.model != model:
+            raise CohelmError(
+                f"the robot's model is not the model of {model.name} that it was given: let "
+                "it keep that one, def __init__(self, model): super().__init__(model)"
+            )
+        return adapted
+
+
+def _made(make: Callable[..., Any], model: RobotModel) -> Robot:
+    """Call `make`, with the model if it takes one."""
+    try:
+        takes = bool(inspect.signature(make).parameters)
+    except (TypeError, ValueError):
+        takes = True
+    return make(model) if takes else make()

@@ -12,19 +12,31 @@ from cohelm.law.gains import Gains
 from cohelm.law.govern import PaceParams
 from cohelm.law.guard.step import Rules
 from cohelm.law.reference import Reference, evaluate
+from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.track.params import TrackerParams
 from cohelm.pilot.step import Settings
 from cohelm.plan.evasion.params import HURRY, EvasionParams, adapted
 from cohelm.robot.limits import Limits
+from cohelm.robot.model import RobotModel
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.closed_loop import Piloted
 from cohelm.sim.grid import NO_GRID, Grid
 from cohelm.sim.operator_model import OperatorModel, Replay, replay
-from cohelm.sim.twin.settings import Twinned
+from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.world import World, world
 
 REACHED = 0.1
 """Distance to the end of a reference that counts as having reached it, by default [m]."""
+
+
+@dataclass(frozen=True)
+class Twinned:
+    """What a run on the twin needs beyond the rest of a setup."""
+
+    robot: RobotModel
+    physics: TwinModel
+    known: LocalizationMap | None = None
+    """With a LiDAR, the map on which the robot localizes; None: it is given its true pose."""
 
 
 @dataclass(frozen=True)

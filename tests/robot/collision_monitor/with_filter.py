@@ -14,12 +14,13 @@ from pathlib import Path
 import yaml
 
 from cohelm.core.types import RADIUS, X, Y
-from cohelm.drive.factory import Kind, simulated
+from cohelm.drive.factory import simulated
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Mode
 from cohelm.robot.keep.gated_robot import LocalGatedRobot
 from cohelm.robot.monitor import UNRESTRICTED
 from cohelm.scenario.worlds.barn import Barn
+from cohelm.sim.maker import Kind
 from cohelm.study.campaign.barn import read
 from cohelm.study.campaign.rooms import case
 from tests.robot.collision_monitor.rooms import standing

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Schema
-from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.robot.model import RobotModel
 
 _AtLeast0 = Annotated[float, Field(ge=0.0)] | None
@@ -75,16 +73,6 @@ class TwinModel(Schema):
 
 def _set_values(**values: float | None) -> dict[str, float]:
     return {key: value for key, value in values.items() if value is not None}
-
-
-@dataclass(frozen=True)
-class Twinned:
-    """What a run on the twin needs beyond the rest of a setup."""
-
-    robot: RobotModel
-    physics: TwinModel
-    known: LocalizationMap | None = None
-    """With a LiDAR, the map on which the robot localizes; None: it is given its true pose."""
 
 
 def lag(model: RobotModel, physics: TwinModel, dt: float) -> float:

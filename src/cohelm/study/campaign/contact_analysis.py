@@ -13,8 +13,7 @@ from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
 from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.robot.sensors import Lidar
 from cohelm.sim.lidar import sight
-from cohelm.sim.setup import Setup
-from cohelm.sim.twin.settings import Twinned
+from cohelm.sim.setup import Setup, Twinned
 
 _BEAMS = 5  # of a scan that end on a thing: fewer do not count as having it in view
 _ON = 0.01  # an end as near to a disc's surface as this is on it [m]

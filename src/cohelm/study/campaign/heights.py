@@ -25,8 +25,8 @@ from cohelm.core.types import Floats, Pose
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.heights import Heights, between, box, drop, edges
-from cohelm.sim.setup import Setup, with_pilot
-from cohelm.sim.twin.settings import TwinModel, Twinned
+from cohelm.sim.setup import Setup, Twinned, with_pilot
+from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.world import world
 from cohelm.study.campaign import rectangle
 from cohelm.study.campaign.episode import (

@@ -13,8 +13,8 @@ from cohelm.core.types import RADIUS, VX, VY, X, Y, disc
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.limits import checked_braking, speeds
 from cohelm.robot.model import RobotModel
-from cohelm.sim.setup import Setup, with_pilot
-from cohelm.sim.twin.settings import TwinModel, Twinned
+from cohelm.sim.setup import Setup, Twinned, with_pilot
+from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.world import Body, World, world
 from cohelm.study.campaign import adversary, barn, crowd, hands, heights, lab, movers, rooms
 from cohelm.study.campaign.episode import LAWS, PAPER, PLANTS, Episode, lively

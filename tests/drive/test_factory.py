@@ -1,0 +1,29 @@
+"""What makes the robot in the gate process."""
+
+import pickle
+import subprocess
+import sys
+
+import pytest
+
+from cohelm.drive.factory import simulated
+from cohelm.robot.keep.gated_robot import rules
+from cohelm.robot.keep.serve import serve
+
+NEEDED = {"core", "law", "robot", "sim"}
+"""Rooms; of the law what places obstacles and attackers, for the compiled world."""
+MAKES = """
+import pickle, sys
+_, make, _ = pickle.loads(sys.stdin.buffer.read())
+make().close()
+print(*{name.split(".")[1] for name in sys.modules if name.startswith("cohelm.")})
+"""
+
+
+@pytest.mark.parametrize("kind", ["kinematic", "twin"])
+def test_the_gate_process_imports_nothing_that_decides_where_to_drive(kind):
+    made = simulated("lab-guard", kind)
+    sent = pickle.dumps((serve, made.maker(), rules(made.model, 0.02)))
+    called = [sys.executable, "-c", MAKES]
+    rooms = {*subprocess.run(called, input=sent, capture_output=True, check=True).stdout.split()}
+    assert rooms <= {room.encode() for room in NEEDED}
