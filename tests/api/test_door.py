@@ -42,6 +42,15 @@ def test_processes_that_compute_nothing_do_not_import_the_compiler():
     assert said.stdout.splitlines() == [f"{who} False" for who in WITHOUT]
 
 
+def test_the_loops_process_imports_nothing_that_writes_records_or_serves_viewers():
+    """That takes a fifth of a second, and other processes do it."""
+    of = "cohelm.drive.session, cohelm.drive.teleop_server, cohelm.drive.robot_process"
+    heavy = ("mcap", "rosbags", "websockets")
+    code = f"import sys, {of}; print([m for m in {heavy} if m in sys.modules])"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "[]"
+
+
 def test_no_name_is_missing_unsaid_or_unknown():
     assert list(cohelm.__all__) == sorted(cohelm.__all__)
     assert set(cohelm.__all__) == set(cohelm._HOME)

@@ -16,13 +16,15 @@ import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any
+from typing import TYPE_CHECKING, Any
 
 from cohelm.core.errors import CohelmError
-from cohelm.record.file import About, RecordWriter
 from cohelm.robot.keep.processes import detach, start_process
 from cohelm.robot.keep.record_pipe import ALIVE, LARGEST, Event, line
 from cohelm.robot.model import RobotModel
+
+if TYPE_CHECKING:
+    from cohelm.record.file import RecordWriter
 
 _RESERVE = 1 << 16  # bytes kept for the log
 _MODE = 0o640  # the log names drivers and addresses
@@ -140,8 +142,12 @@ def _record(
     if hasattr(signal, "SIGXFSZ"):
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a file-size limit is an OSError, then
     log = Log(path)
+    from cohelm.record.file import About, RecordWriter  # here only, not in the loop's process
+
     with path.open("wb", buffering=0) as file:  # closing it writes nothing, so never fails
-        writer = _Writer(file, log, model, scenario)
+        writer = _Writer(
+            log, lambda epoch: RecordWriter(file, About("drive", epoch, scenario), model)
+        )
         writer.serve(loop, gated)
     log.close()
     if writer.full:
@@ -151,8 +157,9 @@ def _record(
 class _Writer:
     """Writes the messages of both sockets."""
 
-    def __init__(self, file: IO[bytes], log: Log, model: RobotModel, scenario: str) -> None:
-        self._file, self._log, self._model, self._scenario = file, log, model, scenario
+    def __init__(self, log: Log, begin: Callable[[int], RecordWriter]) -> None:
+        """begin: makes the record, from the wall-clock time when the robot's clock was 0 [ns]."""
+        self._log, self._open = log, begin
         self._drive: RecordWriter | None = None
         self.full = ""
         """Why writing has stopped; empty: it has not."""
@@ -195,8 +202,7 @@ class _Writer:
             self._try(lambda: drive.write(message), loop)
 
     def _begin(self, epoch: int) -> None:
-        about = About("drive", epoch, self._scenario)
-        self._drive = RecordWriter(self._file, about, self._model)
+        self._drive = self._open(epoch)
 
     def _try(self, write: Any, loop: socket.socket | None) -> None:
         """Write; on failure log it, report it to the loop, and stop writing."""

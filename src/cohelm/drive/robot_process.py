@@ -8,13 +8,15 @@ import signal
 import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection, wait
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cohelm.core.errors import CohelmError
-from cohelm.drive.live import LiveConfig
 from cohelm.drive.operate import DriveOptions
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.robot.keep.processes import end_with_parent, start_process
+
+if TYPE_CHECKING:
+    from cohelm.drive.live import LiveConfig
 
 _log = logging.getLogger("cohelm.drive")
 _START = 900.0

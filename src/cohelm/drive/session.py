@@ -8,11 +8,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cohelm.drive.factory import RobotFactory
 from cohelm.drive.jobs import in_thread
-from cohelm.drive.live import Live, LiveConfig
 from cohelm.drive.outline_check import OutlineCheck
 from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import EventSink, Recording
@@ -44,6 +43,9 @@ from cohelm.robot.port import Encoded, Frame
 from cohelm.scenario.docks import checked
 from cohelm.scenario.load import dump
 from cohelm.scenario.zones import check, given_first
+
+if TYPE_CHECKING:
+    from cohelm.drive.live import Live, LiveConfig
 
 _BRAKING = 3.0  # time to come to a standstill; then it is left to the gate process [s]
 SIMULATED_TIME = "simulated time"
@@ -138,6 +140,8 @@ class Session:
             if plan.record is not None:
                 self.recording = Recording(plan.record, model, dump(robot.scenario))
             if plan.live is not None:
+                from cohelm.drive.live import Live  # most drives have none
+
                 self.live = Live(plan.live, model)
             known, walls = plan.known, robot.scenario.walls()
             if known is None and plan.localise and len(walls) > 0:

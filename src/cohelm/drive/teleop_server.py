@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cohelm.drive.foxglove_teleop import Joined
 from cohelm.drive.operator_requests import OperatorRequests
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.station_publisher import StationPublisher
@@ -57,6 +56,8 @@ def serve(
         plan.robot.kind != "kinematic" and not (topics is not None and topics.blind),
     )  # fmt: skip
     if live is not None and own is not None:
+        from cohelm.drive.foxglove_teleop import Joined  # most drives have no live view
+
         here = "127.0.0.1" if config.host in ("0.0.0.0", "") else config.host
         here = "::1" if here == "::" else here
         site = plan.robot.scenario
