@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit
@@ -78,20 +77,56 @@ def _natural(knots: Floats, points: Floats) -> Floats:
 
     From the slopes at the knots: continuous curvature between the pieces, none at either end. In
     scipy's order of operations, so equal to its CubicSpline to the last bit; not that itself, since
-    scipy.interpolate takes a third of a second to import.
+    scipy.interpolate takes a third of a second to import, and scipy.linalg a sixth.
     """
-    m, dt = len(knots), np.diff(knots)
+    dt, right = np.diff(knots), np.empty((len(knots), 2))
     chord = np.diff(points, axis=0) / dt[:, None]
-    band, right = np.zeros((3, m)), np.empty((m, 2))
-    band[1, 1:-1] = 2 * (dt[:-1] + dt[1:])
-    band[0, 2:], band[2, :-2] = dt[:-1], dt[1:]
+    low, high = np.append(dt[1:], dt[-1]), np.append(dt[0], dt[:-1])
+    middle = np.concatenate(([2 * dt[0]], 2 * (dt[:-1] + dt[1:]), [2 * dt[-1]]))
+    right[0], right[-1] = 3 * (points[1] - points[0]), 3 * (points[-1] - points[-2])
     right[1:-1] = 3 * (dt[1:, None] * chord[:-1] + dt[:-1, None] * chord[1:])
-    band[1, 0], band[0, 1], right[0] = 2 * dt[0], dt[0], 3 * (points[1] - points[0])
-    band[1, -1], band[2, -2], right[-1] = 2 * dt[-1], dt[-1], 3 * (points[-1] - points[-2])
-    slope: Floats = scipy.linalg.solve_banded((1, 1), band, right)
+    _solve(low, middle, high, right)
+    slope = right
     bend = (slope[:-1] + slope[1:] - 2 * chord) / dt[:, None]
     parts = bend / dt[:, None], (chord - slope[:-1]) / dt[:, None] - bend, slope[:-1], points[:-1]
-    return np.ascontiguousarray(np.stack(parts, axis=2).reshape(m - 1, 8))
+    return np.ascontiguousarray(np.stack(parts, axis=2).reshape(len(dt), 8))
+
+
+@jit
+def _solve(low: Floats, middle: Floats, high: Floats, right: Floats) -> None:
+    """Solve a tridiagonal system in place: `right`, (m, 2), becomes the solution.
+
+    low: (m - 1,) below the diagonal; high: above it. Gaussian elimination with partial pivoting, as
+    LAPACK's dgtsv; where two rows are exchanged, `low` holds what comes two above the diagonal.
+    """
+    m = len(middle)
+    for i in range(m - 1):
+        if abs(middle[i]) >= abs(low[i]):
+            factor = low[i] / middle[i]
+            middle[i + 1] -= factor * high[i]
+            for k in range(2):
+                right[i + 1, k] -= factor * right[i, k]
+            low[i] = 0.0
+        else:
+            factor = middle[i] / low[i]
+            middle[i], other = low[i], middle[i + 1]
+            middle[i + 1] = high[i] - factor * other
+            high[i], low[i] = other, 0.0
+            if i < m - 2:
+                low[i] = high[i + 1]
+                high[i + 1] = -factor * low[i]
+            for k in range(2):
+                right[i, k], right[i + 1, k] = (
+                    right[i + 1, k],
+                    right[i, k] - factor * right[i + 1, k],
+                )
+    for i in range(m - 1, -1, -1):
+        for k in range(2):
+            if i < m - 1:
+                right[i, k] -= high[i] * right[i + 1, k]
+            if i < m - 2:
+                right[i, k] -= low[i] * right[i + 2, k]
+            right[i, k] /= middle[i]
 
 
 class PathMotion(NamedTuple):
