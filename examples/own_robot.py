@@ -26,8 +26,7 @@ class Cart(cohelm.Robot):
     def read(self) -> cohelm.Readings:
         """Odometry, and a scan ten times a second."""
         dt, (x, y, psi), (v, omega) = self.now() - self.moved, self.pose, self.twist
-        self.moved += dt
-        turned = psi + 0.5 * omega * dt
+        self.moved, turned = self.moved + dt, psi + 0.5 * omega * dt
         x, y = x + v * dt * math.cos(turned), y + v * dt * math.sin(turned)
         self.pose = cohelm.Pose(x, y, psi + omega * dt)
         odometry = self.odometry(self.pose, self.twist)
@@ -57,6 +56,5 @@ class Cart(cohelm.Robot):
 
 
 if __name__ == "__main__":
-    summary = cohelm.drive(Cart, "lab-guard", model="sally", seconds=20.0)
-    late = 1000.0 * summary["late_worst"]
-    print(f"{summary['periods']} periods, the latest by {late:.1f} ms; {summary['reason']}")
+    end = cohelm.drive(Cart, "lab-guard", model="sally", seconds=20.0)
+    print(f"{end['periods']} periods, latest by {1e3 * end['late_worst']:.1f} ms; {end['reason']}")
