@@ -109,7 +109,9 @@ class Operator:
             self._station.kill()
             self._station.communicate()
         elif thing == "browser":
-            os.kill(int((self._folder / "browser.pid").read_text()), signal.SIGKILL)
+            pid = int((self._folder / "browser.pid").read_text())
+            assert os.getpgid(pid) == pid  # its own group, as it may be a script that starts it
+            os.killpg(pid, signal.SIGKILL)
             self.page = None
         else:
             self._network.be(loss=1.0)
