@@ -1,13 +1,16 @@
 """One scenario under any law: the same plant, the same judge."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import cohelm
 from cohelm.law.human import authority, blend, human, intent, limited
 from cohelm.law.track import track
+from cohelm.robot.model import shipped_path
 from cohelm.scenario import build
 from cohelm.study.controlled import driven
 
@@ -115,3 +118,24 @@ def test_a_run_ends_where_its_reference_does():
     assert trace.rows["arrived"][-1]
     assert trace.rows["to_go"][-1] < setup.near
     assert trace.rows["t"][-1] == pytest.approx(setup.reference.duration, rel=0.1)
+
+
+@pytest.mark.parametrize("others", [0, 80])
+def test_a_fast_robot_knows_a_wall_in_time_however_many_there_are(tmp_path, others):
+    """It needs 8 m to stop; of many walls only near ones are looked at."""
+    robot = yaml.safe_load(Path(shipped_path("sally")).read_text(encoding="utf-8"))
+    robot["limits"] = {
+        "speed_mps": 4.0, "acceleration_mps2": 1.0, "yaw_rate_radps": 1.0,
+        "yaw_acceleration_radps2": 2.0,
+    }  # fmt: skip
+    (tmp_path / "fast.yaml").write_text(yaml.safe_dump(robot))
+    walls = [[22.0, -30.0, 22.0, 30.0], *([-20.0 - k, 4.0, -20.0 - k, 5.0] for k in range(others))]
+    scenario = {
+        "name": "wall", "robot": "fast.yaml", "start": {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0},
+        "reference": {"speed_mps": 3.9, "waypoints_m": [[0.0, 0.0], [15.0, 0.0], [30.0, 0.0]]},
+        "walls_m": walls,
+    }  # fmt: skip
+    (tmp_path / "wall.yaml").write_text(yaml.safe_dump(scenario))
+    result = cohelm.run(tmp_path / "wall.yaml")
+    assert result.contacts == 0
+    assert result.table()["x"].max() > 21.0

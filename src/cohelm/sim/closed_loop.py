@@ -39,7 +39,7 @@ from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay
 from cohelm.sim.wheels import SimulatedState, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, outline_clearance, place
 
-_NEAR = 8.0  # walls farther than this from the robot are left out of a stretch of steps [m]
+_NEAR = 8.0  # walls farther than this from the robot may be left out of a stretch of steps [m]
 _FEW = 64  # up to so many walls, all are kept
 
 
@@ -142,7 +142,8 @@ def stretches(
     now = Now(at_rest(start), START, IDLE, NOTHING_NEAR, False, False)
     current = course(planner.route.reference, 0, True, settings.pace)
     number, since, waiting = 0, 0, None
-    walls = near_walls(scene.obstacles.walls, start)
+    reaction = (period + delay) * dt
+    walls = near_walls(scene.obstacles.walls, start, settings, reaction)
     limited, constant = flat(settings), flat(scene)
     k, written = 0, 0
     out = _empty(min(length, steps), m)
@@ -156,7 +157,7 @@ def stretches(
             now = now._replace(seen_obstacles=zones.beside(seen, now.robot.pose))
             limited = flat(settings._replace(fastest=zones.limit(now.robot.pose)[0]))
         if k % period == 0:
-            walls = near_walls(scene.obstacles.walls, now.robot.pose)
+            walls = near_walls(scene.obstacles.walls, now.robot.pose, settings, reaction)
             seen_obstacles = known(k * dt, now.seen_obstacles, walls, scene)
             end = len(seen.points)
             unobserved = 0 if eyes is None else eyes.unobserved
@@ -199,12 +200,16 @@ def _empty(n: int, m: int) -> Rows:
     return Rows(blank(n), np.empty((n, m)), np.empty((n, m, 6)))
 
 
-def near_walls(walls: Floats, pose: Pose) -> Floats:
-    """The walls that come near the robot within a stretch of steps."""
+def near_walls(walls: Floats, pose: Pose, settings: Settings, reaction: float) -> Floats:
+    """The walls that come near the robot within a stretch of steps, and before it can stop.
+    reaction: from one stretch to the next, with the delay [s]."""
     if len(walls) <= _FEW:
         return walls
-    low = np.minimum(walls[:, :2], walls[:, 2:]) - _NEAR
-    high = np.maximum(walls[:, :2], walls[:, 2:]) + _NEAR
+    reach = float(np.hypot(*settings.outline.T).max())
+    stopping = stopping_distance(settings.limits, reaction)
+    near = max(_NEAR, reach + stopping) if math.isfinite(stopping) else _NEAR
+    low = np.minimum(walls[:, :2], walls[:, 2:]) - near
+    high = np.maximum(walls[:, :2], walls[:, 2:]) + near
     here = np.array(pose[:2])
     return walls[((low < here) & (here < high)).all(axis=1)]
 

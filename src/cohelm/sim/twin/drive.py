@@ -227,7 +227,8 @@ class _KnownPose(TwinRun):
         if not self.guarded:
             return
         if k % self.period == 0:
-            self.walls = near_walls(self.setup.obstacles.walls, pose)
+            reaction = self.period * self.setup.dt + self.delay
+            self.walls = near_walls(self.setup.obstacles.walls, pose, self.settings, reaction)
             blind = 0 if self.perception is None else self.perception.unobserved
             self.waiting = self.pilot.plan(pose, twist, *split_unseen(seen, end - blind, end))
         if self.waiting is not None and k % self.period == self.thinking:
