@@ -17,6 +17,7 @@ import struct
 import tempfile
 import time
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -39,8 +40,12 @@ class Timed(Simulated):
 
     log: str = ""
 
-    def __call__(self):
-        return _Noting(super().__call__(), self.log)
+    def maker(self):
+        return partial(_noting, super().maker(), self.log)
+
+
+def _noting(maker, log: str):
+    return _Noting(maker(), log)
 
 
 class _Noting:

@@ -25,6 +25,7 @@ import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -109,8 +110,12 @@ class Filmed(Simulated):
     """The kinematic robot with the camera of its description, which returns pictures made
     beforehand."""
 
-    def __call__(self) -> Any:
-        return _Filming(super().__call__())
+    def maker(self) -> Any:
+        return partial(_filming, super().maker())
+
+
+def _filming(maker: Any) -> Any:
+    return _Filming(maker())
 
 
 class _Filming:

@@ -11,6 +11,7 @@ import numpy as np
 from cohelm.core.types import Pose, Twist
 from cohelm.drive.factory import Simulated, simulated
 from cohelm.robot.port import Health, Readings, Scan
+from tests.drive.wrapped import wrapped
 
 CORRIDOR = Path(__file__).parent / "corridor.yaml"
 
@@ -63,8 +64,8 @@ class Failing(Simulated):
     at: float = math.inf
     when: Path | None = None
 
-    def __call__(self):
-        return Faulty(super().__call__(), self.fault, self.at, self.when)
+    def maker(self):
+        return wrapped(super().maker(), Faulty, self.fault, self.at, self.when)
 
 
 def failing(

@@ -39,6 +39,7 @@ from cohelm.robot.gate.modes import GateMode, latched
 from cohelm.robot.keep.processes import children
 from cohelm.robot.keep.record_pipe import HUNG_AFTER
 from cohelm.robot.port import Readings
+from tests.drive.wrapped import wrapped
 
 PROCESSES = ("loop", "gate", "planner", "recorder")
 STARTED = 900.0  # with nothing compiled, on a busy machine [s]
@@ -66,8 +67,8 @@ class Traced(Simulated):
 
     trace: Path = Path()
 
-    def __call__(self) -> Any:
-        return _Leaving(super().__call__(), self.trace)
+    def maker(self) -> Any:
+        return wrapped(super().maker(), _Leaving, self.trace)
 
 
 class _Leaving:

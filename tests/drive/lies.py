@@ -16,6 +16,7 @@ import numpy as np
 from cohelm.core.types import Pose, Twist
 from cohelm.drive.factory import Simulated
 from cohelm.robot.port import Odometry, Readings, Scan
+from tests.drive.wrapped import wrapped
 
 
 class Lie(NamedTuple):
@@ -81,8 +82,8 @@ class Lying(Simulated):
     lie: str = ""
     at: float = math.inf
 
-    def __call__(self):
-        return Liar(super().__call__(), self.lie, self.at, self.seed)
+    def maker(self):
+        return wrapped(super().maker(), Liar, self.lie, self.at, self.seed)
 
 
 def lying(made: Simulated, lie: str, at: float) -> Lying:

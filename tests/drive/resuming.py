@@ -26,6 +26,7 @@ from cohelm.robot.keep.record_pipe import line
 from cohelm.robot.port import Health
 from tests.drive.faults import CORRIDOR
 from tests.drive.simulated_link import SimulatedLink, Station
+from tests.drive.wrapped import wrapped
 
 DOCKS = (RequestKind.DOCK, RequestKind.UNDOCK)
 STANDS_WITHIN = 1.5
@@ -64,8 +65,8 @@ class Wheels:
 
 @dataclass(frozen=True)
 class Watched(Simulated):
-    def __call__(self):
-        return Wheels(super().__call__())
+    def maker(self):
+        return wrapped(super().maker(), Wheels)
 
 
 class Later:

@@ -18,6 +18,7 @@ from cohelm.robot.contacts import ContactModel
 from cohelm.robot.gate.modes import latched
 from cohelm.robot.sensors import LidarModel
 from tests.drive.faults import CORRIDOR
+from tests.drive.wrapped import wrapped
 
 GLASS = 2.6
 """Where it stands across the corridor [m]."""
@@ -59,8 +60,8 @@ class BehindGlass:
 class AtGlass(Simulated):
     """In a corridor that glass closes."""
 
-    def __call__(self):
-        return BehindGlass(super().__call__())
+    def maker(self):
+        return wrapped(super().maker(), BehindGlass)
 
 
 def before_glass(sonars, seed: int, bumpers=()) -> AtGlass:

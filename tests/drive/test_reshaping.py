@@ -25,6 +25,7 @@ from cohelm.robot.port import Readings
 from cohelm.scenario.load import load_robot
 from tests.drive.faults import along_corridor
 from tests.drive.resuming import Drive
+from tests.drive.wrapped import wrapped
 
 ARM = 0.3
 """So much longer is the robot with its arm out [m]."""
@@ -47,8 +48,8 @@ class Arm:
 
 @dataclass(frozen=True)
 class WithArm(Simulated):
-    def __call__(self):
-        return Arm(super().__call__())
+    def maker(self):
+        return wrapped(super().maker(), Arm)
 
 
 def corridor(end: float) -> WithArm:

@@ -15,6 +15,7 @@ from cohelm.loop.driver import Driver
 from cohelm.loop.planning import MAX_PLAN_AGE, RemotePlanner
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.port import Readings
+from tests.drive.wrapped import wrapped
 
 
 @pytest.mark.parametrize(("kind", "steps"), [("kinematic", 2), ("twin", 4)])
@@ -130,12 +131,15 @@ def test_only_the_start_waits_for_a_plan():
         assert not driver.planner_late
 
 
+def _numb(robot):
+    robot.read = lambda: Readings(None, None)
+    return robot
+
+
 def test_a_robot_that_stands_reports_why_and_so_does_one_that_never_drove():
     class Numb(Simulated):
-        def __call__(self):
-            robot = super().__call__()
-            robot.read = lambda: Readings(None, None)
-            return robot
+        def maker(self):
+            return wrapped(super().maker(), _numb)
 
     made = simulated("lab-guard", real_time=False)
     with Session(SessionConfig(Numb(made.scenario, made.kind, False, made.seed))) as session:

@@ -17,6 +17,7 @@ from cohelm.robot.gate.modes import latched
 from cohelm.robot.sensors import FloorModel
 from cohelm.ros.depth import DepthRanges, Intrinsics, described
 from tests.drive.faults import CORRIDOR
+from tests.drive.wrapped import wrapped
 from tests.few import first as few
 from tests.ros.test_depth import image, mounted, room
 
@@ -77,8 +78,8 @@ class AtAStair(Simulated):
     step: float = -0.18
     carried: float = math.inf
 
-    def __call__(self):
-        return Looks(super().__call__(), self.edge, self.step, self.seed, self.carried)
+    def maker(self):
+        return wrapped(super().maker(), Looks, self.edge, self.step, self.seed, self.carried)
 
 
 def before_a_stair(

@@ -159,7 +159,7 @@ class Session:
                 ends = [None if one is None else one.gated for one in listeners]
                 self.gated = RemoteGatedRobot(robot.maker(), gate, *ends)
             else:  # one process, one line: messages of loop and gate arrive in order
-                self.gated = LocalGatedRobot(robot(), gate, record, viewer=live)
+                self.gated = LocalGatedRobot(robot.maker()(), gate, record, viewer=live)
             epoch = time.time_ns() - round(self.gated.now() * 1e9)
             for one in listeners:
                 if one is not None:
