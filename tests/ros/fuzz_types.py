@@ -72,6 +72,8 @@ from tests.ros import test_cloud, test_depth, test_goals, test_masks
 from tests.ros.fuzz import Inside, wild
 
 SALLY = load_robot("sally")
+OUTLINE = [(0.3, 0.2), (-0.3, 0.2), (-0.3, -0.3)]
+SHAPED = SALLY.model_copy(update={"footprint_m": OUTLINE})
 LONGEST = 2.0
 """On a busy machine; a length that is believed takes minutes, or all the memory [s]."""
 BUMPER = ContactModel(name="a", mount_x_m=0.3, hazard="bump_left")
@@ -94,7 +96,7 @@ SEEN = {
     JOY: Joy(header(5, "joy"), np.array([0.0, 0.5, 0.2], np.float32), np.ones(3, np.int32)),
     POLYGON: PolygonStamped(
         header(5, "base_link"),
-        Polygon([Point32(x, y, 0.0) for x, y in ((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2))]),
+        Polygon([Point32(x, y, 0.0) for x, y in OUTLINE]),
     ),
     FILTER_INFO: test_masks.info(f"/{GRID}", 1), GRID: test_masks.grid(),
     HAZARDS: dict(contact_messages(TOUCHING, {"a"}, header(5, "base_link")))[f"/{HAZARDS}"],
@@ -120,7 +122,7 @@ class Listeners:
             Commands(self.network, f"/{kind}", 0.5, clock.Clock()) for kind in (TWIST, STAMPED)
         ]
         self.contacts = Contacts(self.network, TOUCHING, time.monotonic)
-        self.footprint = FootprintTopic(self.network, f"/{POLYGON}", "base_link", 0.4)
+        self.footprint = FootprintTopic(self.network, f"/{POLYGON}", "base_link", SHAPED)
         self.joy = JoyOperator(self.network, f"/{JOY}", JoyParams(1, 2, 0))
         lidar, body = SALLY.lidar, test_depth.mounted()
         assert lidar is not None
@@ -155,7 +157,7 @@ class Listeners:
             if not all(map(math.isfinite, one.now(now).twist)):
                 return f"a command of {one.now(now).twist}"
         outline, _ = self.footprint.read()
-        if outline is not None and not np.abs(outline).max() <= 0.8:
+        if outline is not None and not np.abs(outline).max() <= 2.0 * SHAPED.reach:
             return f"an outline of {outline.tolist()}"
         steered = self.joy.receive().command
         if steered is not None and not max(map(abs, steered.stick)) <= 1.0:
