@@ -164,7 +164,7 @@ class Rule:
 
     def follow(self, now: float, log: list[tuple], gate, docking: bool = False) -> None:
         """docking: whether that goes on, or undocking; it ends by itself."""
-        given = self.given
+        given, reset = self.given, False
         for what, *rest in log:
             if what == "lease":
                 before, self.driver = rest
@@ -174,6 +174,7 @@ class Rule:
             station, request, granted, _ = rest
             if not granted:
                 continue
+            reset = reset or request.what == RequestKind.RESET
             mode = Mode.AUTOMATIC if request.what in DOCKS else None
             if request.what == RequestKind.MODE:
                 mode = Mode(request.value)
@@ -189,7 +190,10 @@ class Rule:
                     assert after, "asked before a stop"
                 self.mode, self.given = mode, self.given + 1
         state = (gate.mode, gate.reason) if latched(gate.mode) else None
-        if state not in (None, self.latched) and not any(at == now for at, *_ in self.stops):
+        chose = self.given > given  # a stop after that, in the same period, is another one
+        again = chose and (reset or state != self.latched)
+        known = state == self.latched or any(at == now for at, *_ in self.stops)
+        if state is not None and (again or not known):
             self.end(now, 0)
         self.latched = state
         if self._docking and not docking and self.given == given and self.mode != Mode.HOLD:

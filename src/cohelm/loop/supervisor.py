@@ -270,6 +270,8 @@ class Supervisor:
             refusal = ""
         elif what == RequestKind.RESET:
             refusal = self._refusal(requested, driver) or self.problem or self.gated.reset()
+            if not refusal:
+                self._latched = (GateMode.IDLE, "")  # a stop that follows is another one
         elif what == RequestKind.ACKNOWLEDGE:
             refusal = "" if self.alarms.acknowledge(value) else "there is no such alarm"
         elif what == RequestKind.MODE:
