@@ -30,6 +30,13 @@ pytestmark = pytest.mark.xdist_group("realtime")
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
 
 
+def plug(page: Page, axes: str = "") -> None:
+    """Load the page again with a gamepad, whose axes are centred or as they are given."""
+    page.add_init_script(PAD)
+    page.reload()
+    page.evaluate(f"testPad.plug({axes})")
+
+
 def test_take_over_drive_with_the_keyboard_and_release(page: Page) -> None:
     expect(who(page)).to_contain_text("No driver")
     drive(page)
@@ -106,9 +113,7 @@ def test_stop_stops_and_only_the_driver_resets_it(page: Page, how: str) -> None:
 
 
 def test_a_gamepad_must_be_centred_before_it_steers(context: BrowserContext, page: Page) -> None:
-    page.add_init_script(PAD)
-    page.reload()
-    page.evaluate("testPad.plug([-1, 0, 0, 0])")
+    plug(page, "[-1, 0, 0, 0]")
     drive(page)
     expect(device(page)).to_contain_text("release it to the centre")
     expect(page.get_by_role("alert", name="Alarms")).to_contain_text("Your stick does not steer")
@@ -125,9 +130,7 @@ def test_a_gamepad_must_be_centred_before_it_steers(context: BrowserContext, pag
 
 
 def test_a_mode_does_not_begin_with_a_gamepad_that_lies_on_its_side(page: Page) -> None:
-    page.add_init_script(PAD)
-    page.reload()
-    page.evaluate("testPad.plug()")
+    plug(page)
     take(page)
     free(page)
     expect(device(page)).to_contain_text("gamepad: ready")
@@ -146,9 +149,7 @@ def test_a_mode_does_not_begin_with_a_gamepad_that_lies_on_its_side(page: Page) 
 
 
 def test_an_unplugged_gamepad_is_a_lost_stick(page: Page) -> None:
-    page.add_init_script(PAD)
-    page.reload()
-    page.evaluate("testPad.plug()")
+    plug(page)
     drive(page)
     expect(device(page)).to_contain_text("gamepad: ready")
     page.evaluate("testPad.deflect(0, 1)")
@@ -176,9 +177,7 @@ def test_an_unplugged_gamepad_is_a_lost_stick(page: Page) -> None:
 def test_after_a_stop_only_a_long_press_on_the_gamepad_resumes(
     page: Page,
 ) -> None:
-    page.add_init_script(PAD)
-    page.reload()
-    page.evaluate("testPad.plug()")
+    plug(page)
     drive(page)
 
     def hold(seconds: float) -> None:
@@ -218,9 +217,7 @@ def test_after_a_stop_only_a_long_press_on_the_gamepad_resumes(
 @pytest.mark.slow
 def test_a_gamepad_without_any_change_counts_as_lost(page: Page) -> None:
     """Its battery is flat, or it is out of reach: the receiver shows the last it heard."""
-    page.add_init_script(PAD)
-    page.reload()
-    page.evaluate("testPad.plug()")
+    plug(page)
     drive(page)
     expect(device(page)).to_contain_text("gamepad: ready")
     page.evaluate("testPad.hold(0, 0.6)")
@@ -293,9 +290,7 @@ def test_a_page_that_hangs_for_a_moment_continues_in_its_mode(
 
 @pytest.mark.slow  # it is some way to the next wall
 def test_the_gamepad_rumbles_near_an_obstacle(page: Page) -> None:
-    page.add_init_script(PAD)
-    page.reload()
-    page.evaluate("testPad.plug()")
+    plug(page)
     drive(page)
     expect(device(page)).to_contain_text("gamepad: ready")
     assert page.evaluate("testPad.rumbles.length") == 0
@@ -321,9 +316,7 @@ def test_the_gamepad_rumbles_near_an_obstacle(page: Page) -> None:
 
 @pytest.mark.slow
 def test_the_stop_button_of_the_gamepad_stops(page: Page) -> None:
-    page.add_init_script(PAD)
-    page.reload()
-    page.evaluate("testPad.plug()")
+    plug(page)
     drive(page)
     page.evaluate("testPad.press(1, true)")
     expect(stopped(page)).to_be_visible()
@@ -332,9 +325,7 @@ def test_the_stop_button_of_the_gamepad_stops(page: Page) -> None:
 
 @pytest.mark.slow  # nothing moves wrongly by it
 def test_stick_settings_are_stored(page: Page) -> None:
-    page.add_init_script(PAD)
-    page.reload()
-    page.evaluate("testPad.plug()")
+    plug(page)
     page.get_by_role("button", name="Stick settings").click()
     page.get_by_label("dead band").fill("0.5")
     page.get_by_label("inverted").first.uncheck()

@@ -89,15 +89,20 @@ def test_a_stop_passes_a_connection_that_is_full(
     assert requested(bare, RequestKind.STOP)
 
 
-def test_a_stop_without_a_connection_is_shown_and_sent_on_the_next(
-    context: BrowserContext, bare: Bare
-) -> None:
+def without_a_station(context: BrowserContext, bare: Bare) -> tuple[Page, int]:
+    """A page whose station has ended, and the port that it had."""
     with served(bare.connect) as station:
         page = shown(context, station)
         connected(page)
-        port = station.port
+    expect(page.get_by_role("alert", name="Alarms")).to_contain_text("No connection to the station")
+    return page, station.port
+
+
+def test_a_stop_without_a_connection_is_shown_and_sent_on_the_next(
+    context: BrowserContext, bare: Bare
+) -> None:
+    page, port = without_a_station(context, bare)
     alarms = page.get_by_role("alert", name="Alarms")
-    expect(alarms).to_contain_text("No connection to the station")
     bare.requests.clear()
     page.keyboard.press("Space")
     expect(alarms).to_contain_text("STOP is not sent yet")
@@ -122,12 +127,8 @@ def login(page: Page, server: Server) -> None:
 def test_a_stop_that_was_not_sent_survives_a_reload_but_not_for_hours(
     context: BrowserContext, bare: Bare, hours: int
 ) -> None:
-    with served(bare.connect) as station:
-        page = shown(context, station)
-        connected(page)
-        port = station.port
+    page, port = without_a_station(context, bare)
     alarms = page.get_by_role("alert", name="Alarms")
-    expect(alarms).to_contain_text("No connection to the station")
     page.keyboard.press("Space")
     expect(alarms).to_contain_text("STOP is not sent yet")
     page.evaluate(f"""sessionStorage.setItem(

@@ -19,7 +19,7 @@ from cohelm.drive.factory import (
     mapped,
     own_robot,
     simulated,
-)  # fmt: skip
+)
 from cohelm.link.messages import Mode
 from cohelm.link.operator import NullOperator, Scripted
 from cohelm.plan.zones import Zones

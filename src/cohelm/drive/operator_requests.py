@@ -114,4 +114,4 @@ class OperatorRequests:
         """Publish now, and to records that begin later."""
         self._drawn = all_
         for one in all_:
-            self._publisher.publish(one if isinstance(one, Polyline) else drawable(one))
+            self._publisher.publish(drawable(one))

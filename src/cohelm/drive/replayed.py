@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from cohelm.drive.playback import Playback
-from cohelm.link.bulk_messages import Map, ZoneMap, slot_of
+from cohelm.link.bulk_messages import slot_of
 from cohelm.link.rasters import drawable
 from cohelm.link.station_end import LinkState
 from cohelm.station.robot_link import News, PlaybackPosition, RefusingLink
@@ -66,7 +66,7 @@ class Replaying(RefusingLink):
             self._new = False
             self._sent_at = now
             out += [
-                _drawable(news)
+                news._replace(message=drawable(news.message))
                 for news in self._played.at(self.place.at)
                 if self._is_new(news.message)
             ]
@@ -81,10 +81,3 @@ class Replaying(RefusingLink):
     def state(self) -> LinkState:
         """There is no link."""
         return LinkState(True, "a record", "")
-
-
-def _drawable(news: News) -> News:
-    message = news.message
-    if not isinstance(message, Map | ZoneMap):
-        return news
-    return news._replace(message=drawable(message))

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import zlib
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.link.bulk_messages import LARGEST_BULK, Map, Zone, ZoneMap
+
+T = TypeVar("T")
 
 MOST_ALONG, MOST_CELLS = 16_384, 2**24
 """Cells along one side, and of all, that every browser draws as one picture: a canvas of more is
@@ -15,11 +18,12 @@ empty in some, without an error. A site of 200 m has 16 million cells of 5 cm.""
 _MOST_PACKED = LARGEST_BULK - 1000
 
 
-def drawable(shown: Map | ZoneMap) -> Map | ZoneMap:
-    """The same for a page: cells twice as wide, as often as needed."""
-    while not _drawn_as_one(shown):
+def drawable(message: T) -> T:
+    """The same for a page: a map or zones with cells twice as wide, as often as needed."""
+    shown: object = message
+    while isinstance(shown, Map | ZoneMap) and not _drawn_as_one(shown):
         shown = coarser(shown)
-    return shown
+    return cast(T, shown)
 
 
 def _drawn_as_one(shown: Map | ZoneMap) -> bool:

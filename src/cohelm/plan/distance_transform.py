@@ -1,4 +1,8 @@
-"""Exact Euclidean distance transform of a grid (Meijster, Roerdink & Hesselink 2000)."""
+"""Exact Euclidean distance transform of a grid (Meijster, Roerdink & Hesselink 2000).
+
+Not scipy's, which the tests compare it with: a path takes three, and was a third of a simulated
+room's processor time with that.
+"""
 
 from __future__ import annotations
 

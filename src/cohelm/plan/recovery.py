@@ -188,6 +188,13 @@ def _turn(
 
 
 @jit
+def within(points: Floats, pose: Pose, radius: float) -> Floats:
+    """The points within a radius of a pose [m]."""
+    dx, dy = points[:, 0] - pose.x, points[:, 1] - pose.y
+    return points[dx * dx + dy * dy < radius * radius]
+
+
+@jit
 def is_clear(points: Floats, outline: Floats, reach: float, pose: Pose, clearance: float) -> bool:
     """Whether the outline at a pose keeps `clearance` to all points."""
     c, s = math.cos(pose.psi), math.sin(pose.psi)
@@ -208,15 +215,10 @@ def turns(
 ) -> bool:
     """Whether the outline keeps `clearance` during a turn on the spot."""
     n = max(math.ceil(abs(angle) * reach / _SPACING), 1)
-    far = (reach + clearance) * (reach + clearance)
-    near, m = np.empty((len(points), 2)), 0
-    for p in range(len(points)):
-        dx, dy = points[p, 0] - pose.x, points[p, 1] - pose.y
-        if dx * dx + dy * dy < far:
-            near[m, 0], near[m, 1], m = points[p, 0], points[p, 1], m + 1
+    near = within(points, pose, reach + clearance)
     for i in range(n + 1):
         psi = pose.psi + (angle if i == n else i * (angle / n))
-        if not is_clear(near[:m], outline, reach, Pose(pose.x, pose.y, psi), clearance):
+        if not is_clear(near, outline, reach, Pose(pose.x, pose.y, psi), clearance):
             return False
     return True
 

@@ -11,7 +11,7 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.heap import pop, push
-from cohelm.plan.recovery import GAIN, RecoveryMove, RecoveryParams, is_clear, kind, turns
+from cohelm.plan.recovery import GAIN, RecoveryMove, RecoveryParams, is_clear, kind, turns, within
 from cohelm.robot.kinematics import arc
 
 _STEP = 0.04  # along an arc [m]
@@ -37,8 +37,7 @@ def search_recovery(
     counter-clockwise. refused: kinds of moves not to begin with.
     """
     reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
-    off = points - np.array(pose[:2])
-    near = points[np.hypot(off[:, 0], off[:, 1]) < _RADIUS + 2.0 * reach]
+    near = within(points, pose, _RADIUS + 2.0 * reach)
     clearance_now = float(swept_clearances(near, outline, np.array([pose]))[0])
     least = min(params.least, clearance_now - 1e-6)
     curvatures = np.array(params.curvatures)
@@ -81,7 +80,7 @@ def _search(
             continue
         expanded[m] = k
         m += 1
-        beside = _within(points, at, reach + least + 2.0 * scale * _STEP)
+        beside = within(points, at, reach + least + 2.0 * scale * _STEP)  # of its steps too
         short = wrap(heading - at.psi)
         for angle in (short, short - math.copysign(2.0 * math.pi, short)):
             allowed = k > 0 or not kind(RecoveryMove(0.0, 0.0, angle)) & refused
@@ -106,13 +105,6 @@ def _search(
     clearances = swept_clearances(points, outline, poses[expanded[:m]])
     best = int(np.argmax(clearances))
     return clearances[best], _first_move(steps, before, by, expanded[best], 0.0)
-
-
-@jit
-def _within(points: Floats, pose: Pose, radius: float) -> Floats:
-    """The points within a radius of a pose: all that a step from there can come near [m]."""
-    dx, dy = points[:, 0] - pose.x, points[:, 1] - pose.y
-    return points[dx * dx + dy * dy < radius * radius]
 
 
 @jit
