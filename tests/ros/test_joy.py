@@ -19,7 +19,7 @@ class Topic:
     """A joystick in a test's hands, and the wall's time."""
 
     def __init__(self, **params):
-        self.now = 10.0
+        self.now, self.ahead, self.sender = 10.0, 1.7e9, "pad"
         self.operator = JoyOperator(self, "/joy", JoyParams()._replace(**params), lambda: self.now)
 
     def subscribe(self, topic, kind, qos, heard):
@@ -29,14 +29,17 @@ class Topic:
     def endpoints(self):
         return []
 
-    def say(self, x=0.0, psi=0.0, held=True, axes=6, buttons=8):
+    def say(self, x=0.0, psi=0.0, held=True, axes=6, buttons=8, late=0.0, stamp=None):
         given = [0.0] * axes
         if axes > 5:
             given[5], given[2] = x, psi
         pressed = [0] * buttons
         if buttons > 5:
             pressed[5] = int(held)
-        self._heard(Received(SimpleNamespace(axes=given, buttons=pressed), self.now))
+        stamped = self.now + self.ahead - late if stamp is None else stamp
+        stamp = SimpleNamespace(sec=int(stamped), nanosec=int(stamped % 1.0 * 1e9))
+        message = SimpleNamespace(header=SimpleNamespace(stamp=stamp), axes=given, buttons=pressed)
+        self._heard(Received(message, self.now, sender=self.sender))
 
     def heard(self):
         """As the loop takes it."""
@@ -180,3 +183,59 @@ def test_a_joystick_topic_without_publisher_is_reported(monkeypatch):
     joy = Topic()
     joy.say()
     assert joy.operator.nothing_received() == ""
+
+
+def test_a_stick_that_comes_seconds_late_is_none():
+    """As over a bridge that holds messages up, and delivers them one right after the other."""
+    joy = Topic()
+    for _ in range(50):
+        joy.say(0.5, late=0.03)
+        joy.now += 0.02
+    assert joy.stick == Stick(0.5, 0.0)
+    for k in range(100):  # three seconds of them, delivered within one
+        joy.say(0.5, late=3.0 - 0.02 * k)
+        if k < 80:
+            assert joy.stick is None
+            assert joy.operator.problem().endswith("s late, by its stamps")
+            assert not joy.operator.held()
+        joy.now += 0.01
+    for _ in range(20):
+        joy.say(0.5, late=0.03)
+        joy.now += 0.02
+    assert joy.operator.problem() == ""
+
+
+def test_stamps_that_say_nothing_make_no_stick_late():
+    joy = Topic()
+    for _ in range(100):
+        joy.say(0.5, stamp=1.7e9)  # the first one's, repeated
+        assert joy.stick == Stick(0.5, 0.0)
+        joy.say(0.25, stamp=0.0)
+        assert joy.stick == Stick(0.25, 0.0)
+        joy.now += 0.02
+    for k in range(100):  # by a simulator's time, at half the speed
+        joy.say(0.5 + 1e-3 * k, stamp=100.0 + 0.01 * k)
+        assert joy.stick is not None
+        joy.now += 0.02
+
+
+def test_clocks_that_differ_drift_or_are_set_lose_no_stick_for_long():
+    joy = Topic()
+    for second in range(3600):  # an hour at 200 ppm
+        joy.ahead -= 200e-6
+        joy.say(1e-4 * second, late=0.02)
+        assert joy.stick is not None
+        joy.now += 1.0
+    joy.ahead -= 5.0  # its clock is set back: all it says seems late
+    joy.say(0.4)
+    assert joy.stick is None
+    joy.sender = "the same pad, its driver started again"
+    joy.say(0.5)
+    assert joy.stick is not None
+    joy.ahead -= 5.0
+    lost = 0.0
+    while joy.stick is None or not lost:
+        lost += 1.0
+        joy.now += 1.0
+        joy.say(1e-4 * lost, late=0.02)
+        assert lost < 700.0

@@ -74,6 +74,40 @@ class WallSteps:
         return true if -AHEAD <= true <= TRANSIT else age
 
 
+class Lateness:
+    """How much longer messages of one sender are under way than the fastest of late, where nothing
+    is known of its clock.
+
+    Held up on its way (by a bridge over TCP, a router's queue), a message comes seconds after it
+    was stamped, and others right behind it. That all are held up equally, from the first one on,
+    can not be seen. A clock that was set back makes all messages late, for `_MINUTES`.
+    """
+
+    _MINUTES = 10
+    """For so long the fastest counts: clocks drift apart by 0.12 s meanwhile."""
+
+    def __init__(self) -> None:
+        self._fastest: dict[int, float] = {}
+        """Of each of the last minutes: when it came less when it was stamped [s]."""
+        self._stamp = self._late = math.nan
+
+    def update(self, stamp: float, came: float) -> float:
+        """Of a message with this stamp, by any clock, that came at `came` by ours [s].
+
+        0 without a stamp, or with that of a simulator; one that is repeated says nothing new.
+        """
+        if stamp < SIMULATED:
+            return 0.0
+        if stamp != self._stamp:
+            minute, way = int(came // 60.0), came - stamp
+            self._fastest = {
+                one: least for one, least in self._fastest.items() if one > minute - self._MINUTES
+            }
+            self._fastest[minute] = min(self._fastest.get(minute, way), way)
+            self._stamp, self._late = stamp, way - min(self._fastest.values())
+        return self._late
+
+
 def seconds(stamp: Any) -> float:
     """Of a `builtin_interfaces/msg/Time`."""
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)

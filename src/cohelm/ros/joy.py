@@ -15,6 +15,7 @@ from cohelm.link.messages import Command, Device
 from cohelm.link.operator import NullOperator, OperatorInput, is_current
 from cohelm.link.sticks.port import patience
 from cohelm.ros import mismatch
+from cohelm.ros.clock import Lateness, seconds
 from cohelm.ros.port import SENSOR, Received, Transport
 
 JOY = "sensor_msgs/msg/Joy"
@@ -76,6 +77,8 @@ class JoyOperator(NullOperator):
         self._lock = threading.Lock()
         self._came = self._changed = -math.inf
         """When the newest message came, and when one differed from that before [s]."""
+        self._sender, self._lateness, self._late = "", Lateness(), 0.0
+        """Of the newest message: how late it came, compared with the fastest of its sender [s]."""
         self._damage = ""
         """What was wrong with the bytes that came last."""
         self._newest: tuple[tuple[float, ...], tuple[int, ...]] = ((), ())
@@ -103,20 +106,21 @@ class JoyOperator(NullOperator):
         reading, why = self._read(), self.problem()
         stick = CENTRED if isinstance(reading, str) else reading
         command = Command(stick, not isinstance(reading, str), True, Device.GAMEPAD)
-        age = self._clock() - self._came
+        age = self._age()
         if not math.isfinite(age):
             return OperatorInput(1, self.topic, None, math.nan, 0.0, (), why=why)
         return OperatorInput(1, self.topic, command, age, 0.0, (), why=why)
 
     def problem(self) -> str:
         """Why there is no stick, in a sentence; empty: there is one."""
-        age = self._clock() - self._came
+        age, silent = self._age(), self._clock() - self._came
         if not is_current(age):
-            known = math.isfinite(age)
             if self._damage:
                 return f"{self.topic}: what comes can not be read ({self._damage})"
+            if is_current(silent):
+                return f"{self.topic}: comes {age:.1f} s late, by its stamps"
             return f"{self.topic}: " + (
-                f"silent for {age:.1f} s" if known else "nothing is received"
+                f"silent for {silent:.1f} s" if math.isfinite(silent) else "nothing is received"
             )
         reading = self._read()
         return f"{self.topic}: {reading}" if isinstance(reading, str) else ""
@@ -130,6 +134,11 @@ class JoyOperator(NullOperator):
     def close(self) -> None:
         """Receive no more."""
         self._end()
+
+    def _age(self) -> float:
+        """Of the newest message, since it was stamped, as far as that can be known [s]."""
+        with self._lock:
+            return self._clock() - self._came + self._late
 
     def _read(self) -> Stick | str:
         """Its deflection, or why there is none."""
@@ -167,5 +176,8 @@ class JoyOperator(NullOperator):
         )
         with self._lock:
             self._came = self._clock()
+            if received.sender != self._sender:
+                self._sender, self._lateness = received.sender, Lateness()
+            self._late = self._lateness.update(seconds(message.header.stamp), self._came)
             if newest != self._newest:
                 self._newest, self._changed = newest, self._came
