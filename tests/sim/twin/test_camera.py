@@ -148,6 +148,7 @@ def test_pictures_are_drawn_as_often_as_requested_and_none_where_nobody_looks(mo
 @pytest.mark.xdist_group("realtime")
 def test_in_real_time_a_thread_of_its_own_draws_and_ends_with_the_robot():
     robot = with_cone("rays", clock=WallClock())
+    assert "ray casting" in robot.draws  # made already: that holds up this whole process
     end = time.monotonic() + 20.0
     while robot.read().frame is None and time.monotonic() < end:
         robot.wait(robot.now() + 0.05)

@@ -62,11 +62,13 @@ def camera(
 class Eye:
     """Renders shots as a camera of its own, from a copy: the simulation goes on meanwhile.
 
-    With `aside` in a thread of its own, and only the newest shot; else on request.
+    With `aside` in a thread of its own, and only the newest shot; else on request. That thread's
+    camera is there when the eye is: making it holds Python's lock, on a busy machine for seconds,
+    in which nobody else in this process would answer.
     """
 
     def __init__(self, model: Any, width: int, height: int, kind: Kind, aside: bool) -> None:
-        self._model, self._size, self._aside = model, (width, height), aside
+        self._model, self._size = model, (width, height)
         self._kind: Kind = kind
         self._data: Any = None
         self._camera: TwinCamera | None = None
@@ -76,10 +78,17 @@ class Eye:
         self._bell = threading.Condition()
         self._done = False
         self._thread: threading.Thread | None = None
+        if aside:
+            made = threading.Event()
+            self._thread = threading.Thread(
+                target=self._work, args=(made,), name="twin's camera", daemon=True
+            )
+            self._thread.start()
+            made.wait()
 
     @property
     def renderer(self) -> str:
-        """The renderer's name; known from the first picture on."""
+        """The renderer's name; where it draws on request, known from the first picture on."""
         return "none yet" if self._camera is None else self._camera.renderer
 
     def offer(self, shot: Shot) -> None:
@@ -94,11 +103,8 @@ class Eye:
             self._shot = None
 
     def newest(self) -> Frame | None:
-        """The last picture; the first call begins to draw. Raises what drawing raised."""
-        if self._aside and self._thread is None:
-            self._thread = threading.Thread(target=self._work, name="twin's camera", daemon=True)
-            self._thread.start()
-        if not self._aside and self._shot is not None:
+        """The last picture. Raises what drawing raised."""
+        if self._thread is None and self._shot is not None:
             self._frame, self._shot = self._drawn(self._shot), None
         if self._trouble is not None:
             raise self._trouble
@@ -114,8 +120,13 @@ class Eye:
         elif self._camera is not None:
             self._camera.close()
 
-    def _work(self) -> None:
-        while True:
+    def _work(self, made: threading.Event) -> None:
+        try:
+            self._make()
+        except Exception as error:  # raised at the next read
+            self._trouble = error
+        made.set()
+        while self._trouble is None:
             with self._bell:
                 self._bell.wait_for(lambda: self._done or self._shot is not None)
                 shot, self._shot = self._shot, None
@@ -123,18 +134,20 @@ class Eye:
                 break
             try:
                 self._frame = self._drawn(shot)
-            except Exception as error:  # raised at the next read
+            except Exception as error:
                 self._trouble = error
-                break
         if self._camera is not None:
             self._camera.close()
 
+    def _make(self) -> TwinCamera:
+        self._data = mujoco.MjData(self._model)
+        self._camera = camera(self._model, *self._size, self._kind)
+        return self._camera
+
     def _drawn(self, shot: Shot) -> Frame:
-        if self._camera is None:
-            self._data = mujoco.MjData(self._model)
-            self._camera = camera(self._model, *self._size, self._kind)
+        made = self._camera or self._make()
         posed(self._model, self._data, shot)
-        pixels = self._camera.draw(self._data)
+        pixels = made.draw(self._data)
         pixels.flags.writeable = False
         return Frame(shot.stamp, shot.number, pixels)
 
