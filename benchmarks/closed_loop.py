@@ -40,7 +40,7 @@ from cohelm.robot.gate.modes import GateMode  # noqa: E402
 from cohelm.scenario.load import robot  # noqa: E402
 from cohelm.scenario.model import Scenario  # noqa: E402
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, OccupancyMap, write_map  # noqa: E402
-from cohelm.study.campaign.suites import sensing  # noqa: E402
+from cohelm.study.campaign.suites import sensed  # noqa: E402
 from tests.perceive.buildings import Artefacts, boxes, building, tour  # noqa: E402
 from tests.perceive.drives import along  # noqa: E402
 
@@ -86,7 +86,7 @@ class LoopResult(NamedTuple):
 def carried(name: str) -> dict[str, object]:
     """A robot with the sensors of campaigns, without a camera."""
     model = robot(name)
-    fitted = sensing(model).fitted(model).model_copy(update={"camera": None})
+    fitted = sensed(model).model_copy(update={"camera": None})
     return fitted.model_dump(mode="json", exclude_none=True)
 
 

@@ -102,9 +102,32 @@ def test_the_plant_says_how_far_round_the_lidar_sees(plant, degrees):
 
 def test_a_rear_lidar_is_as_the_front_one_and_the_robot_is_sally_rear():
     twin = suites.suite("lab", 1, None, "twin-rear").case(1).setup.twin
-    assert twin.robot.lidars == robot("sally-rear").lidars
+    assert twin.robot.lidars == suites.sensed(robot("sally-rear")).lidars
     (rear,) = twin.physics.fitted(twin.robot).further_lidars
     assert (rear.noise_m, rear.latency_s, rear.sweep_s) == (0.02, 0.05, 0.075)
+
+
+def test_each_lidar_sweeps_within_its_own_scan_period():
+    """A rear LiDAR four times as fast as the front one can be driven."""
+    model = robot("sally-rear")
+    (rear,) = model.further_lidars
+    fast = rear.model_copy(update={"rate_hz": 40.0})
+    model = model.model_copy(update={"further_lidars": (fast,)})
+    twin = suites.suite("random", 1, None, "twin", model).case(0).setup.twin
+    fitted = twin.physics.fitted(twin.robot)
+    sweeps = [one.sweep_s for one in fitted.lidars]
+    assert sweeps == [pytest.approx(0.075), pytest.approx(0.75 / 40.0)]
+
+
+def test_a_robot_with_sensors_worse_than_the_suites_is_driven_with_its_own():
+    model = robot("sally")
+    lidar = model.lidar.model_copy(update={"noise_m": 0.05, "latency_s": 0.4, "sweep_s": 0.09})
+    odometry = model.odometry.model_copy(update={"distance_error": 0.04, "gyro_drift_degps": 0.5})
+    model = model.model_copy(update={"lidar": lidar, "odometry": odometry})
+    twin = suites.suite("random", 1, None, "twin", model).case(0).setup.twin
+    fitted = twin.physics.fitted(twin.robot)
+    assert fitted.lidar == lidar
+    assert fitted.odometry == odometry
 
 
 def test_visibility_before_a_contact_is_computed_from_the_true_scene():

@@ -176,10 +176,11 @@ def _suite(name: str, seed: int, data: Path | None) -> Suite:
 #
 # The robot localizes on a map of all standing obstacles, as if measured by tape (the walkers are on
 # no map), in the adversary's field by its odometry alone. It knows obstacles from its LiDAR by
-# `perceive`; truth is for the judge. Its sensors: LiDAR as in the robot's file but with 2 cm of
+# `perceive`; truth is for the judge. Its sensors: LiDARs as in the robot's file but with 2 cm of
 # noise, a sweep that takes three quarters of the scan period, and 50 ms more until it is read;
-# wheels that measure some 1.5 % wrongly, and a gyro that drifts 0.02 deg/s. While the robot is
-# lost, or has seen nothing yet, the reference waits.
+# wheels that measure some 1.5 % wrongly, and a gyro that drifts 0.02 deg/s; or as badly as the
+# file says, where that is worse. While the robot is lost, or has seen nothing yet, the reference
+# waits.
 
 
 POST = 0.015
@@ -189,16 +190,24 @@ _NOISE, _LATENCY, _SWEEPS = 0.02, 0.05, 0.75  # [m], [s], share of the time betw
 _WHEELS, _DRIFT = 0.015, 0.02  # share, [deg/s]
 
 
-def sensing(model: RobotModel) -> TwinModel:
-    """The errors of a robot's sensors here."""
-    rate = 10.0 if model.lidar is None else model.lidar.rate_hz
-    return TwinModel(
-        lidar_noise_m=_NOISE,
-        lidar_sweep_s=_SWEEPS / rate,
-        lidar_latency_s=_LATENCY,
-        odometry_distance_error=_WHEELS,
-        gyro_drift_degps=_DRIFT,
-    )
+def sensed(model: RobotModel) -> RobotModel:
+    """The robot with the errors of its sensors here; those that its file says are worse stay."""
+    lidars = [
+        one.model_copy(update={
+            "noise_m": max(one.noise_m, _NOISE),
+            "sweep_s": max(one.sweep_s, _SWEEPS / one.rate_hz),
+            "latency_s": max(one.latency_s, _LATENCY),
+        })
+        for one in model.lidars
+    ]  # fmt: skip
+    wheels = model.odometry
+    odometry = wheels.model_copy(update={
+        "distance_error": max(wheels.distance_error, _WHEELS),
+        "gyro_drift_degps": max(wheels.gyro_drift_degps, _DRIFT),
+    })  # fmt: skip
+    first, further = (lidars[0], tuple(lidars[1:])) if lidars else (None, ())
+    update = {"lidar": first, "further_lidars": further, "odometry": odometry}
+    return model.model_copy(update=update)
 
 
 def equipped(model: RobotModel, plant: str) -> RobotModel:
@@ -232,9 +241,9 @@ def with_all_round_lidar(model: RobotModel) -> RobotModel:
 
 def on_twin(case: Episode, plant: str) -> Episode:
     """The same episode on the twin."""
-    model = equipped(case.robot, plant)
+    model = sensed(equipped(case.robot, plant))
     assert model.lidar is not None
-    physics, setup, further = sensing(model), case.setup, model.further_lidars
+    physics, setup, further = TwinModel(), case.setup, model.further_lidars
     if case.rollout is not None:
         field = _field(case)
         names = tuple(f"thing_{i}" for i in range(len(field.discs)))
