@@ -1,13 +1,15 @@
 """A law by somebody else in a campaign: the same episodes and judge, errors with a sentence."""
 
 import math
+import sys
 
 import pytest
 
 import cohelm
 from cohelm.core.errors import CohelmError
+from cohelm.study.campaign.laws import own_code
 from cohelm.study.campaign.replay_episode import drive
-from cohelm.study.campaign.runner import CampaignConfig
+from cohelm.study.campaign.runner import CampaignConfig, run
 from cohelm.study.campaign.suites import suite
 from cohelm.study.campaign.worker import chunk
 
@@ -42,6 +44,48 @@ def test_an_external_law_is_judged_like_ours_and_replayed_equally():
     assert sum(row.contacts_moving for row in safe) == 0
     assert all(row.limit_excess == 0.0 for row in (*bare, *safe))
     assert drive(ROOMS.case(1), safe[1]).same
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_rows_of_a_law_that_was_changed_since_are_refused(tmp_path, monkeypatch, beside):
+    """Also where the change is in a file beside it, or in its package."""
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "gains_of_mine.py").write_text("V = 0.0")
+    text = (
+        "from gains_of_mine import V\nimport cohelm\n"
+        "def make(robot, period):\n    return lambda now: cohelm.Twist(V, 0.0)\n"
+    )
+    (tmp_path / "law_of_mine.py").write_text(text)
+    plan = CampaignConfig("movers", ("law_of_mine:make",), 1, 1)
+    try:
+        _, (stood,) = run(plan, tmp_path / "out", 1, None, lambda *_: None)
+        _, (again,) = run(plan, tmp_path / "out", 1, None, lambda *_: None)
+        changed, text = ("gains_of_mine", "V = 0.5") if beside else ("law_of_mine", text + "\n#")
+        (tmp_path / f"{changed}.py").write_text(text)
+        own_code.cache_clear()  # as in a process of its own
+        with pytest.raises(CohelmError, match="another version of your law"):
+            run(plan, tmp_path / "out", 1, None, lambda *_: None)
+    finally:
+        for name in ("law_of_mine", "gains_of_mine"):
+            sys.modules.pop(name, None)
+    assert stood.path_length_m == again.path_length_m == 0.0
+
+
+def test_the_code_of_a_law_in_a_package_is_all_of_the_package(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    inner = tmp_path / "laws_of_mine" / "inner"
+    inner.mkdir(parents=True)
+    for folder in (inner.parent, inner):
+        (folder / "__init__.py").write_text("")
+    (inner / "law.py").write_text("def make(robot, period):\n    return print\n")
+    try:
+        before = own_code("laws_of_mine.inner.law:make")
+        (inner.parent / "gains.py").write_text("V = 1.0")
+        own_code.cache_clear()
+        assert own_code("laws_of_mine.inner.law:make") != before
+    finally:
+        for name in [name for name in sys.modules if name.startswith("laws_of_mine")]:
+            del sys.modules[name]
 
 
 @pytest.mark.parametrize(

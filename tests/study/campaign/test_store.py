@@ -94,6 +94,8 @@ def test_a_full_disk_is_reported_and_leaves_what_was_written(tmp_path, monkeypat
         ({"laws": ["paper", "none"]}, r"laws guard \(requested: paper, none\)"),
         ({"n": 10, "seed": 3}, "seed 1 .*n 9|n 9 .*seed 1"),
         ({"code": "b"}, "another version of this code"),
+        ({"own": {"my:law": "b"}}, "another version of your law"),
+        ({"code": "b", "own": {"my:law": "b"}}, "another version of this code"),
     ],
 )
 def test_a_folder_of_another_campaign_is_refused_with_what_differs(tmp_path, change, words):

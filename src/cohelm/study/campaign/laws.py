@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from types import ModuleType
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.plugins import plugin
+from cohelm.core.plugins import plugin, plugins
 from cohelm.core.trace import Trace
 from cohelm.robot.model import RobotModel
 from cohelm.study.campaign.episode import LAWS, Episode, Interventions, traced
@@ -28,6 +33,29 @@ def factory(law: str) -> ControllerFactory:
     if not callable(made):
         raise CohelmError(f"{law} must be a function (robot, period) that returns a controller")
     return made
+
+
+@cache
+def own_code(law: str) -> str:
+    """A digest of the code of a law by others: its package, or its module and what it has imported
+    from the same folder. As of the first call: what a process has imported stays as it was."""
+    factory(law)  # so that it is imported
+    module, colon, _ = law.partition(":")
+    name = (module if colon else plugins(GROUP)[law].module).partition(".")[0]
+    digest = hashlib.sha256()
+    for path in sorted(_files(sys.modules[name])):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _files(module: ModuleType) -> set[Path]:
+    """The source files of a top-level module."""
+    if hasattr(module, "__path__"):
+        return {path for folder in module.__path__ for path in Path(folder).rglob("*.py")}
+    named = [str(getattr(one, "__file__", None)) for one in [*sys.modules.values()]]
+    loaded = {Path(name) for name in named if name.endswith(".py")}
+    folder = Path(str(module.__file__)).parent
+    return {path for path in loaded if path.parent == folder and path.is_file()}
 
 
 def pieces(case: Episode, law: str, acted: Interventions) -> Iterator[Trace]:

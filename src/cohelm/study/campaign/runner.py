@@ -20,7 +20,7 @@ from cohelm.core.types import Progress
 from cohelm.robot.keep.processes import end_with_parent
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.explain import nearest
-from cohelm.study.campaign.laws import GROUP, factory, is_own
+from cohelm.study.campaign.laws import GROUP, factory, is_own, own_code
 from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.campaign.store import Key, Store
 from cohelm.study.campaign.suites import Suite, suite
@@ -95,6 +95,7 @@ class CampaignConfig:
             "plant": made.plant,
             "robot": self.robot and self.robot.model_dump(mode="json", exclude_defaults=True),
             "code": code(),
+            "own": {law: own_code(law) for law in self.laws if is_own(law)},
         }
 
 

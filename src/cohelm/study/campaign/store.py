@@ -30,6 +30,9 @@ pq: Any = importlib.import_module("pyarrow.parquet")
 PLAN, ROWS = "campaign.json", "rows"
 _LOCK = ".lock"
 
+_VERSIONS = {"code": "this code", "own": "your law"}
+"""Digests in a plan, and what they are of."""
+
 Key = tuple[str, int]
 """Of a row: law and episode."""
 
@@ -158,15 +161,15 @@ def read_rows(folder: Path) -> dict[Key, EpisodeResult]:
 def _difference(there: dict[str, Any], requested: dict[str, Any]) -> str:
     """How two plans differ, as one sentence."""
     names = [key for key in {**there, **requested} if there.get(key) != requested.get(key)]
-    if names == ["code"]:
+    if set(names) <= _VERSIONS.keys():
         return (
-            "was driven with another version of this code, whose rows do not belong with new "
-            "ones; choose another folder with --out"
+            f"was driven with another version of {_VERSIONS[names[0]]}, whose rows do not belong "
+            "with new ones; choose another folder with --out"
         )
     differences = ", ".join(
         f"{name} {_brief(there.get(name))} (requested: {_brief(requested.get(name))})"
         for name in names
-        if name != "code"
+        if name not in _VERSIONS
     )
     return f"holds another campaign, with {differences}; choose another folder with --out"
 
