@@ -116,6 +116,22 @@ def test_a_record_of_a_run_is_read_into_columns(tmp_path):
     assert "lab-track" in record.scenario
 
 
+def test_a_record_that_is_not_whole_says_so(drive, tmp_path):
+    """Cut short, or with one byte changed in its middle."""
+    from cohelm.record.read import IncompleteRecord
+
+    whole, path = drive.read_bytes(), tmp_path / "drive.mcap"
+    changed = bytearray(whole)
+    changed[len(whole) // 2] ^= 1
+    for data, why in ((whole[: len(whole) // 2], "ends too early"), (changed, "damaged")):
+        path.write_bytes(data)
+        with pytest.warns(IncompleteRecord, match=f"not whole .*{why}.* read up to t = "):
+            record = cohelm.read_record(path)
+        assert why in record.damage
+        assert 0 < len(record.table["t"]) < 50
+    assert cohelm.read_record(drive).damage == ""
+
+
 def test_a_file_that_is_no_record_is_reported(tmp_path):
     (tmp_path / "no.mcap").write_bytes(b"not a record")
     for path, said in ((tmp_path / "no.mcap", "not an MCAP"), (tmp_path / "gone", "can not be")):

@@ -208,10 +208,16 @@ def drive(
 
 
 def _recorded(path: Path) -> Connect:
+    import warnings
+
     from cohelm.drive.playback import Playback
     from cohelm.drive.replayed import Replaying
 
-    shown = Playback(path / "record.mcap" if path.is_dir() else path)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        shown = Playback(path / "record.mcap" if path.is_dir() else path)
+    for warning in caught:
+        say(f"[yellow]warning:[/yellow] {plain(str(warning.message))}")
     return lambda _: Replaying(shown)
 
 

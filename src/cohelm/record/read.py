@@ -31,7 +31,7 @@ def _ignore(_topic: str, _t: float, _message: Any) -> None:
 
 
 class IncompleteRecord(UserWarning):
-    """The file ends in the middle of a run, or is damaged: only the steps before are there."""
+    """The file ends too early, or is damaged: only the periods before are there."""
 
 
 class Record(NamedTuple):
@@ -57,6 +57,8 @@ class Record(NamedTuple):
     """The YAML text it was made by; empty if there was none."""
     further_scans: dict[str, list[tuple[float, Floats]]]
     """The scans of further LiDARs, by their names."""
+    damage: str = ""
+    """Why the record is not whole: then only what came before is here. Empty if it is."""
 
     def __repr__(self) -> str:
         """What there is of each, not all of it."""
@@ -92,7 +94,8 @@ class RecordedPeriods:
 
 
 def read_record(path: str | Path) -> Record:
-    """Read a record: a file, or a run's folder. One that was cut short is read up to there.
+    """Read a record: a file, or a run's folder. One that was cut short, or is damaged, is read up
+    to there, with an `IncompleteRecord` warning and the reason in `damage`.
 
         >>> import cohelm
         >>> record = cohelm.read_record("drive.mcap")  # doctest: +SKIP
@@ -118,7 +121,7 @@ def read_record(path: str | Path) -> Record:
     found = periods(file, ("/scan", prefix + "*", "/rosout"), handle)
     names = found.rows.dtype.names or ()
     table = {name: np.ascontiguousarray(found.rows[name]) for name in names}
-    return Record(found.kind, table, scans, events, found.scenario, further)
+    return Record(found.kind, table, scans, events, found.scenario, further, found.damage)
 
 
 def read(path: Path) -> Trace:
@@ -142,21 +145,13 @@ def read(path: Path) -> Trace:
         raise CohelmError(
             f"{path}: its description of the run is damaged ({error}): run it again"
         ) from error
-    trace = Trace(found.rows, h, discs, names, dt, found.scenario)
-    if found.damage:
-        t = float(trace.rows["t"][-1])
-        warnings.warn(
-            f"{path} is not whole ({found.damage}); the run is read up to t = {t:.2f} s",
-            IncompleteRecord,
-            stacklevel=2,
-        )
-    return trace
+    return Trace(found.rows, h, discs, names, dt, found.scenario)
 
 
 def periods(path: Path, topics: Sequence[str] = (), handle: Handle = _ignore) -> RecordedPeriods:
     """All control periods up to the end of the data, or to where it is damaged. handle: called
     with topic, time on the clock of the periods' `t` [s] and message for all on `topics`, in order;
-    a `*` in a topic stands for anything.
+    a `*` in a topic stands for anything. An `IncompleteRecord` warning says where it is damaged.
 
     Raises CohelmError if there is no such file, it is no record of cohelm or one by another
     version, or has no period.
@@ -201,6 +196,13 @@ def periods(path: Path, topics: Sequence[str] = (), handle: Handle = _ignore) ->
             f"{path} was written by cohelm {found.about['version']}, which did not record "
             f"{error.name!r} yet: read it with that version"
         ) from error
+    if found.damage:
+        t = float(found.rows["t"][-1])
+        warnings.warn(
+            f"{path} is not whole ({found.damage}); it is read up to t = {t:.2f} s",
+            IncompleteRecord,
+            stacklevel=3,
+        )
     return found
 
 
