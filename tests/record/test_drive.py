@@ -106,6 +106,20 @@ def test_odometry_that_is_not_finite_is_recorded_without_a_transform(tmp_path, p
     assert frames == ["base_link"]
 
 
+@pytest.mark.parametrize("wrong", [Pose(np.nan, 0.0, 0.0), Pose(0.0, 0.0, np.nan)])
+def test_after_odometry_that_is_no_number_the_replayed_robot_goes_on(tmp_path, wrong):
+    """It has faulted the drive; after a reset that went on."""
+    path = tmp_path / "one.mcap"
+    with path.open("wb") as file:
+        made = RecordWriter(file, About("drive", EPOCH), sally())
+        for k in range(5):
+            pose = wrong if k == 2 else Pose(0.1 * k, 0.0, 0.2 * k)
+            made.write(Odometry(0.02 * k, pose, Twist(0.0, 0.0)))
+        made.finish()
+    poses = [one.pose for one in Replayed(path).odometry]
+    assert np.allclose(poses, [(0.1 * k, 0.0, 0.2 * k) for k in (0, 1, 3, 4)])
+
+
 @pytest.mark.parametrize("buffering", [0, -1])
 def test_flushed_messages_are_in_the_file_and_a_finished_file_has_its_end(tmp_path, buffering):
     path = tmp_path / "one.mcap"

@@ -141,9 +141,14 @@ def _read(
         if zero < 0:
             continue
         if topic == "/odom":
-            psi += wrap(yaw(m.pose.pose.orientation) - psi)  # goes on round and round, as it came
             place, twist = m.pose.pose.position, m.twist.twist
-            now = Odometry(t, Pose(place.x, place.y, psi), Twist(twist.linear.x, twist.angular.z))
+            turned = psi + wrap(yaw(m.pose.pose.orientation) - psi)  # round and round, as it came
+            now = Odometry(
+                t, Pose(place.x, place.y, turned), Twist(twist.linear.x, twist.angular.z)
+            )
+            if not all(map(math.isfinite, (*now.pose, *now.twist))):
+                continue  # a fault, which has stopped the drive; what came after it counts
+            psi = turned
             if not odometry or t > odometry[-1].stamp:
                 odometry.append(now)
         elif topic in scans:
