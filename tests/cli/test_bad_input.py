@@ -370,9 +370,38 @@ def test_the_scenario_option_is_refused_beside_a_scenario(cohelm):
     )
 
 
-@pytest.mark.parametrize("option", ["--law", "--compare"])
-def test_an_empty_law_name_is_refused(cohelm, option):
-    refused(cohelm("campaign", "random", "--n", "1", option, ""), "name each law")
+@pytest.mark.parametrize("laws", [",", "guard,,paper", " "])
+def test_an_empty_law_name_is_refused(cohelm, laws):
+    refused(cohelm("campaign", "random", "--n", "1", "--compare", laws), "name each law")
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (("robot", ""), "ROBOT|SCENARIO"), (("robot", "sally", "--scenario", ""), "--scenario"),
+        (("robot", "sally", "--driver", "x:Y", "--scenario", ""), "--scenario"),
+        (("robot", "--mode", ""), "--mode"), (("robot", "dock", "--dock="), "--dock"),
+        (("robot", "--joy", ""), "--joy"), (("robot", "--reset-from", ""), "--reset-from"),
+        (("robot", "--initial-pose-from", ""), "--initial-pose-from"),
+        (("robot", "--goals-from", "/goal", "--goals-from", ""), "--goals-from"),
+        (("robot", "--set", ""), "--set"), (("robot", "--url", ""), "--url"),
+        (("drive", ""), "ROBOT|SCENARIO"), (("drive", "--scenario", ""), "--scenario"),
+        (("base", "--scenario", ""), "--scenario"), (("base", "--controller", ""), "--controller"),
+        (("calibrate", "sally", "--scenario", ""), "--scenario"),
+        (("campaign", "random", "--law", ""), "--law"), (("filter", "--robot", ""), "--robot"),
+        (("filter", "--robot", "sally", "--out", ""), "--out"),
+        (("station", "--robot", ""), "--robot"), (("stick", "--device", ""), "--device"),
+        (("pair", "new", ""), "NAME"), (("pair", "new", "a", "--robot", ""), "--robot"),
+    ],
+)  # fmt: skip
+def test_an_empty_value_is_no_default(cohelm, words, name):
+    """As where a variable of the shell is not set: by default a robot may set off."""
+    refused(cohelm(*words), f"{name} is empty: name one, or leave it out")
+
+
+def test_an_empty_value_in_a_parameter_file_is_no_default(cohelm, tmp_path):
+    (tmp_path / "p.yaml").write_text("cohelm_filter: {ros__parameters: {scan: '', robot: sally}}")
+    refused(cohelm("filter", "--params", "p.yaml"), "--scan is empty")
 
 
 def test_an_empty_mcap_file_is_not_read_as_a_carmen_log(cohelm, tmp_path):

@@ -3,10 +3,13 @@
 import pickle
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from cohelm.drive.factory import simulated
+import cohelm
+from cohelm.core.errors import CohelmError
+from cohelm.drive.factory import own_robot, simulated
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.serve import serve
 
@@ -27,3 +30,15 @@ def test_the_gate_process_imports_nothing_that_decides_where_to_drive(kind):
     called = [sys.executable, "-c", MAKES]
     rooms = {*subprocess.run(called, input=sent, capture_output=True, check=True).stdout.split()}
     assert rooms <= {room.encode() for room in NEEDED}
+
+
+class Cart(cohelm.Robot):
+    """A robot that is only named here."""
+
+
+@pytest.mark.parametrize("site", ["", Path()], ids=repr)
+def test_an_empty_site_is_none_that_sets_a_robot_off(site):
+    """As of a variable that is not set: a real robot stands where no site is named, and drives
+    where one is."""
+    with pytest.raises(CohelmError, match="is a folder"):
+        own_robot(Cart, site, "sally")

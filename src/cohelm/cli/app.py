@@ -12,12 +12,46 @@ from types import FrameType
 from typing import Annotated, Any
 
 import typer
+import typer.core
 
 from cohelm import __version__
 from cohelm.cli.output import plain, say
 from cohelm.core.errors import CohelmError
 
-app = typer.Typer(
+_MAY_BE_EMPTY = ("lock",)
+"""Options of which an empty value means none."""
+_MOST_PROBLEMS = 20
+"""Of a scenario's problems, no more than these are printed."""
+
+
+class _Command(typer.core.TyperCommand):
+    """Refuses an empty value, as where a variable of the shell is not set: the default instead
+    could set off a robot that was given another site, mode or dock."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        rest = super().parse_args(ctx, args)
+        for one in self.params:
+            value = ctx.params.get(one.name)
+            given = ctx.get_parameter_source(one.name).name != "DEFAULT"
+            if given and one.name not in _MAY_BE_EMPTY and (value == "" or "" in _several(value)):
+                name = one.opts[0] if one.param_type_name == "option" else one.metavar
+                raise CohelmError(f"{name} is empty: name one, or leave it out")
+        return rest
+
+
+def _several(value: object) -> tuple[object, ...]:
+    return tuple(value) if isinstance(value, list | tuple) else ()  # pyright: ignore
+
+
+class Commands(typer.Typer):
+    """Commands that refuse an empty value."""
+
+    def command(self, name: str | None = None, **options: Any) -> Any:
+        """As of typer."""
+        return super().command(name, cls=_Command, **options)
+
+
+app = Commands(
     name="cohelm",
     help="Shared control with obstacle avoidance for uncrewed ground vehicles.",
     no_args_is_help=True,
@@ -35,8 +69,6 @@ _NO_NODE = (
     "filter) or --topic (of robot), the namespace with --namespace or --topic namespace=/NAME, and "
     "give a parameter file with --params"
 )
-_MOST_PROBLEMS = 20
-"""Of a scenario's problems, no more than these are printed."""
 
 
 def main() -> None:

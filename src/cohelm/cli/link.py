@@ -7,12 +7,10 @@ from typing import Annotated
 
 import typer
 
-from cohelm.cli.app import app, examples
+from cohelm.cli.app import Commands, app, examples
 from cohelm.cli.output import Json, plain, print_json, print_table, say
 
-pair = typer.Typer(
-    help="Pair stations with robots: keys that allow to drive.", no_args_is_help=True
-)
+pair = Commands(help="Pair stations with robots: keys that allow to drive.", no_args_is_help=True)
 app.add_typer(pair, name="pair")
 
 

@@ -98,7 +98,11 @@ def own_robot(
         model = load.load_robot(model)
     if model is None and isinstance(make, Robot):
         model = RobotAdapter(make).model
-    made = site if isinstance(site, Scenario) else load.scenario(site or OWN_SITE, changes or [])
+    made = (
+        site
+        if isinstance(site, Scenario)
+        else load.scenario(OWN_SITE if site is None else site, changes or [])
+    )
     if model is not None:
         made = made.model_copy(update={"robot": model})
     try:

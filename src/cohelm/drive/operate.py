@@ -102,7 +102,9 @@ def robot_factory(options: DriveOptions) -> RobotFactory:
     if model is not None:
         changes.append(f"robot={model if model in SHIPPED else Path(model).absolute()}")
     kind, real_time, seed = options.kind, options.real_time, options.seed
-    return simulated(site or SITE, kind, real_time=real_time, seed=seed, changes=changes)
+    return simulated(
+        SITE if site is None else site, kind, real_time=real_time, seed=seed, changes=changes
+    )
 
 
 def map_and_zones(
@@ -152,7 +154,9 @@ def _on_ros2(
 
     named = topics_of(where.topics)
     described = (
-        load.scenario(site or OWN_SITE, changes).robot if model is None else load.load_robot(model)
+        load.scenario(OWN_SITE if site is None else site, changes).robot
+        if model is None
+        else load.load_robot(model)
     )
     if isinstance(described, str):
         raise TypeError("the robot is still a name")
