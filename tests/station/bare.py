@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from cohelm.link import keys
-from cohelm.link.messages import RequestKind
+from cohelm.link.messages import RequestKind, Status
 from cohelm.link.robot_bulk import both_ends
 from cohelm.station.robot_link import Linked
 from tests.link.ends import STATUS
@@ -16,7 +16,8 @@ from tests.link.ends import STATUS
 class Bare:
     """Tells the same status 20 times a second; its records are those in `folder`."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, status: Status = STATUS) -> None:
+        self._status = status
         self.robot_keys, self.keys = keys.pair_here()
         self.end, self.bulk = both_ends(self.robot_keys, "127.0.0.1", 0, folder, stale=5.0)
         self.port = self.end.address[1]
@@ -46,5 +47,5 @@ class Bare:
 
     def _tell(self) -> None:
         while not self._over.wait(0.05):
-            self.end.send_status(STATUS)
+            self.end.send_status(self._status)
             self.requests += [one.request.what for one in self.end.receive().requests]

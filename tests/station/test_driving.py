@@ -8,6 +8,8 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from cohelm.station.serve import Server
 from tests.few import first
+from tests.link.ends import STATUS
+from tests.station.bare import Bare
 from tests.station.person import (
     LEFT,
     RIGHT,
@@ -458,6 +460,43 @@ def test_on_a_phone_in_landscape_reset_and_route_are_not_covered(
     panel.get_by_role("button", name="Close").tap(timeout=5_000)
     expect(phone.get_by_role("slider", name="Left and right")).to_be_visible()
     release(phone)
+
+
+@pytest.mark.parametrize(("width", "height"), [(390, 780), (320, 568), (820, 1180)])
+def test_a_long_reason_covers_nothing_that_is_pressed(
+    browser_phone: BrowserContext, tmp_path: Path, width: int, height: int
+) -> None:
+    """The robot's own words may be long; between the thumbs there is little room."""
+    reason = "the robot reports: motor controller: undervoltage on channel 2 of the left drive"
+    told = STATUS._replace(stopped=reason, why=f"{reason}; check battery and fuse F3")
+    with Bare(tmp_path, told) as robot, served(robot.connect) as server:
+        page = browser_phone.new_page()
+        page.set_viewport_size({"width": width, "height": height})
+        page.goto(server.address)
+        who(page).get_by_role("button", name="Take over").wait_for()
+        take(page)
+        for role, name in (
+            ("radio", "Hold"), ("radio", "Shared"), ("radio", "Auto"), ("radio", "Manual"),
+            ("button", "Reset"), ("button", "Plots"), ("slider", "Share of the full speed"),
+            ("slider", "Forward and back"), ("slider", "Left and right"),
+        ):  # fmt: skip
+            covered = page.get_by_role(role, name=name).evaluate(
+                "(one) => { const box = one.getBoundingClientRect();"
+                " return [...document.querySelectorAll('.authority p, .authority tr, .dial')]"
+                " .map((e) => [e.textContent, e.getBoundingClientRect()])"
+                " .filter(([, b]) => b.width * b.height > 0 && b.left < box.right - 1"
+                " && b.right > box.left + 1 && b.top < box.bottom - 1 && b.bottom > box.top + 1)"
+                " .map(([text]) => text) }"
+            )
+            assert covered == [], name
+        seen = page.locator(".authority .why")
+        expect(seen).to_contain_text("check battery")
+        box = seen.bounding_box()
+        assert box is not None
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= width
+        if width >= 390:  # all of it; on a smaller one the rest is below, and in the stop's box
+            assert seen.evaluate("(one) => one.scrollHeight <= one.clientHeight + 1")
 
 
 def _touch(kind: str, x: float, y: float) -> dict[str, object]:
