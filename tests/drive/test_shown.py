@@ -5,7 +5,7 @@ import zlib
 import numpy as np
 import pytest
 
-from cohelm.core.types import Pose
+from cohelm.core.types import Pose, Stick
 from cohelm.drive.factory import simulated
 from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session, SessionConfig
@@ -16,6 +16,7 @@ from cohelm.link.operator import Scripted
 from cohelm.link.rasters import drawable
 from cohelm.link.recorded_status import Displayed
 from cohelm.link.wire import Header, encode, from_robot
+from cohelm.loop.status import DONE
 from cohelm.record.messages import messages
 from cohelm.robot.keep.record_pipe import RecordLine
 from tests.drive.faults import CORRIDOR
@@ -92,6 +93,31 @@ def test_the_clearance_is_shown_whether_the_filter_acts_on_it_or_not(mode):
         session.run(look, mode)
         assert session.loop.supervisor.mode == mode
     assert np.abs(off).max() < 0.08  # what is shown is a scan older
+
+
+def test_at_the_end_of_the_route_the_station_and_the_terminal_say_so():
+    """In automatic mode, and in shared mode with a centred stick; not for a stick that steers."""
+    made = simulated(CORRIDOR, "kinematic", real_time=False)
+    stick = [CENTRED]
+    operator = Scripted(lambda t: stick[0], lambda: 0.0)
+    with Session(SessionConfig(made), operator) as session:
+        said: list[tuple[bool, str]] = []
+
+        def look(loop) -> bool:
+            arrived = loop.driver.arrived
+            said.extend((arrived, one.why) for one in operator.statuses[-1:])
+            return loop.gated.now() > 25.0
+
+        session.run(look, Mode.AUTOMATIC)
+        assert said[-1] == (True, DONE)
+        assert not any(why == DONE for arrived, why in said if not arrived)
+        assert session.state() == f"automatic: {DONE}"
+        assert session.loop.supervisor.choose(Mode.SHARED) == ""
+        session.run(lambda loop: loop.gated.now() > 26.0, Mode.HOLD)
+        assert session.state() == f"shared: {DONE}"
+        stick[0] = Stick(0.0, 1.0)
+        session.run(lambda loop: loop.gated.now() > 27.0, Mode.HOLD)
+        assert operator.statuses[-1].why == ""
 
 
 def large_map():

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from cohelm.loop.status import DONE
+
 WEB = Path(__file__).parents[2] / "src" / "cohelm" / "station" / "web" / "src"
 
 
@@ -285,6 +287,13 @@ def test_a_command_shaped_by_the_robots_own_limits_names_no_obstacle(asked) -> N
     assert asked(
         "panels/why.ts", shaped("null", 0.9), shaped("null", 0.2), shaped("[1, 0]", 0.9),
     ) == [own, near, near]  # fmt: skip
+
+
+def test_the_end_of_the_route_is_said_and_is_normal(asked) -> None:
+    state = json.dumps(
+        {"mode": "automatic", "stopped": "", "why": DONE, "nominal": [0, 0], "applied": [0, 0]}
+    )
+    assert asked("panels/why.ts", f"m.why({state})", f"m.abnormal({state})") == [DONE, False]
 
 
 def test_where_only_the_stick_commands_the_share_is_the_operators(asked) -> None:

@@ -21,6 +21,7 @@ from cohelm.link.messages import (
     Guarding,
     Lease,
     Localised,
+    Mode,
     ReportedVerdict,
     ScanPart,
     Status,
@@ -42,6 +43,7 @@ _POOR_SIGMA = 0.1
 """A larger standard deviation counts as poor localisation [m]."""
 AHEAD, AHEAD_STEP = 12, 0.15
 """Points of the predicted path, and the time from one to the next [s]."""
+DONE = "the route is done"
 _TOLERANCE = 0.03  # smaller differences between nominal and applied do not count [m/s, rad/s]
 _VERDICTS = {
     verdicts.UNTOUCHED: ReportedVerdict.UNTOUCHED, verdicts.SHAPED: ReportedVerdict.SHAPED,
@@ -264,11 +266,19 @@ class Reporter:
         self._last_status = report.now
         nominal = Twist(float(row["nominal_v"]), float(row["nominal_omega"]))
         self.held = hidden_reason(report, nominal)
-        words = words._replace(why=words.why or self.held)
+        words = words._replace(why=words.why or self.held or self._done(row, words.mode))
         self._log.words(words)
         made = status(row, words, self._has_map, predicted(report.seen.pose, report.applied))
         timing = made.timing._replace(late=late)
         self._operator.send_status(made._replace(recording=self._log.open, timing=timing))
+
+    def _done(self, row: NDArray[np.void], mode: Mode) -> str:
+        """Why nothing is commanded at the end of the route; empty: something is, or the robot is
+        not there."""
+        docks = int(row["docking"]) in (DockPhase.DOCKING, DockPhase.UNDOCKING)
+        follows = mode in (Mode.AUTOMATIC, Mode.SHARED) and self.driver.arrived and not docks
+        still = abs(row["nominal_v"]) < _TOLERANCE and abs(row["nominal_omega"]) < _TOLERANCE
+        return DONE if follows and still else ""
 
     def _discs(self, seen: Seen) -> NDArray[np.float32]:
         """The nearest round obstacles in the map, (n, 6) as in `core.types`."""

@@ -17,6 +17,9 @@ export function operatorsShare(state: Pick<Status, 'mode' | 'localised' | 'autho
 /** The gate's reason without a command. */
 const IDLE = 'idle'
 
+/** The robot's reason at the end of its route: nothing is wrong. */
+const DONE = 'the route is done'
+
 const GUARDED: Partial<Record<Status['guarding']['verdict'], string>> = {
   shaped: 'limited: obstacle near',
   braking: 'braking: obstacle near',
@@ -48,5 +51,5 @@ function guarded({ guarding: { verdict, limiting, clearance } }: Status): string
 /** Whether the applied command differs, other than in hold. */
 export function abnormal(state: Status | null): boolean {
   if (state === null || (state.mode === 'hold' && state.stopped === '')) return false
-  return state.why !== '' || (other(state) && guarded(state) !== undefined)
+  return (state.why !== '' && state.why !== DONE) || (other(state) && guarded(state) !== undefined)
 }
