@@ -260,6 +260,49 @@ def test_a_robot_file_given_as_a_scenario_is_recognized_and_the_reverse(cohelm, 
     refused(cohelm("filter", "--robot", "office.yaml"), "is a scenario, and does not describe a")
 
 
+def test_a_robot_named_on_the_command_line_is_relative_to_the_working_folder(cohelm, tmp_path):
+    """As the message above says it, with a scenario from anywhere."""
+    (tmp_path / "cart.yaml").write_text(ROBOT.replace("0.1", "-0.1"))
+    refused(cohelm("run", "minimal", "--set", "robot=cart.yaml"), "cart.yaml:5: wheel_radius_m")
+    refused(cohelm("run", "minimal", "--set", "robot=card.yaml"), "did you mean cart.yaml?")
+    away = tmp_path / "sites"
+    away.mkdir()
+    (away / "office.yaml").write_text(BASE)
+    (away / "van.yaml").write_text(
+        ROBOT.replace("0.5\n", "-0.5\n")
+    )  # beside the scenario, as in it
+    refused(cohelm("run", "sites/office.yaml", "--set", "robot=van.yaml"), "van.yaml:4: track_m")
+
+
+@pytest.mark.parametrize("text", ["[1, 2]", "5"])
+def test_a_site_that_is_no_scenario_is_named_whatever_robot_drives_there(cohelm, tmp_path, text):
+    (tmp_path / "s.yaml").write_text(text)
+    refused(cohelm("robot", "sally", "--scenario", "s.yaml"), "s.yaml:1: needs keys of its own")
+
+
+def test_a_link_that_leads_nowhere_is_no_file(cohelm, tmp_path):
+    (tmp_path / "lost.yaml").symlink_to("nowhere.yaml")
+    said = cohelm("run", "lost.yaml")
+    refused(said, "lost.yaml: no such file")
+    assert "did you mean lost.yaml" not in said.err
+
+
+def test_a_name_that_no_file_can_have_is_not_said_to_be_unwritable(cohelm):
+    said = cohelm("robot", "x" * 300)
+    refused(said, "can not be read (File name too long)")
+
+
+@pytest.mark.parametrize(
+    ("words", "mend"),
+    [
+        (("station", "--robot", "a", "--replay", "r.mcap"), "leave one of them out"),
+        (("stick", "--trial"), "name it with --device brunner://HOST"),
+    ],
+)
+def test_two_that_contradict_and_one_that_is_missing_are_named(cohelm, words, mend):
+    refused(cohelm(*words), mend)
+
+
 @pytest.mark.parametrize("wrong", ["footprint", "footprint_mm"])
 def test_a_mistyped_key_of_a_robot_file_is_named(cohelm, tmp_path, wrong):
     (tmp_path / "cart.yaml").write_text(ROBOT.replace("footprint_m", wrong))

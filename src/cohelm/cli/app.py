@@ -20,6 +20,8 @@ from cohelm.core.errors import CohelmError
 
 _MAY_BE_EMPTY = ("lock",)
 """Options of which an empty value means none."""
+_NAMES = (errno.ENAMETOOLONG, errno.ELOOP)
+"""Of files whose names can not be."""
 _MOST_PROBLEMS = 20
 """Of a scenario's problems, no more than these are printed."""
 
@@ -99,6 +101,10 @@ def main() -> None:
             say(f"... and {len(lines) - _MOST_PROBLEMS} more")
         sys.exit(USER_ERROR)
     except OSError as error:
+        if error.errno in _NAMES:
+            say(f"[bold red]error:[/bold red] {plain(f'{error.filename} can not be read')} "
+                f"({error.strerror}): check the name")  # fmt: skip
+            sys.exit(USER_ERROR)
         # Nothing more can be written there, and Python must not try again when it ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         if not isinstance(error, BrokenPipeError):  # that one is `cohelm ... | head`

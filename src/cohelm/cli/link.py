@@ -157,9 +157,11 @@ def stick(
             say("no stick is here: plug one in, or name a Brunner stick or a file with --device")
         return
     if trial:
+        if device is None:
+            raise CohelmError("--trial is of a Brunner stick: name it with --device brunner://HOST")
         from cohelm.link.sticks import trial as trials
 
-        found = trials.run(device or "", strongest, lambda text: say(plain(text)))
+        found = trials.run(device, strongest, lambda text: say(plain(text)))
         say("now, with the force that feels right (this one is a beginning):")
         print(f"--device '{found}'")
         return

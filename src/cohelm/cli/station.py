@@ -92,7 +92,9 @@ def station(
     """
     from cohelm.core.errors import CohelmError
 
-    if (robot is None) == (replay is None):
+    if robot is not None and replay is not None:
+        raise CohelmError("--robot and --replay each fill the page: leave one of them out")
+    if robot is None and replay is None:
         raise CohelmError(
             "name a robot (--robot HOST) or a record (--replay FILE); "
             "for a simulated robot on this machine: cohelm drive"

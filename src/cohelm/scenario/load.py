@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import yaml
 from pydantic import ValidationError
-from yaml.nodes import Node
+from yaml.nodes import MappingNode, Node
 
 from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.core.files import check_regular, read_bytes
@@ -33,14 +33,17 @@ def scenario(path: str | Path, overrides: Sequence[str] = (), stick: str | None 
     """The scenario in a file, or one that comes with the package by its bare name.
 
     overrides: `key.path=value` with the value in YAML. stick: a stick file to play instead of the
-    scenario's stick, relative to the working folder. The robot is read in and the stick file's path
-    made absolute, so that the result stands alone. Raises CohelmError with every problem of the
-    file, one per line.
+    scenario's stick, relative to the working folder; so may be a robot that an override names, if
+    it is not beside the scenario. The robot is read in and the stick file's path made absolute, so
+    that the result stands alone. Raises CohelmError with every problem of the file, one per line.
     """
     file = find(path)
     made = read(file, Scenario, overrides)
     if isinstance(made.robot, str):
-        made = made.model_copy(update={"robot": robot(made.robot, file.parent, f"{file}: ")})
+        typed = any(one.partition("=")[0].strip() == "robot" for one in overrides)
+        here = typed and not (file.parent / made.robot).exists()
+        where = (Path(), "--set ") if here else (file.parent, f"{file}: ")
+        made = made.model_copy(update={"robot": robot(made.robot, *where)})
     if stick is not None:
         played = StickFile(kind="file", path=str(Path(stick).absolute()))
         made = made.model_copy(update={"stick": played})
@@ -60,7 +63,7 @@ def tree_of(file: Path) -> Node:
 def parse(text: str, model: type[Model], source: str, overrides: Sequence[str] = ()) -> Model:
     """The checked model in YAML text; `source` is what errors call it."""
     root = tree(text, source, "docs/robot-yaml.md" if model is RobotModel else "`minimal`")
-    for override in overrides:
+    for override in overrides if isinstance(root, MappingNode) else ():
         graft(root, override)
     problems: list[str] = []
     try:
@@ -259,7 +262,8 @@ def find(path: str | Path) -> Path:
 
 
 def _names(folder: Path) -> list[str]:
-    return sorted(f.name for f in folder.glob("*.y*ml")) if folder.is_dir() else []
+    there = (f for f in folder.glob("*.y*ml") if f.exists()) if folder.is_dir() else ()
+    return sorted(f.name for f in there)
 
 
 def _siblings(folder: Path) -> list[str]:
