@@ -10,7 +10,7 @@ import pytest
 from cohelm.core.types import Stick
 from cohelm.link import client, lease, operator, robot_end, station_end, wire
 from cohelm.link.messages import Command, Device, Request, RequestKind, Uplink
-from cohelm.link.sticks.feel import CueRules
+from cohelm.link.sticks.feel import SLOWNESS
 from cohelm.loop.stick import BACK_WITHIN, CENTRED_WITHIN, ArmingParams
 
 PAGE = Path(__file__).parents[2] / "docs" / "link.md"
@@ -64,7 +64,7 @@ def test_the_numbers_are_those_of_the_code():
     assert f"{client.REQUESTS:.0f} a second and {client.REQUEST_BURST:.0f} at once" in TEXT
     assert f"{client.MOST_WAITING} wait for the loop" in TEXT
     sticks = (PAGE.parent / "sticks.md").read_text(encoding="utf-8")
-    assert f"constant of {1000.0 * CueRules().slowness:.0f} ms" in sticks
+    assert f"constant of {1000.0 * SLOWNESS:.0f} ms" in sticks
     loop = (PAGE.parent / "loop.md").read_text(encoding="utf-8")
     assert f"again within {BACK_WITHIN:.0f} s of the last before" in loop
     assert f"seen centred within {CENTRED_WITHIN:.0f} s from there" in loop

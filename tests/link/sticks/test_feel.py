@@ -7,10 +7,12 @@ import math
 import pytest
 from hypothesis import given, strategies as st
 
-from cohelm.core.types import Stick, Twist
+from cohelm.core.types import CENTRED, Stick, Twist
 from cohelm.link.sticks.feel import (
-    STILL,
-    CueRules,
+    FRESH,
+    GONE,
+    STEEPEST,
+    STRONGEST,
     damped,
     faded,
     returning,
@@ -20,7 +22,6 @@ from cohelm.link.sticks.feel import (
 )  # fmt: skip
 from cohelm.link.sticks.port import Feel
 
-RULES = CueRules()
 any_speed = st.floats(allow_nan=True, allow_infinity=True)
 twists = st.builds(Twist, any_speed, any_speed)
 shares = st.floats(-0.4, 0.4)
@@ -35,29 +36,29 @@ def test_the_spring_follows_the_paper_up_to_the_force_of_the_device():
 
 @given(twists, twists)
 def test_the_cue_never_takes_more_than_its_share_of_the_force(asked, given):
-    push = wanted(asked, given, 1.0, 1.0, RULES)
-    assert max(map(abs, push)) <= RULES.strongest
+    push = wanted(asked, given, 1.0, 1.0)
+    assert max(map(abs, push)) <= STRONGEST
 
 
 def test_the_cue_points_to_the_applied_command_and_is_zero_where_that_is_requested():
-    held = wanted(Twist(0.5, 0.0), Twist(0.2, 0.3), 1.0, 1.0, RULES)
+    held = wanted(Twist(0.5, 0.0), Twist(0.2, 0.3), 1.0, 1.0)
     assert held.x < 0.0 < held.psi
-    assert wanted(Twist(0.5, 0.2), Twist(0.5, 0.2), 1.0, 1.0, RULES) == STILL
+    assert wanted(Twist(0.5, 0.2), Twist(0.5, 0.2), 1.0, 1.0) == CENTRED
 
 
 @given(pushes, st.lists(st.floats(0.0, 1.0), min_size=2, max_size=9))
 def test_the_cue_fades_with_the_age_of_the_status(push, ages):
-    felt = [abs(faded(push, age, RULES).x) for age in sorted(ages)]
+    felt = [abs(faded(push, age).x) for age in sorted(ages)]
     assert felt == sorted(felt, reverse=True)
-    assert faded(push, RULES.fresh, RULES) == pytest.approx(push)
-    for age in (RULES.gone, 10.0, math.nan, math.inf):
-        assert faded(push, age, RULES) == STILL
+    assert faded(push, FRESH) == pytest.approx(push)
+    for age in (GONE, 10.0, math.nan, math.inf):
+        assert faded(push, age) == CENTRED
 
 
 @given(pushes, pushes, st.floats(0.0, 0.1))
 def test_the_cue_changes_at_a_bounded_rate_without_overshoot(before, push, dt):
-    after = damped(before, push, dt, RULES)
-    assert abs(after.x - before.x) <= RULES.steepest * dt + 1e-12
+    after = damped(before, push, dt)
+    assert abs(after.x - before.x) <= STEEPEST * dt + 1e-12
     assert min(before.x, push.x) - 1e-12 <= after.x <= max(before.x, push.x) + 1e-12
 
 
@@ -82,13 +83,13 @@ def test_near_a_wall_the_cue_does_not_make_a_released_stick_oscillate(delay):
     The stick is a mass on the device's spring; the guard takes away all speed above a half.
     """
     dt, mass, friction, stiffness = 0.01, 0.05, 0.6, 1.0
-    x, v, push = 1.0, 0.0, STILL
+    x, v, push = 1.0, 0.0, CENTRED
     sent, seen = [x] * (delay + 1), []
     for _ in range(2000):
         asked = Twist(max(0.0, sent[-1 - delay]), 0.0)
         given = Twist(min(asked.v, 0.5), 0.0)
-        cue = faded(wanted(asked, given, 1.0, 1.0, RULES), delay * dt, RULES)
-        push = damped(push, cue, dt, RULES)
+        cue = faded(wanted(asked, given, 1.0, 1.0), delay * dt)
+        push = damped(push, cue, dt)
         force = 0.3 + push.x - stiffness * x - friction * v  # 0.3: the weight of a tired hand
         v += force / mass * dt
         x += v * dt
@@ -99,5 +100,5 @@ def test_near_a_wall_the_cue_does_not_make_a_released_stick_oscillate(delay):
 
 
 def test_without_force_feedback_the_rumble_is_as_strong_as_the_cue():
-    assert shake(Feel(1.0, STILL)) == 0.0
+    assert shake(Feel(1.0, CENTRED)) == 0.0
     assert shake(Feel(0.0, Stick(-0.3, 0.4))) == pytest.approx(0.5)

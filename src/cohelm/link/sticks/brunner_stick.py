@@ -21,7 +21,7 @@ from cohelm.link.messages import Device
 from cohelm.link.sticks.cls2sim import PORT, Cls2SimLine, Forces, StickPositions, unit
 from cohelm.link.sticks.force import NO_FORCE, ForceRules, Swings, changed, wanted
 from cohelm.link.sticks.force_watchdog import ForceWatchdog
-from cohelm.link.sticks.port import NOTHING, Feel, Reading
+from cohelm.link.sticks.port import NOTHING, Feel, Reading, gone
 from cohelm.link.udp import resolved
 
 SCHEME = "brunner://"
@@ -136,7 +136,7 @@ class BrunnerStick:
             if not self._why and now - self._requested >= _POLL:
                 self._ask(now)
         if self._why:
-            return Reading(CENTRED, False, f"{self.name}: {self._why}", ())
+            return gone(self.name, self._why)
         return Reading(self._stick, True, "", ())
 
     def feel(self, feel: Feel) -> None:

@@ -12,12 +12,12 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
-from cohelm.core.types import CENTRED, Stick
+from cohelm.core.types import Stick
 from cohelm.link import stick as recordings
 from cohelm.link.messages import Device
 from cohelm.link.stick import StickRecording
 from cohelm.link.sticks.brunner_stick import SCHEME, BrunnerStick, parameters
-from cohelm.link.sticks.port import Feel, Reading, StickDevice
+from cohelm.link.sticks.port import Feel, Reading, StickDevice, gone
 
 
 def listed() -> list[str]:
@@ -89,12 +89,12 @@ class FileStick:
     def read(self) -> Reading:
         """The present state."""
         if self._closed:
-            return Reading(CENTRED, False, f"{self.name}: it is closed", ())
+            return gone(self.name, "it is closed")
         if self._began is None:
             self._began = self._clock() - float(self._record.times[0])
         now = self._clock() - self._began
         if now > self._record.times[-1]:
-            return Reading(CENTRED, False, f"{self.name}: it is over", ())
+            return gone(self.name, "it is over")
         at = int(np.searchsorted(self._record.times, now, side="right")) - 1
         stick = Stick(float(self._record.x[at]), float(self._record.psi[at]))
         return Reading(stick, True, "", ())

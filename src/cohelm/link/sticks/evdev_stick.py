@@ -16,10 +16,10 @@ import evdev
 from evdev import ecodes, ff
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import CENTRED, Stick
+from cohelm.core.types import Stick
 from cohelm.link.messages import Device
 from cohelm.link.sticks.feel import shake
-from cohelm.link.sticks.port import NOTHING, Button, Feel, Reading
+from cohelm.link.sticks.port import NOTHING, Button, Feel, Reading, gone
 
 _FULL = 0x7FFF
 _FOR_EVER = 0  # [ms]
@@ -80,7 +80,7 @@ class EvdevStick:
         """The present state."""
         pressed: list[Button] = []
         if self._why:
-            return Reading(CENTRED, False, f"{self.name}: {self._why}", ())
+            return gone(self.name, self._why)
         try:
             for event in self._device.read():
                 if event.type == ecodes.EV_SYN and event.code == ecodes.SYN_DROPPED:
@@ -94,7 +94,7 @@ class EvdevStick:
         except (OSError, ValueError) as error:
             self._why = getattr(error, "strerror", None) or "it is closed"
         if self._why:
-            return Reading(CENTRED, False, f"{self.name}: {self._why}", ())
+            return gone(self.name, self._why)
         stick = Stick(-self._axes[ecodes.ABS_Y], -self._axes[ecodes.ABS_X])
         return Reading(stick, True, "", tuple(pressed))
 

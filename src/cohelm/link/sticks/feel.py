@@ -9,30 +9,21 @@ from.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from cohelm.core.types import CENTRED, Stick, Twist
 from cohelm.link.sticks.port import Feel
 
 STIFFEST = 10.0
 """The spring constant k_s for which the device gives all the stiffness it has (Table II: 5)."""
-
-
-class CueRules(NamedTuple):
-    """Parameters of the cue."""
-
-    strongest: float = 0.4
-    """Share of the device's force that the cue may use, on each axis."""
-    gain: float = 0.8
-    """Push for a command reduced by the robot's largest speed."""
-    slowness: float = 0.08
-    """Time constant of the damping [s]."""
-    steepest: float = 3.0
-    """Largest change of the push [1/s]."""
-    fresh: float = 0.1
-    """Age of the status up to which the cue is undiminished [s]."""
-    gone: float = 0.4
-    """Age from which there is no cue [s]."""
+STRONGEST = 0.4
+"""Share of the device's force that the cue may use, on each axis."""
+_GAIN = 0.8  # push for a command reduced by the robot's largest speed
+SLOWNESS = 0.08
+"""Time constant of the damping [s]."""
+STEEPEST = 3.0
+"""Largest change of the push [1/s]."""
+FRESH, GONE = 0.1, 0.4
+"""Age of the status up to which the cue is undiminished, and from which there is none [s]."""
 
 
 def spring(k_s: float) -> float:
@@ -40,28 +31,28 @@ def spring(k_s: float) -> float:
     return min(max(k_s / STIFFEST, 0.0), 1.0)
 
 
-def wanted(nominal: Twist, applied: Twist, speed: float, yaw_rate: float, rules: CueRules) -> Stick:
+def wanted(nominal: Twist, applied: Twist, speed: float, yaw_rate: float) -> Stick:
     """The push for the present restriction: from the nominal to the applied command.
 
     speed, yaw_rate: the robot's largest, > 0 [m/s, rad/s].
     """
     return Stick(
-        bounded(rules.gain * (applied.v - nominal.v) / speed, rules.strongest),
-        bounded(rules.gain * (applied.omega - nominal.omega) / yaw_rate, rules.strongest),
+        bounded(_GAIN * (applied.v - nominal.v) / speed, STRONGEST),
+        bounded(_GAIN * (applied.omega - nominal.omega) / yaw_rate, STRONGEST),
     )
 
 
-def faded(push: Stick, age: float, rules: CueRules) -> Stick:
+def faded(push: Stick, age: float) -> Stick:
     """The push faded by the age of its status [s]; NaN counts as older than all."""
-    left = (rules.gone - age) / (rules.gone - rules.fresh)
+    left = (GONE - age) / (GONE - FRESH)
     share = min(max(left, 0.0), 1.0) if math.isfinite(left) else 0.0
     return Stick(push.x * share, push.psi * share)
 
 
-def damped(before: Stick, push: Stick, dt: float, rules: CueRules) -> Stick:
+def damped(before: Stick, push: Stick, dt: float) -> Stick:
     """The push `dt` later, on its way from `before` to `push`."""
-    share = 1.0 - math.exp(-dt / rules.slowness)
-    most = rules.steepest * dt
+    share = 1.0 - math.exp(-dt / SLOWNESS)
+    most = STEEPEST * dt
     return Stick(
         before.x + bounded(share * (push.x - before.x), most),
         before.psi + bounded(share * (push.psi - before.psi), most),
@@ -77,7 +68,7 @@ def returning(push: Stick, stick: Stick, stiffness: float) -> Stick:
     """
     out = math.hypot(*stick)
     if not out > 0.0:
-        return STILL
+        return CENTRED
     x, psi = stick.x / out, stick.psi / out
     along = min(push.x * x + push.psi * psi, 0.0)
     rest = Stick(push.x - along * x, push.psi - along * psi)
@@ -95,7 +86,3 @@ def shake(feel: Feel) -> float:
 def bounded(value: float, most: float) -> float:
     """The value in [-most, most]; 0 where it is not finite."""
     return min(max(value, -most), most) if math.isfinite(value) else 0.0
-
-
-STILL = CENTRED
-"""The initial push."""

@@ -36,6 +36,11 @@ class Reading(NamedTuple):
     """Buttons that went down since the last reading."""
 
 
+def gone(name: str, why: str) -> Reading:
+    """The reading of a device of this name that does not work any more."""
+    return Reading(CENTRED, False, f"{name}: {why}", ())
+
+
 class Feel(NamedTuple):
     """Force feedback, as shares of the device's range."""
 

@@ -7,10 +7,10 @@ import os
 from typing import Any
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import CENTRED, Stick
+from cohelm.core.types import Stick
 from cohelm.link.messages import Device
 from cohelm.link.sticks.feel import shake
-from cohelm.link.sticks.port import NOTHING, Button, Feel, Reading
+from cohelm.link.sticks.port import NOTHING, Button, Feel, Reading, gone
 
 _SHAKE = 200  # [ms]; renewed before it ends; ends by itself when this program does
 _STEP = 0.02
@@ -65,7 +65,7 @@ class SdlStick:
         if not self._why and self._gone():
             self._why = "it was unplugged"
         if self._why:
-            return Reading(CENTRED, False, f"{self.name}: {self._why}", ())
+            return gone(self.name, self._why)
         stick = Stick(_share(-self._stick.get_axis(1)), _share(-self._stick.get_axis(0)))
         most = min(self._stick.get_numbuttons(), len(Button))
         down = {number for number in range(most) if self._stick.get_button(number)}

@@ -13,7 +13,7 @@ from cohelm.link.keys import Keys
 from cohelm.link.messages import Arming, Command, Mode, RequestKind, is_centred
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import ReceivedStatus, StationEnd
-from cohelm.link.sticks.feel import STILL, CueRules, damped, faded, returning, spring, wanted
+from cohelm.link.sticks.feel import damped, faded, returning, spring, wanted
 from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice, patience
 
 PERIOD = 0.01
@@ -132,8 +132,7 @@ class Helm:
         """k_s: constant of the spring (35)."""
         self._end, self._device, self._limits = end, device, limits
         self._spring = spring(k_s)
-        self._rules = CueRules()
-        self._push = STILL
+        self._push = CENTRED
         self._armed = False
         self._last = math.nan
         self._drained_at = -math.inf
@@ -186,12 +185,12 @@ class Helm:
     def _cue(self, last: ReceivedStatus | None, reading: Reading, now: float) -> Feel:
         dt = now - self._last if now > self._last else 0.0
         self._last = now
-        push = STILL
+        push = CENTRED
         if last is not None and last.status.lease.you == last.status.lease.driver:
             speed, yaw_rate = self._limits
-            push = wanted(last.status.nominal, last.status.applied, speed, yaw_rate, self._rules)
-            push = faded(push, last.age, self._rules)
-        self._push = damped(self._push, push, dt, self._rules)
+            push = wanted(last.status.nominal, last.status.applied, speed, yaw_rate)
+            push = faded(push, last.age)
+        self._push = damped(self._push, push, dt)
         if not self._device.force:  # vibration does not move the stick
             return Feel(self._spring, self._push)
         return Feel(self._spring, returning(self._push, reading.stick, self._spring))
