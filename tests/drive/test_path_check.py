@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.drive.path_check import ROOM, checked_path, planned_path
+from cohelm.drive.path_check import ROOM, PathChecker
 from cohelm.plan.course import poses_along
 from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.elastic_band import distances
@@ -17,7 +17,7 @@ HERE = Pose(0.0, 0.0, 0.0)
 
 
 def test_a_free_path_is_followed_from_the_present_pose_with_its_clearance() -> None:
-    said = checked_path(np.array([(1.0, 0.0), (2.0, 1.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
+    said = PathChecker(0.5, OUTLINE, WALL, BOUNDS)(np.array([(1.0, 0.0), (2.0, 1.0)]), HERE)
     assert said.reference is not None
     assert said.why == ""
     poses = poses_along(said.reference, 0.05)
@@ -36,20 +36,20 @@ def test_a_free_path_is_followed_from_the_present_pose_with_its_clearance() -> N
     ],
 )
 def test_the_waypoint_at_fault_is_named(points: list[tuple[float, float]], worst: int) -> None:
-    said = checked_path(np.array(points), HERE, 0.5, OUTLINE, WALL, BOUNDS)
+    said = PathChecker(0.5, OUTLINE, WALL, BOUNDS)(np.array(points), HERE)
     assert said.reference is None
     assert said.worst == worst
     assert str(worst + 1) in said.why
 
 
 def test_two_equal_consecutive_waypoints_are_refused_with_a_reason() -> None:
-    said = checked_path(np.array([(1.0, 0.0), (1.0, 0.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
+    said = PathChecker(0.5, OUTLINE, WALL, BOUNDS)(np.array([(1.0, 0.0), (1.0, 0.0)]), HERE)
     assert said.reference is None
     assert said.why
 
 
 def test_the_first_waypoint_may_be_the_pose_of_the_robot() -> None:
-    said = checked_path(np.array([(0.0, 0.0), (1.0, 0.0)]), HERE, 0.5, OUTLINE, WALL, BOUNDS)
+    said = PathChecker(0.5, OUTLINE, WALL, BOUNDS)(np.array([(0.0, 0.0), (1.0, 0.0)]), HERE)
     assert said.reference is not None
 
 
@@ -57,7 +57,7 @@ DOOR = WALL[(WALL[:, 1] > 3.6) | (WALL[:, 1] < 2.4)]
 
 
 def test_a_goal_behind_a_wall_is_reached_through_the_door_with_clearance() -> None:
-    said = planned_path(Goal(5.0, 0.0), HERE, 0.5, OUTLINE, DOOR, BOUNDS)
+    said = PathChecker(0.5, OUTLINE, DOOR, BOUNDS)(Goal(5.0, 0.0), HERE)
     assert said.reference is not None, said.why
     poses = poses_along(said.reference, 0.05)
     assert poses[0, :2] == pytest.approx((0.0, 0.0))
@@ -67,7 +67,7 @@ def test_a_goal_behind_a_wall_is_reached_through_the_door_with_clearance() -> No
 
 def test_in_open_space_the_path_to_a_goal_is_straight() -> None:
     nothing = np.empty((0, 2))
-    said = planned_path(Goal(3.0, 4.0), HERE, 0.5, OUTLINE, nothing, nothing)
+    said = PathChecker(0.5, OUTLINE, nothing, nothing)(Goal(3.0, 4.0), HERE)
     assert said.reference is not None
     assert distances(poses_along(said.reference, 0.05))[-1] == pytest.approx(5.0, abs=0.05)
 
@@ -83,6 +83,6 @@ def test_in_open_space_the_path_to_a_goal_is_straight() -> None:
 )
 def test_an_unreachable_goal_is_refused_with_a_reason(goal, why) -> None:
     shut = np.column_stack((np.full(300, 3.0), np.linspace(-6.5, 6.5, 300)))
-    said = planned_path(Goal(*goal), HERE, 0.5, OUTLINE, shut, BOUNDS)
+    said = PathChecker(0.5, OUTLINE, shut, BOUNDS)(Goal(*goal), HERE)
     assert said.reference is None
     assert said.why == why

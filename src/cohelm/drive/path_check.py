@@ -56,89 +56,91 @@ class PathChecker(NamedTuple):
     """Keep-out zones."""
 
     def __call__(self, what: Floats | Goal, robot: Pose) -> CheckedPath:
-        """`checked_path` or `planned_path`: takes up to a second; some seconds on a large map."""
-        known = self.known
+        """The path from the robot through all waypoints (n, 2) [m], or to a goal.
+
+        Moving and small obstacles are left to the guard, which sees them when they are there.
+        Takes up to a second; some seconds on a large map.
+        """
+        fenced = self
         if self.zones is not None:
-            known = np.vstack((known, Fence(self.zones, self.outline).everywhere(robot)))
-        if isinstance(what, Goal):
-            if self.zones is not None and self.zones.depth.at(np.array([what]))[0] > 0.0:
-                at = f"{what.x:.1f}, {what.y:.1f}"
-                return CheckedPath(None, f"the goal {at} is in a keep-out zone", 0)
-            return planned_path(what, robot, self.speed, self.outline, known, self.bounds)
-        return checked_path(what, robot, self.speed, self.outline, known, self.bounds)
+            if isinstance(what, Goal) and self.zones.depth.at(np.array([what]))[0] > 0.0:
+                return CheckedPath(None, f"the goal {_text(what)} is in a keep-out zone", 0)
+            fence = Fence(self.zones, self.outline).everywhere(robot)
+            fenced = self._replace(known=np.vstack((self.known, fence)))
+        return fenced._to(what, robot) if isinstance(what, Goal) else fenced._along(what, robot)
+
+    def _along(self, points: Floats, robot: Pose) -> CheckedPath:
+        if len(points) > _MOST:
+            return CheckedPath(None, f"more than {_MOST} waypoints: leave some out", NONE)
+        for i, point in enumerate(points):
+            if not self._on_map(point):
+                return CheckedPath(None, f"waypoint {i + 1} is not on the map", i)
+        line = np.vstack(((robot.x, robot.y), points))
+        steps = np.hypot(*np.diff(line, axis=0).T)
+        if float(steps.sum()) > _MAX_LENGTH:
+            return CheckedPath(None, f"the path is longer than {_MAX_LENGTH:.0f} m", NONE)
+        if steps[0] < _NEAR and len(points) > 1:  # the first one is where the robot stands
+            line = np.delete(line, 1, axis=0)
+        try:
+            reference = through(line, self.speed)
+        except CohelmError as error:
+            return CheckedPath(None, str(error), NONE)
+        poses = poses_along(reference, _SPACING)
+        gaps = swept_clearances(np.ascontiguousarray(self.known), self.outline, poses)
+        # the clearance where the robot stands already does not count
+        gaps[: math.ceil(0.5 / _SPACING)] = np.maximum(gaps[: math.ceil(0.5 / _SPACING)], ROOM)
+        tight = int(np.argmin(gaps))
+        if gaps[tight] >= ROOM:
+            return CheckedPath(reference, "", NONE)
+        tau = reference.duration * tight / (len(poses) - 1)
+        leg = int(np.searchsorted(reference.knots, tau, side="left"))
+        i = min(max(leg - 1, 0) + len(points) + 1 - len(line), len(points) - 1)
+        x, y = poses[tight, :2]
+        room = f"{100.0 * gaps[tight]:.0f} cm of clearance" if gaps[tight] > 0.0 else "an obstacle"
+        return CheckedPath(None, f"on the path to {i + 1}: {room} at {x:.1f}, {y:.1f}", i)
+
+    def _to(self, goal: Goal, robot: Pose) -> CheckedPath:
+        """Around mapped obstacles. The heading at the goal is free."""
+        at = _text(goal)
+        point = np.array([goal], dtype=np.float64)
+        if not self._on_map(point):
+            return CheckedPath(None, f"the goal {at} is not on the map", 0)
+        if len(self.known):
+            gap = float(np.hypot(*(self.known - point).T).min())
+            if gap < inscribed_radius(self.outline) + ROOM:
+                return CheckedPath(None, f"the goal {at} is in a wall, or too near to one", 0)
+        far = math.hypot(goal.x - robot.x, goal.y - robot.y)
+        if far < _AT_GOAL:
+            return CheckedPath(None, f"the robot is at {at} already", 0)
+        share = np.linspace(0.0, 1.0, math.ceil(far / _DENSE) + 1)[:, None]
+        line: Floats = (1.0 - share) * np.array([robot[:2]]) + share * point
+        fenced = np.vstack((self.known, _border(self.bounds)))
+        everywhere = float(np.ptp(self.bounds, axis=0).max()) if len(self.bounds) else 0.0
+        result = CheckedPath(None, f"no path to {at} was found", 0)
+        for border in (PathParams().border, everywhere):
+            path_params = PathParams(
+                clearance=ROOM + _EXTRA_ROOM, stray=0.0, beside=0.0, border=border
+            )
+            found = plan_path(robot, fenced, line, self.outline, path_params, farther=False)
+            if found is None:
+                continue
+            for spacing in (_SPARSE, _DENSE):
+                every = max(
+                    round(spacing / path_params.spacing), math.ceil(len(found.points) / _MOST)
+                )
+                kept = np.vstack((found.points[every:-1:every], point))
+                result = self._along(kept, robot)
+                if result.reference is not None:
+                    return result
+        return result
+
+    def _on_map(self, point: Floats) -> bool:
+        bounds = self.bounds
+        return not len(bounds) or bool(((bounds[0] <= point) & (point <= bounds[1])).all())
 
 
-def checked_path(
-    points: Floats, robot: Pose, speed: float, outline: Floats, known: Floats, bounds: Floats
-) -> CheckedPath:
-    """The path from the robot through all points, checked against the map.
-
-    points: (n, 2). known: (p, 2), surfaces of the map [m]. bounds: (2, 2), its corners [m].
-    Moving and small obstacles are left to the guard, which sees them when they are there.
-    """
-    if len(points) > _MOST:
-        return CheckedPath(None, f"more than {_MOST} waypoints: leave some out", NONE)
-    for i, point in enumerate(points):
-        if len(bounds) and not ((bounds[0] <= point) & (point <= bounds[1])).all():
-            return CheckedPath(None, f"waypoint {i + 1} is not on the map", i)
-    line = np.vstack(((robot.x, robot.y), points))
-    steps = np.hypot(*np.diff(line, axis=0).T)
-    if float(steps.sum()) > _MAX_LENGTH:
-        return CheckedPath(None, f"the path is longer than {_MAX_LENGTH:.0f} m", NONE)
-    if steps[0] < _NEAR and len(points) > 1:  # the first one is where the robot stands
-        line = np.delete(line, 1, axis=0)
-    try:
-        reference = through(line, speed)
-    except CohelmError as error:
-        return CheckedPath(None, str(error), NONE)
-    poses = poses_along(reference, _SPACING)
-    gaps = swept_clearances(np.ascontiguousarray(known), outline, poses)
-    # the clearance where the robot stands already does not count
-    gaps[: math.ceil(0.5 / _SPACING)] = np.maximum(gaps[: math.ceil(0.5 / _SPACING)], ROOM)
-    tight = int(np.argmin(gaps))
-    if gaps[tight] >= ROOM:
-        return CheckedPath(reference, "", NONE)
-    tau = reference.duration * tight / (len(poses) - 1)
-    leg = int(np.searchsorted(reference.knots, tau, side="left"))
-    i = min(max(leg - 1, 0) + len(points) + 1 - len(line), len(points) - 1)
-    x, y = poses[tight, :2]
-    room = f"{100.0 * gaps[tight]:.0f} cm of clearance" if gaps[tight] > 0.0 else "an obstacle"
-    return CheckedPath(None, f"on the path to {i + 1}: {room} at {x:.1f}, {y:.1f}", i)
-
-
-def planned_path(
-    goal: Goal, robot: Pose, speed: float, outline: Floats, known: Floats, bounds: Floats
-) -> CheckedPath:
-    """A path to a goal around mapped obstacles, checked by `checked_path`, with its arguments. The
-    heading at the goal is free."""
-    at = f"{goal.x:.1f}, {goal.y:.1f}"
-    point = np.array([goal], dtype=np.float64)
-    if len(bounds) and not ((bounds[0] <= point) & (point <= bounds[1])).all():
-        return CheckedPath(None, f"the goal {at} is not on the map", 0)
-    if len(known):
-        gap = float(np.hypot(*(known - point).T).min())
-        if gap < inscribed_radius(outline) + ROOM:
-            return CheckedPath(None, f"the goal {at} is in a wall, or too near to one", 0)
-    far = math.hypot(goal.x - robot.x, goal.y - robot.y)
-    if far < _AT_GOAL:
-        return CheckedPath(None, f"the robot is at {at} already", 0)
-    share = np.linspace(0.0, 1.0, math.ceil(far / _DENSE) + 1)[:, None]
-    line: Floats = (1.0 - share) * np.array([robot[:2]]) + share * point
-    fenced = np.vstack((known, _border(bounds)))
-    everywhere = float(np.ptp(bounds, axis=0).max()) if len(bounds) else 0.0
-    result = CheckedPath(None, f"no path to {at} was found", 0)
-    for border in (PathParams().border, everywhere):
-        path_params = PathParams(clearance=ROOM + _EXTRA_ROOM, stray=0.0, beside=0.0, border=border)
-        found = plan_path(robot, fenced, line, outline, path_params, farther=False)
-        if found is None:
-            continue
-        for spacing in (_SPARSE, _DENSE):
-            every = max(round(spacing / path_params.spacing), math.ceil(len(found.points) / _MOST))
-            kept = np.vstack((found.points[every:-1:every], point))
-            result = checked_path(kept, robot, speed, outline, known, bounds)
-            if result.reference is not None:
-                return result
-    return result
+def _text(goal: Goal) -> str:
+    return f"{goal.x:.1f}, {goal.y:.1f}"
 
 
 def _border(bounds: Floats) -> Floats:

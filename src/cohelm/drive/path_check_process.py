@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -144,22 +145,17 @@ def safely(
         return CheckedPath(None, f"it could not be checked: {error}", NONE)
 
 
-class _Check:
+def _answer(judge: PathChecker, request: tuple[Floats | Goal, Pose]) -> CheckedPath:
     """The worker's function for each path."""
+    return safely(judge, *request)
 
-    def __init__(self, judge: PathChecker) -> None:
-        self._judge = judge
 
-    def __call__(self, request: tuple[Floats | Goal, Pose]) -> CheckedPath:
-        return safely(self._judge, *request)
-
-    def warm(self) -> str:
-        """Compile the check."""
-        self((_WARM, Pose(0.0, 0.0, 0.0)))
-        self((Goal(1.0, 0.0), Pose(0.0, 0.0, 0.0)))
-        return "up"
+def _warm(judge: PathChecker) -> str:
+    """Compile the check."""
+    for what in (_WARM, Goal(1.0, 0.0)):
+        safely(judge, what, Pose(0.0, 0.0, 0.0))
+    return "up"
 
 
 def _started(judge: PathChecker) -> Child:
-    check = _Check(judge)
-    return Child("cohelm checking", check, check.warm)
+    return Child("cohelm checking", partial(_answer, judge), partial(_warm, judge))

@@ -111,7 +111,8 @@ class Rerouting:
             self._checking.set_checker(checker_of(session.plan, session.known, loop.outline))
         for source in self._sources:
             for one in source.path_requests():
-                self._take(one, loop.supervisor.lease, now)
+                asked = _Waiting(one, loop.supervisor.lease, now)
+                self._requests[one.client, one.only_check] = asked
         self._expire(now)
         checked_path = self._checking.result(now) if self._checked is not None else None
         if checked_path is not None:
@@ -130,9 +131,6 @@ class Rerouting:
                 accepted.made.close()
 
     # ---- proposals ----------------------------------------------------------------------
-
-    def _take(self, one: PathRequest, lease: tuple[int, int], now: float) -> None:
-        self._requests[one.client, one.only_check] = _Waiting(one, lease, now)
 
     def _expire(self, now: float) -> None:
         for key, request in list(self._requests.items()):
@@ -172,7 +170,8 @@ class Rerouting:
                 elif loop.supervisor.docking.on:
                     ok, why = False, f"it is {loop.supervisor.docking.activity}: hold it first"
                 else:
-                    self._accept(loop, what, now)
+                    self._accepted = _AcceptedPath(what, now)  # one from before is dropped
+                    loop.supervisor.pause(_PAUSE, "a new path is being planned")
             self._reply(what, ok, why, checked_path.worst)
 
     def _reply(self, request: _Waiting, ok: bool, why: str, worst: int = NONE) -> None:
@@ -181,11 +180,6 @@ class Rerouting:
             source.reply(request.path.client, Checked(answer, worst))
 
     # ---- the accepted path --------------------------------------------------------------
-
-    def _accept(self, loop: Loop, request: _Waiting, now: float) -> None:
-        """Pause for this path; one accepted before is dropped."""
-        self._accepted = _AcceptedPath(request, now)
-        loop.supervisor.pause(_PAUSE, "a new path is being planned")
 
     def _continue(self, loop: Loop, accepted: _AcceptedPath, now: float) -> None:
         """Once the robot stands: check again from there, build a driver, and use it."""
