@@ -12,7 +12,7 @@ from cohelm.law.guard.step import Rules
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.track import track
-from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
+from cohelm.perceive.space.scan_memory import KEEP, renew
 from cohelm.plan.path_planner import plan_path
 from cohelm.plan.recovery import RecoveryMove, RecoveryParams, recovery_move, recovery_twist, rest
 from cohelm.robot.clearance import disc_clearance
@@ -52,7 +52,7 @@ def drive(pose, world, goal_line, seconds, seen=NOTHING):
     for k in range(round(seconds / DT)):
         if k % 2 == 0:
             scan(pose, LIDAR, world, np.empty((0, 4)), NO_GRID, 3, k, ranges)
-            points = renew(points, pose, LIDAR, ranges, ScanMemoryParams())
+            points = renew(points, pose, LIDAR, ranges, KEEP)
         if k % 20 == 0:
             left = NO_MOVE if left == before else left  # held up
             before = left

@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 
+from cohelm.core.frames import placed
 from cohelm.core.types import Pose, disc, discs
 from cohelm.perceive.source.observation_source import filtered_ranges
-from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew, smoothed
+from cohelm.perceive.space.scan_memory import KEEP, renew, smoothed
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
 from tests.perceive.scenes import NOTHING
 
 MODEL = LidarModel(beams=720, field_of_view_deg=270.0, noise_m=0.01, mount_x_m=0.1)
-CARE = ScanMemoryParams()
 
 
 def look(pose, world, number=0, model=MODEL):
@@ -25,7 +25,7 @@ def look(pose, world, number=0, model=MODEL):
 
 
 def seen(points, pose, world, number=0, model=MODEL):
-    return renew(points, pose, model.lidar(), look(pose, world, number, model), CARE)
+    return renew(points, pose, model.lidar(), look(pose, world, number, model), KEEP)
 
 
 POLE = discs(disc(2.0, 0.5, 0.2))
@@ -45,8 +45,9 @@ def test_points_lie_on_what_was_hit_in_the_world_frame(pose):
 
 def test_averaging_over_a_surface_takes_most_of_the_noise_away():
     near = Pose(1.2, 0.5, 0.0)
-    care = CARE._replace(half_width=0.0)
-    raw = renew(NOTHING, near, MODEL.lidar(), look(near, POLE), care)
+    lidar, ranges = MODEL.lidar(), look(near, POLE)
+    hit = np.isfinite(ranges)
+    raw = placed(placed(ranges[hit, None] * lidar.beams[hit], lidar.mount), near)
     clean = seen(NOTHING, near, POLE)
     assert off_surface(clean)[8:-8].mean() < 0.5 * off_surface(raw)[8:-8].mean()
 
@@ -92,14 +93,14 @@ def test_a_point_that_is_seen_again_is_not_stored_twice():
 def test_beams_without_a_return_clear_nothing():
     points = seen(NOTHING, AT, POLE)
     blind = np.full(MODEL.beams, math.nan)
-    assert len(renew(points, AT, MODEL.lidar(), blind, CARE)) == len(points)
+    assert len(renew(points, AT, MODEL.lidar(), blind, KEEP)) == len(points)
 
 
 def test_a_dropped_beam_clears_no_occluded_point():
     points = seen(NOTHING, AT, POLE)
     ranges = look(AT, discs(disc(1.0, 0.25, 0.2)))
     ranges[::2] = math.inf
-    after = renew(points, AT, MODEL.lidar(), ranges, CARE)
+    after = renew(points, AT, MODEL.lidar(), ranges, KEEP)
     assert (off_surface(after) < 0.05).sum() == len(points)
 
 
@@ -111,7 +112,7 @@ def test_points_below_the_minimum_range_are_not_forgotten():
 
 
 def test_far_points_are_forgotten():
-    points = np.array([[-3.0, 0.0], [-CARE.keep - 1.0, 0.0]])
+    points = np.array([[-3.0, 0.0], [-KEEP - 1.0, 0.0]])
     assert seen(points, AT, discs()).tolist() == [[-3.0, 0.0]]
 
 
@@ -129,7 +130,7 @@ def lost_end(aside, seed):
         pose = Pose(-0.6 - ahead * y, y, rng.uniform(-0.01, 0.01))
         ranges = np.empty(ROUND.beams)
         scan(pose, lidar, discs(), SHEET, NO_GRID, seed, k, ranges)
-        points = renew(points, pose, lidar, filtered_ranges(ranges, lidar.noise), CARE)
+        points = renew(points, pose, lidar, filtered_ranges(ranges, lidar.noise), KEEP)
         if y < 0.2:
             worst = max(worst, float(np.hypot(*points.T).min(initial=9.0)))
     return worst
@@ -150,7 +151,7 @@ def left_behind(seed):
         ranges = np.empty(ROUND.beams)
         at = at + 0.1 * speed * along
         scan(AT, lidar, discs(disc(*at, radius)), np.empty((0, 4)), NO_GRID, seed, k, ranges)
-        points = renew(points, AT, lidar, filtered_ranges(ranges, lidar.noise), CARE)
+        points = renew(points, AT, lidar, filtered_ranges(ranges, lidar.noise), KEEP)
     return float(np.hypot(*(points - at).T).max(initial=0.0)) - radius
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.pipeline import Perception
-from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
+from cohelm.perceive.space.scan_memory import KEEP, renew
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.scenario.load import robot
 
@@ -19,7 +19,6 @@ ROUND = DEEP.model_copy(
 )
 """With a LiDAR that looks all round, and at no floor."""
 LIDAR = DEEP.further_lidars[0].lidar()
-CARE = ScanMemoryParams()
 
 
 def reported(poses, deep=math.inf, model=ROUND, outlines=()):
@@ -85,18 +84,18 @@ def test_a_camera_without_depth_confirms_no_floor():
 def test_points_nearer_than_the_full_height_band_persist_though_beams_pass_above():
     low = np.array([[LIDAR.mount.x + 0.40, 0.02], [LIDAR.mount.x + 0.9, 0.4]])
     past = np.full(len(LIDAR.beams), math.inf)
-    kept = renew(low, Pose(0.0, 0.0, 0.0), LIDAR, past, CARE)
+    kept = renew(low, Pose(0.0, 0.0, 0.0), LIDAR, past, KEEP)
     assert kept.tolist() == low[:1].tolist()  # what is farther away would be seen
     again = past.copy()
     again[:] = 0.42
-    kept = renew(low, Pose(0.0, 0.0, 0.0), LIDAR, again, CARE)
+    kept = renew(low, Pose(0.0, 0.0, 0.0), LIDAR, again, KEEP)
     assert low[0].tolist() not in kept.tolist()  # it is seen anew
 
 
 def test_readings_below_the_minimum_range_fill_no_memory():
     points, close = np.empty((0, 2)), np.full(len(LIDAR.beams), -math.inf)
     for _ in range(20):
-        points = renew(points, Pose(0.0, 0.0, 0.0), LIDAR, close, CARE)
+        points = renew(points, Pose(0.0, 0.0, 0.0), LIDAR, close, KEEP)
     assert 10 < len(points) <= len(LIDAR.beams)
 
 

@@ -29,7 +29,7 @@ from cohelm.perceive.scan.odometry_buffer import (
 from cohelm.perceive.source.contact_memory import ContactMemory
 from cohelm.perceive.source.observation_source import NOTHING, ObservationSource
 from cohelm.perceive.source.range_source import RangeSource
-from cohelm.perceive.space.scan_memory import ScanMemoryParams
+from cohelm.perceive.space.scan_memory import KEEP
 from cohelm.perceive.space.unobserved import UnobservedFloor, UnobservedSpace
 from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.tracker import discs_at, movers_out_of_view
@@ -91,8 +91,7 @@ class Perception:
 
     def __init__(
         self, model: RobotModel | Lidar, known: LocalizationMap | None = None,
-        start: Pose | None = None,
-        memory_params: ScanMemoryParams | None = None, tracker_params: TrackerParams | None = None,
+        start: Pose | None = None, tracker_params: TrackerParams | None = None,
         outline: Floats | None = None, further: Sequence[LidarModel] = (), stopping: float = 0.0,
     ) -> None:  # fmt: skip
         """Of a robot, or of LiDARs alone. Raises CohelmError for a robot without a LiDAR.
@@ -108,16 +107,16 @@ class Perception:
         else:
             self.lidar, outline, further = model.lidar.lidar(), model.outline, model.further_lidars
             stopping = stopping_distance(model.bounds(), model.delay_s + model.scan_age)
-        memory = memory_params or ScanMemoryParams()
-        if memory_params is None and outline is not None and math.isfinite(stopping):
-            memory = memory._replace(keep=max(memory.keep, _reach(outline, self.lidar) + stopping))
+        keep = KEEP
+        if outline is not None and math.isfinite(stopping):
+            keep = max(keep, _reach(outline, self.lidar) + stopping)
         self._tracker_params = tracker_params or TrackerParams()
         if outline is not None:
             self._tracker_params = _around(self._tracker_params, outline)
-        self._first = ObservationSource(self.lidar, "", memory, self._tracker_params)
+        self._first = ObservationSource(self.lidar, "", keep, self._tracker_params)
         self._further = tuple(
             RangeSource(one) if one.range_sensor
-            else ObservationSource(one.lidar(), one.name, memory, self._tracker_params)
+            else ObservationSource(one.lidar(), one.name, keep, self._tracker_params)
             for one in further
         )  # fmt: skip
         self._sources = (self._first, *self._further)
@@ -347,7 +346,7 @@ def warm_up(model: RobotModel, mapped: bool) -> None:
             perception.take(t + 0.05, Readings(odometry, scan, None, None, further, contacts))
         if k == 9:
             perception.place(here)
-    alone = ObservationSource(perception.lidar, "", ScanMemoryParams(), TrackerParams())
+    alone = ObservationSource(perception.lidar, "", KEEP, TrackerParams())
     alone.mark_possibly_occupied(np.zeros((1, 2)))  # no mover has left the view above
 
 

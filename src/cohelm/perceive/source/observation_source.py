@@ -14,7 +14,7 @@ from cohelm.core.types import Floats
 from cohelm.perceive.scan.deskew import DeskewedScan, deskew
 from cohelm.perceive.scan.odometry_buffer import unknown_at
 from cohelm.perceive.space.free_space_memory import with_possibly_occupied
-from cohelm.perceive.space.scan_memory import ScanMemoryParams, renew
+from cohelm.perceive.space.scan_memory import renew
 from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.track import MOVES, RADIUS, TX, TY
 from cohelm.perceive.track.tracker import empty_state, update_tracker
@@ -33,12 +33,11 @@ class ObservationSource:
     """One LiDAR with its scan memory and tracker."""
 
     def __init__(
-        self, lidar: Lidar, sensor: str, memory_params: ScanMemoryParams,
-        tracker_params: TrackerParams,
-    ) -> None:  # fmt: skip
-        """sensor: as its scans name it."""
+        self, lidar: Lidar, sensor: str, keep: float, tracker_params: TrackerParams
+    ) -> None:
+        """sensor: as its scans name it. keep: as for `scan_memory.renew` [m]."""
         self.lidar, self.sensor = lidar, sensor
-        self._memory_params, self._tracker_params = memory_params, tracker_params
+        self._keep, self._tracker_params = keep, tracker_params
         self.points = NOTHING
         """Static points, (p, 2), in `odom` [m]."""
         self.movers = empty_state(self.lidar, self._tracker_params)
@@ -75,7 +74,7 @@ class ObservationSource:
                 may_move[may_move] = self.movers.of_movers
                 static = self._without(sweep, may_move)
         filtered = filtered_ranges(static.ranges, self.lidar.noise)
-        points = renew(self.points, sweep.pose, self.lidar, filtered, self._memory_params)
+        points = renew(self.points, sweep.pose, self.lidar, filtered, self._keep)
         self.points = self._outside(points)
         return static
 

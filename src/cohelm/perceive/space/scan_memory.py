@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,18 +18,13 @@ _AROUND = 0.5  # neighbourhood that defines the direction of a surface [m]
 _LONG = 0.07  # its minimum extent, one standard deviation, for 25 cm [m]
 
 
-class ScanMemoryParams(NamedTuple):
-    """Parameters of the scan memory."""
-
-    half_width: float = 0.02
-    """How far to either side, on the same surface, ranges are averaged: near surfaces, where
-    beams are dense, become precise, and far ones are not rounded off [m]."""
-    spacing: float = 0.01
-    """Points of one scan nearer to each other than this are merged [m]."""
-    behind: float = 0.10
-    """A remembered point this far behind a return is occluded, not gone [m]."""
-    keep: float = 8.0
-    """Farther than this from the LiDAR, points are forgotten [m]."""
+KEEP = 8.0
+"""Farther than this from the LiDAR, points are forgotten, unless the robot needs more [m]."""
+_HALF_WIDTH = 0.02
+"""How far to either side, on the same surface, ranges are averaged: near surfaces, where beams are
+dense, become precise, and far ones are not rounded off [m]."""
+_SPACING = 0.01  # points of one scan nearer to each other than this are merged [m]
+_BEHIND = 0.10  # a remembered point this far behind a return is occluded, not gone [m]
 
 
 @jit
@@ -59,9 +53,7 @@ def smoothed(ranges: Floats, step: float, half_width: float) -> Floats:
 
 
 @jit
-def renew(
-    points: Floats, pose: Pose, lidar: Lidar, ranges: Floats, params: ScanMemoryParams
-) -> Floats:
+def renew(points: Floats, pose: Pose, lidar: Lidar, ranges: Floats, keep: float) -> Floats:
     """The points after a scan from `pose`, world frame, (p, 2) [m].
 
     Points in view are replaced by the scan; points outside the field of view or occluded are kept.
@@ -69,7 +61,7 @@ def renew(
     drop-outs; NaN clears nothing. A range below the minimum (-inf) is put at the minimum. Nearer
     than `whole_from` beams may pass above an obstacle: its points are kept, unless beams end there.
     A thin wall that points at the sensor lies between two beams: beams that pass along it do not
-    clear it.
+    clear it. keep: distance from the LiDAR beyond which points are forgotten [m].
     """
     n = len(ranges)
     c, s = math.cos(pose.psi), math.sin(pose.psi)
@@ -78,17 +70,17 @@ def renew(
     c, s = math.cos(pose.psi + lidar.mount.psi), math.sin(pose.psi + lidar.mount.psi)
     made = np.empty((n + len(points), 2))
     m = 0
-    clean = smoothed(ranges, lidar.step, params.half_width)
+    clean = smoothed(ranges, lidar.step, _HALF_WIDTH)
     lx, ly = math.inf, math.inf
     for i in range(n):
         r = clean[i]
-        if not r < params.keep:
+        if not r < keep:
             continue
         r = lidar.range_min if r == -math.inf else r
         b = lidar.first + lidar.step * i
         dx, dy = r * math.cos(b), r * math.sin(b)
         px, py = x + c * dx - s * dy, y + s * dx + c * dy
-        if abs(px - lx) + abs(py - ly) < params.spacing:
+        if abs(px - lx) + abs(py - ly) < _SPACING:
             continue
         made[m, 0], made[m, 1] = px, py
         lx, ly = px, py
@@ -96,15 +88,15 @@ def renew(
     for i in range(len(points)):
         wx, wy = points[i, 0] - x, points[i, 1] - y
         square = wx * wx + wy * wy
-        if not square < params.keep * params.keep:
+        if not square < keep * keep:
             continue
         beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
         far = math.sqrt(square)
         reach = _reaches(ranges, beam) if 0 <= beam < n else -math.inf
-        if 0 <= beam < n and reach == -math.inf and abs(far - lidar.range_min) < params.behind:
+        if 0 <= beam < n and reach == -math.inf and abs(far - lidar.range_min) < _BEHIND:
             continue  # it has been added anew
-        stands = reach < far + params.behind
-        if reach + params.behind >= far and (far >= lidar.whole_from or stands):
+        stands = reach < far + _BEHIND
+        if reach + _BEHIND >= far and (far >= lidar.whole_from or stands):
             thin = far * lidar.step + 0.5 * lidar.noise
             past = reach > far + lidar.noise
             if not (past and _edge_on(points, i, wx / far, wy / far, thin)):

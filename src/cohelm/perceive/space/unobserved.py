@@ -299,25 +299,44 @@ def _is_free(cells: ObservedCells, i: int, j: int) -> bool:
     return holds(cells.which, i, j) and not cells.occupied[i % side, j % side]
 
 
-class UnobservedSpace:
-    """Unobserved space of a robot none of whose LiDARs looks all round."""
+class _Ground:
+    """The ground that LiDARs have observed around a robot."""
 
-    def __init__(self, outline: Floats, lidars: Sequence[Lidar], stopping: float) -> None:
-        """outline: (k, 2) of the robot [m]. lidars: all of them. stopping: distance in which it
-        stops from full speed [m]."""
-        self._lidars, self._stopping = tuple(lidars), stopping
+    def __init__(
+        self, outline: Floats, lidars: Sequence[Lidar], stopping: float, free: float = 0.0
+    ) -> None:
+        """outline: (k, 2) of the robot [m]. stopping: distance in which it stops from full speed.
+        free: least radius of the ground assumed free where it is switched on [m]."""
+        self._lidars, self._stopping, self._least = tuple(lidars), stopping, free
         self._cells: ObservedCells | None = None
         self.reshape(outline)
-        self._stamp = -math.inf
 
     def reshape(self, outline: Floats) -> None:
         """Use another outline from the next sweep on."""
         self._outline = outline
         reach = float(np.hypot(*outline.T).max())
-        self._free = reach + ASSUMED_FREE
+        self._free = max(reach + ASSUMED_FREE, self._least)
         self._extent = extent(self._lidars, reach, self._free, self._stopping)
         if self._cells is not None:
             self._cells = enlarged(self._cells, self._extent.side)
+
+    def _swept(self, lidar: Lidar, sweep: DeskewedScan, free: float, floor: bool) -> ObservedCells:
+        """The cells after a sweep. free: radius assumed free before the first one [m]."""
+        kept, seen, _, side = self._extent
+        cells = self._cells
+        if cells is None:
+            cells = assumed_free(no_cells(side), sweep.pose.x, sweep.pose.y, free)
+        return with_scan(cells, lidar, sweep, kept, seen, floor)
+
+
+class UnobservedSpace(_Ground):
+    """Unobserved space of a robot none of whose LiDARs looks all round."""
+
+    def __init__(self, outline: Floats, lidars: Sequence[Lidar], stopping: float) -> None:
+        """outline: (k, 2) of the robot [m]. lidars: all of them. stopping: distance in which it
+        stops from full speed [m]."""
+        super().__init__(outline, lidars, stopping)
+        self._stamp = -math.inf
 
     def points(
         self, lidar: Lidar, sweep: DeskewedScan, sweeps: list[tuple[Lidar, DeskewedScan]],
@@ -328,12 +347,10 @@ class UnobservedSpace:
         sweeps: each LiDAR with its newest sweep, this one too. out_of_view: movers, as in
         `track.departed`. fastest: assumed largest speed, unless observed faster [m/s].
         """
-        kept, seen, far, side = self._extent
+        kept, _, far, _ = self._extent
         pose = sweep.pose
         views = tuple(View(its_lidar, its.sensor) for its_lidar, its in sweeps)
-        if self._cells is None:
-            self._cells = assumed_free(no_cells(side), pose.x, pose.y, self._free)
-        cells = with_scan(self._cells, lidar, sweep, kept, seen)
+        cells = self._swept(lidar, sweep, self._free, False)
         dt, self._stamp = min(max(sweep.stamp - self._stamp, 0.0), 1.0), sweep.stamp
         near = approaching(out_of_view, pose, far)
         self._cells = occupied(cells, views, near, pose, self._outline, fastest, dt, kept)
@@ -347,37 +364,23 @@ class UnobservedSpace:
         return possibly_occupied(self._cells, pose, self._extent.kept)
 
 
-class UnobservedFloor:
+class UnobservedFloor(_Ground):
     """The floor that the floor sensors of a robot have not seen.
 
-    Only those count, and only where they see it: a planar LiDAR sees no stair.
+    Only those count, and only where they see it: a planar LiDAR sees no stair. Floor beneath a new
+    outline is not reported, and not assumed observed: a load may overhang anything.
     """
 
     def __init__(self, outline: Floats, floor_lidars: Sequence[Lidar], stopping: float) -> None:
         """outline: (k, 2) of the robot [m]. floor_lidars: the sensors that see the floor. stopping:
         distance in which it stops from full speed [m]."""
-        self._lidars, self._stopping = tuple(floor_lidars), stopping
         least = float(np.hypot(*outline.T).max()) + ASSUMED_FREE
-        self._assumed_free = max(vouched_floor(lidar, outline, least) for lidar in floor_lidars)
-        self._cells: ObservedCells | None = None
-        self.reshape(outline)
-
-    def reshape(self, outline: Floats) -> None:
-        """Use another outline from the next sweep on. Floor beneath it is not reported, and not
-        assumed observed: a load may overhang anything."""
-        self._outline = outline
-        reach = float(np.hypot(*outline.T).max())
-        free = max(reach + ASSUMED_FREE, self._assumed_free)
-        self._extent = extent(self._lidars, reach, free, self._stopping)
-        if self._cells is not None:
-            self._cells = enlarged(self._cells, self._extent.side)
+        free = max(vouched_floor(lidar, outline, least) for lidar in floor_lidars)
+        super().__init__(outline, floor_lidars, stopping, free)
 
     def points(self, lidar: Lidar, sweep: DeskewedScan) -> Floats:
         """The border of unobserved floor after a sweep of one of these, (p, 2), in `odom`."""
-        kept, seen, far, side = self._extent
-        pose = sweep.pose
-        if self._cells is None:
-            self._cells = assumed_free(no_cells(side), pose.x, pose.y, self._assumed_free)
-        self._cells = with_scan(self._cells, lidar, sweep, kept, seen, True)
+        self._cells = self._swept(lidar, sweep, self._least, True)
         view = (View(lidar, sweep.sensor),)
-        return unobserved_border(self._cells, view, pose, self._outline, far, True)
+        far = self._extent.reported
+        return unobserved_border(self._cells, view, sweep.pose, self._outline, far, True)
