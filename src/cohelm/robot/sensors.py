@@ -12,7 +12,6 @@ from pydantic import Field, model_validator
 from cohelm.core.schema import Schema
 from cohelm.core.types import Floats, Pose
 
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
 AtLeast0 = Annotated[float, Field(ge=0.0)]
 
 

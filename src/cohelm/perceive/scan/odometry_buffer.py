@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.jit import jit
-from cohelm.core.scalars import is_finite, wrap
+from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.achievable import braking_time
 from cohelm.robot.kinematics import arc
@@ -134,9 +134,3 @@ def pose_at(buffer: Floats, t: float) -> Pose:
         buffer[low, 2] + share * (buffer[high, 2] - buffer[low, 2]),
         wrap(buffer[low, 3] + share * turn),
     )
-
-
-@jit
-def usable(pose: Pose) -> bool:
-    """Whether all numbers of a pose are finite."""
-    return is_finite(pose.x + pose.y + pose.psi) and not math.isnan(pose.psi)

@@ -146,7 +146,7 @@ def _mean(seen: list[_Wall]) -> float:
 def bows(sight: Sight, lidar: Lidar) -> list[Bow]:
     """The bias estimate of each wall of which enough is visible."""
     sigma = max(lidar.noise, 0.005)
-    _, flat = normals(sight, lidar, sigma)
+    _, flat = normals(sight, sigma)
     if len(flat) < _MIN_POINTS:
         return []
     q = sight.points - (lidar.mount.x, lidar.mount.y)

@@ -54,7 +54,7 @@ def match(before: Sight, now: Sight, lidar: Lidar, least: float = 0.0) -> Match 
     """None where too few points correspond, or are on flat surfaces; or where less surface than
     `least` [m] is displaced from where odometry predicts it, so that it can not be contradicted."""
     sigma = max(lidar.noise, 0.005)
-    lines, where = normals(now, lidar, sigma)
+    lines, where = normals(now, sigma)
     if len(where) < _MIN_POINTS or len(before.points) < _MIN_POINTS:
         return None
     view = Lines(beam_frame(lidar), now.ranges, now.points[where], lines)

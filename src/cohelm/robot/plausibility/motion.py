@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import statistics
 from collections import deque
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,40 +18,35 @@ from cohelm.robot.plausibility.sight import Sight, motion, turned
 from cohelm.robot.plausibility.view import farther, vanished
 from cohelm.robot.sensors import Lidar
 
+# Largest differences between scans and odometry.
 
-class MotionTolerance(NamedTuple):
-    """Largest differences between scans and odometry."""
-
-    way: float = 0.05
-    """Over `_WINDOW` [m]: a tenth of a second at half a metre a second."""
-    turn: float = math.radians(2.5)
-    """[rad]; at two metres, a thumb's breadth more than the noise of a range."""
-    share: float = 0.1
-    """... plus this share of the motion: wheels measure a few per cent wrongly, and slip."""
-    surface: float = 0.4
-    """Surface, square to the beams, needed to contradict odometry [m]; straight for half a metre:
-    a person has none."""
-    majority: float = 2.0
-    """... and this many times the surface that supports it."""
-    gone: float = 0.7
-    """Surface that vanishes from one scan to the next into nothing, in one piece [m]: wider than a
-    person; and a person running at 2.5 m/s uncovers 0.25 m in a tenth of a second."""
-    replaced: float = 0.9
-    """Surface that vanishes and shows what is behind [m]: a person steps aside."""
-    scene: float = 2.0
-    """More surface than a person or a door uncovers from one scan to the next, in one piece [m]:
-    the scene is another, so the robot was moved, or its LiDAR measures other ranges than before."""
-    longer: float = 0.12
-    """Increase of all ranges at once that can not be [m]: the least bias of `bow.py`."""
-    lag: float = 0.1
-    """Error of the scans' stamps [s]: 2 cm when Sally brakes from 0.2 m/s."""
-    scale: float = 0.1
-    """Relative error of odometry's way, over metres."""
-    angle: float = math.radians(3.0)
-    """Angle between the way by the scans and by the wheels [rad]: the mount."""
-
-
-TOLERANCE = MotionTolerance()
+_WAY = 0.05
+"""Over `_WINDOW` [m]: a tenth of a second at half a metre a second."""
+_TURN = math.radians(2.5)
+"""[rad]; at two metres, a thumb's breadth more than the noise of a range."""
+_SHARE = 0.1
+"""... plus this share of the motion: wheels measure a few per cent wrongly, and slip."""
+_SURFACE = 0.4
+"""Surface, square to the beams, needed to contradict odometry [m]; straight for half a metre:
+a person has none."""
+_MAJORITY = 2.0
+"""... and this many times the surface that supports it."""
+_GONE = 0.7
+"""Surface that vanishes from one scan to the next into nothing, in one piece [m]: wider than a
+person; and a person running at 2.5 m/s uncovers 0.25 m in a tenth of a second."""
+_REPLACED = 0.9
+"""Surface that vanishes and shows what is behind [m]: a person steps aside."""
+_SCENE = 2.0
+"""More surface than a person or a door uncovers from one scan to the next, in one piece [m]:
+the scene is another, so the robot was moved, or its LiDAR measures other ranges than before."""
+_LONGER = 0.12
+"""Increase of all ranges at once that can not be [m]: the least bias of `bow.py`."""
+_LAG = 0.1
+"""Error of the scans' stamps [s]: 2 cm when Sally brakes from 0.2 m/s."""
+_SCALE = 0.1
+"""Relative error of odometry's way, over metres."""
+_ANGLE = math.radians(3.0)
+"""Angle between the way by the scans and by the wheels [rad]: the mount."""
 _WINDOW = 0.65  # time over which motion is compared [s]
 _LONG_WINDOW, _APART = 4.0, 0.5  # time over which ranges are compared, and between its sights [s]
 _FORGET = 0.995  # decay of the lag sums at each scan: half after 14 s
@@ -72,8 +66,8 @@ _OLD = 3.0  # longest time of a leg [s]
 class Motion:
     """Checks the motion that sights show, in order, against odometry."""
 
-    def __init__(self, lidar: Lidar, tolerance: MotionTolerance = TOLERANCE) -> None:
-        self._lidar, self._t = lidar, tolerance
+    def __init__(self, lidar: Lidar) -> None:
+        self._lidar = lidar
         self._recent: deque[Sight] = deque()
         self._spaced: deque[Sight] = deque(maxlen=round(_LONG_WINDOW / _APART))
         self._leg: Sight | None = None
@@ -129,16 +123,16 @@ class Motion:
 
     def _look_for(self, last: Sight, now: Sight) -> list[Finding]:
         """Surfaces of the last scan that have vanished."""
-        t, dt = self._t, now.stamp - last.stamp
+        dt = now.stamp - last.stamp
         slack = 0.05 + 0.1 * math.hypot(*motion(last, now)[:2])
         gone = vanished(last, now, self._lidar, slack)
         longer = max(dt / 0.1, 1.0)
-        if gone.empty > t.gone * longer:
+        if gone.empty > _GONE * longer:
             self.blinded = gone.beams
             return [hold(f"{gone.empty:.1f} m of what stood there has vanished from the scan")]
-        if gone.width > t.scene * longer:
+        if gone.width > _SCENE * longer:
             self._other, self._deeper = now, gone.deeper
-        if gone.width > t.replaced * longer:
+        if gone.width > _REPLACED * longer:
             return [hold(f"the scan shows something else over {gone.width:.1f} m, at once")]
         return []
 
@@ -146,9 +140,9 @@ class Motion:
         """Ranges that are all longer than some seconds ago, by a jump or a drift."""
         if not self._spaced:
             return []
-        t, before = self._t, _oldest(self._spaced, now)
+        before = _oldest(self._spaced, now)
         deeper, surface = farther(before, now, self._lidar)
-        if not (deeper > t.longer and surface > t.scene):
+        if not (deeper > _LONGER and surface > _SCENE):
             return []
         self._other, self._deeper = now, deeper
         within = now.stamp - before.stamp
@@ -156,17 +150,17 @@ class Motion:
 
     def _compare(self, before: Sight, now: Sight) -> list[Finding]:
         """Scan-to-scan motion against odometry's."""
-        t, odom = self._t, motion(before, now)
+        odom = motion(before, now)
         changes = abs(float(now.twist[0] - before.twist[0])) >= _CHANGES
-        made = match(before, now, self._lidar, 0.0 if changes else t.surface)
+        made = match(before, now, self._lidar, 0.0 if changes else _SURFACE)
         if made is None:
             return []
         self._add_lag(before, now, made)
-        if made.against < max(t.surface, t.majority * made.for_it):
+        if made.against < max(_SURFACE, _MAJORITY * made.for_it):
             return []
         way, turn = made.way(_SEEN), abs(float(made.correction[2]))
-        much = way > t.way + t.share * math.hypot(odom[0], odom[1])
-        much |= turn > t.turn + t.share * abs(float(odom[2]))
+        much = way > _WAY + _SHARE * math.hypot(odom[0], odom[1])
+        much |= turn > _TURN + _SHARE * abs(float(odom[2]))
         if not much:
             return []
         scans = _scan_motion(made.correction, odom)
@@ -191,7 +185,7 @@ class Motion:
         if min(up, down) < _CHANGED:
             return []
         lags = (up_sum / up, down_sum / down)
-        if min(lags) > self._t.lag or max(lags) < -self._t.lag:
+        if min(lags) > _LAG or max(lags) < -_LAG:
             mean = 500.0 * (lags[0] + lags[1])
             which = "older" if mean > 0.0 else "younger"
             return [fault(f"scans are {abs(mean):.0f} ms {which} than odometry, by their stamps")]
@@ -261,13 +255,12 @@ class Motion:
 
     def _judged(self) -> list[Finding]:
         """By the median of the last legs: one that people or corners spoil does not count."""
-        t = self._t
         found: list[Finding] = []
-        scale = _excess([scale - 1.0 for scale in self._scales], t.scale)
+        scale = _excess([scale - 1.0 for scale in self._scales], _SCALE)
         if scale:
             of = f"{100.0 * (1.0 + scale):.0f} %"
             found.append(slow(CRAWL, f"the scans show {of} of the way that odometry says"))
-        angle = _excess(list(self._angles), t.angle)
+        angle = _excess(list(self._angles), _ANGLE)
         if angle:
             error = f"{math.degrees(angle):.0f} deg"
             found.append(slow(

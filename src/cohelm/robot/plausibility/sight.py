@@ -206,8 +206,9 @@ def motion(before: Sight, now: Sight) -> Floats:
     return np.array([c * dx + s * dy, -s * dx + c * dy, turn])
 
 
-def normals(sight: Sight, lidar: Lidar, sigma: float) -> tuple[Floats, Ints]:
+def normals(sight: Sight, sigma: float) -> tuple[Floats, Ints]:
     """Unit normals of the surfaces at a sight's points, and which points have one, as indices.
+    sigma: of a range [m].
 
     A chord of half a metre across each point, so that noise turns it little and no person has one;
     a point that is not on its chord's line is on an edge or a small object, and has none.

@@ -89,7 +89,7 @@ def farther(before: Sight, now: Sight, lidar: Lidar) -> tuple[float, float]:
     0 where more than a tenth of it is less than half as much farther: for a robot that was pushed,
     only surfaces on one side are farther, so the median is of the ranges and not of the motion.
     """
-    _, flat = normals(before, lidar, max(lidar.noise, 0.005))
+    _, flat = normals(before, max(lidar.noise, 0.005))
     beams, r = polar(lidar, predict(before, now)[flat])
     return _farther(beams, r, before.arc[flat], now.ranges, lidar.range_min, _FAR * lidar.range_max)
 

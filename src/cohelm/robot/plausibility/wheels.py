@@ -12,35 +12,25 @@ from cohelm.robot.model import RobotModel
 from cohelm.robot.plausibility.finding import Finding, fault, hold
 from cohelm.robot.plausibility.trail import Trail
 
+# Largest differences within odometry, and between it and the commands.
 
-class WheelTolerance(NamedTuple):
-    """Largest differences within odometry, and between it and the commands."""
-
-    step: float = 0.03
-    """Pose and twist over one reading [m, rad]: a filter's small correction."""
-    drift: float = 0.05
-    """Pose and twist over each of `windows` [m, rad]; a filtered twist lags by some 0.1 s."""
-    share: float = 0.25
-    """... plus this share of the way: a twist is an average, or an instant."""
-    windows: tuple[float, ...] = (0.5, 2.0)
-    """For fast and for slow errors [s]."""
-    lag: float = 0.3
-    """Lag of the drives behind a command beyond the robot's `delay_s` [s]: on a slope, with a load,
-    by a controller of their own."""
-    speed: float = 0.12
-    """Measured and commanded speed [m/s]; a wheel that spins or is held back shows more."""
-    yaw_rate: float = 0.25
-    """[rad/s]"""
-    ratio: float = 0.15
-    """... plus this share of the command."""
-    patience: float = 0.15
-    """Time they have to differ before it counts [s]."""
+_STEP = 0.03
+"""Pose and twist over one reading [m, rad]: a filter's small correction."""
+_DRIFT, _WINDOWS = 0.05, (0.5, 2.0)
+"""Pose and twist [m, rad] over each of these times, for fast and for slow errors [s]; a filtered
+twist lags by some 0.1 s."""
+_SHARE = 0.25
+"""... plus this share of the way: a twist is an average, or an instant."""
+_LAG = 0.3
+"""Lag of the drives behind a command beyond the robot's `delay_s` [s]: on a slope, with a load, by
+a controller of their own."""
+_SPEED, _YAW_RATE = 0.12, 0.25
+"""Measured and commanded speed [m/s, rad/s]; a wheel that spins or is held back shows more."""
+_RATIO = 0.15  # ... plus this share of the command
+_PATIENCE = 0.15  # time they have to differ before it counts [s]
 
 
-TOLERANCE = WheelTolerance()
-
-
-def consistent(trail: Trail, t: WheelTolerance = TOLERANCE) -> Finding | None:
+def consistent(trail: Trail) -> Finding | None:
     """Pose against twist: the way between two poses is the integral of the speeds between them."""
     rows = trail.rows
     if len(rows) < 2:
@@ -52,15 +42,15 @@ def consistent(trail: Trail, t: WheelTolerance = TOLERANCE) -> Finding | None:
         was, least = _travel(rows[-3], before, min)
         owed = (max(least[0] - was[0], 0.0), max(least[1] - was[1], 0.0))
     for went, most, more, unit in zip(step, limits, owed, ("m", "rad"), strict=True):
-        if went > (1.0 + t.share) * most + t.step + more:
+        if went > (1.0 + _SHARE) * most + _STEP + more:
             return fault(f"the odometry jumped by {went:.2f} {unit} against its speed")
-    for window in t.windows:
+    for window in _WINDOWS:
         gone, turned, *sums = added_up(rows, trail.newest - window)
         for what, went, (one, other) in (
             ("speed", gone, sums[:2]), ("yaw rate", turned, sums[2:]),
         ):  # fmt: skip
             low, high = min(one, other), max(one, other)
-            room = t.drift + t.share * max(abs(low), abs(high), abs(went))
+            room = _DRIFT + _SHARE * max(abs(low), abs(high), abs(went))
             if not low - room <= went <= high + room:
                 text = f"{went:.2f} against {0.5 * (low + high):.2f} in {window} s"
                 return fault(f"the odometry's pose and {what} disagree: {text}")
@@ -102,8 +92,8 @@ class Following:
     """Whether the wheels follow the commands: measured twist against the range of the commands over
     the time in which a command may take effect."""
 
-    def __init__(self, model: RobotModel, tolerance: WheelTolerance = TOLERANCE) -> None:
-        self._t, self._late = tolerance, model.delay_s + tolerance.lag
+    def __init__(self, model: RobotModel) -> None:
+        self._late = model.delay_s + _LAG
         self._apart = math.nan
 
     def watch(
@@ -126,15 +116,14 @@ class Following:
             return None
         if math.isnan(self._apart):
             self._apart = now
-        if now - self._apart < self._t.patience:
+        if now - self._apart < _PATIENCE:
             return None
         return fault(reason) if sent.least > 0.02 else hold(reason)
 
     def _wrong(self, twist: Twist, sent: Commanded) -> str:
-        t = self._t
-        if outside(twist.v, sent.low_v, sent.high_v, t.speed, t.ratio):
+        if outside(twist.v, sent.low_v, sent.high_v, _SPEED, _RATIO):
             return f"the odometry reports {twist.v:.2f} m/s where {sent.v:.2f} m/s is commanded"
-        if outside(twist.omega, sent.low_omega, sent.high_omega, t.yaw_rate, t.ratio):
+        if outside(twist.omega, sent.low_omega, sent.high_omega, _YAW_RATE, _RATIO):
             is_ = f"{sent.omega:.2f} rad/s"
             return f"the odometry reports {twist.omega:.2f} rad/s where {is_} is commanded"
         return ""
