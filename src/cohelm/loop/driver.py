@@ -68,11 +68,9 @@ class Driver:
         self._planned = -math.inf
         self._map: tuple[Floats, Pose | None] = (np.empty((0, 2)), None)
         self._points: Floats = np.empty((0, 2))
-        self.zones = (
-            None
-            if zones is None
-            else Zoned(zones, settings.outline, settings.gains.u_d, settings.limits)
-        )
+        self.zones: Zoned | None = None
+        if zones is not None:
+            self.zones = Zoned(zones, settings.outline, settings.gains.u_d, settings.limits)
         """Keep-out points and speed limits of the zones."""
         self._zone_points = self._points
         self._all_points = self._points
@@ -127,14 +125,10 @@ class Driver:
             self._all_points = self._points
         if self.zones is None:
             return obstacles_from_perception(seen, seen.map_odom, self._points)
-        zone_points = _NOTHING if seen.lost else self.zones.points(seen.pose)
-        if zone_points is not self._zone_points or len(self._all_points) != len(self._points) + len(
-            zone_points
-        ):
-            self._zone_points, self._all_points = (
-                zone_points,
-                np.vstack((self._points, zone_points)),
-            )
+        there = _NOTHING if seen.lost else self.zones.points(seen.pose)
+        count = len(self._points) + len(there)
+        if there is not self._zone_points or len(self._all_points) != count:
+            self._zone_points, self._all_points = there, np.vstack((self._points, there))
         return obstacles_from_perception(seen, seen.map_odom, self._all_points)
 
     def _split_unobserved(self, obstacles: Surroundings) -> tuple[Surroundings, Floats]:
@@ -161,7 +155,7 @@ class Driver:
     def reshape(self, outline: Floats) -> None:
         """The robot has another outline from now on, (k, 2) [m]."""
         self.settings = self.settings._replace(outline=outline)
-        for pilot in (self._stick_only, self._by_hand, *((self.pilot,) if self.pilot else ())):
+        for pilot in self._pilots():
             pilot.reshape(outline)
         if self.zones is not None:
             self.zones.reshape(outline)
@@ -237,8 +231,7 @@ class Driver:
 
     def warm_up(self, pose: Pose, obstacles: Surroundings) -> None:
         """Compile what a period may need; no state changes."""
-        pilots = (self._stick_only, self._by_hand, *((self.pilot,) if self.pilot else ()))
-        for pilot in pilots:
+        for pilot in self._pilots():
             state, sent = pilot.state, pilot.sent.copy()
             pilot.step(math.nan, pose, Twist(0.0, 0.0), CENTRED, obstacles)
             clock_on_entry(pilot.course, pilot.planner.route, 0, pose, Twist(0.0, 0.0))
@@ -259,6 +252,9 @@ class Driver:
             gated.wait(gated.now() + 0.02)
             self._planning.plan(gated.now())  # a plan that compiled is too old to be used
         self._planning.late = False
+
+    def _pilots(self) -> tuple[Pilot, ...]:
+        return (self._stick_only, self._by_hand, *((self.pilot,) if self.pilot else ()))
 
     def close(self) -> None:
         """End the planner."""

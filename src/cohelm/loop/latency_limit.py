@@ -21,29 +21,27 @@ class Cap(NamedTuple):
     reason: str
 
 
+NO_CAP = Cap(math.inf, "")
+"""No cap."""
+
+
 def speed_cap(delay: float, clearance: float, deceleration: float, v_max: float) -> Cap:
     """The speed at which what the operator sees still leaves room to stop.
 
     delay: round trip from the robot to the operator and back, with the picture's age [s]; NaN or
-    less than UNCAPPED_DELAY caps nothing. clearance: of the outline [m]. The robot travels
-    v * delay unseen, then brakes:
-
-        v delay + v^2 / (2 a) = clearance   =>   v = a (sqrt(delay^2 + 2 clearance / a) - delay)
+    less than UNCAPPED_DELAY caps nothing. clearance: of the outline [m].
     """
     if not delay > UNCAPPED_DELAY or not math.isfinite(clearance):
-        return Cap(math.inf, "")
+        return NO_CAP
     if math.isinf(delay):
         return Cap(CRAWL, "latency unknown")
     room = max(clearance, 0.0)
-    speed = deceleration * (math.sqrt(delay * delay + 2.0 * room / deceleration) - delay)
-    speed = max(speed, CRAWL)
+    speed = max(_stops_within(room, delay, deceleration), CRAWL)
     if speed >= v_max:
-        return Cap(math.inf, "")
+        return NO_CAP
     return Cap(speed, f"{delay:.2f} s latency, {room:.1f} m clearance")
 
 
-NO_CAP = Cap(math.inf, "")
-"""No cap."""
 MAX_LOST_SPEED = 0.2
 """A robot that has lost its pose is never driven faster [m/s]."""
 _MIN_LOST_SPEED = 0.05  # nor slowed below this: it can leave what it stands against [m/s]
@@ -59,15 +57,21 @@ def lost_cap(clearance: float, delay: float, settings: Settings) -> Cap:
     """The speed cap of a robot that has lost its pose, and has only its scan.
 
     It stops within half the clearance [m], its own delay [s] included, and is never faster than
-    MAX_LOST_SPEED:
-
-        v delay + v^2 / (2 a) = clear / 2   =>   v = a (sqrt(delay^2 + clearance / a) - delay)
+    MAX_LOST_SPEED.
     """
-    a = _braking(settings)
-    room = a * (math.sqrt(delay * delay + max(clearance, 0.0) / a) - delay)
-    speed = min(max(room, _MIN_LOST_SPEED), MAX_LOST_SPEED)
+    speed = _stops_within(0.5 * max(clearance, 0.0), delay, _braking(settings))
+    speed = min(max(speed, _MIN_LOST_SPEED), MAX_LOST_SPEED)
     seen = f"{clearance:.1f} m clearance" if math.isfinite(clearance) else "nothing in sight"
     return Cap(speed, f"lost, with {seen}")
+
+
+def _stops_within(room: float, delay: float, a: float) -> float:
+    """The speed of a robot that travels on for the delay [s], then brakes with a [m/s^2], and stops
+    within the room [m]:
+
+        v delay + v^2 / (2 a) = room   =>   v = a (sqrt(delay^2 + 2 room / a) - delay)
+    """
+    return a * (math.sqrt(delay * delay + 2.0 * room / a) - delay)
 
 
 def _braking(settings: Settings) -> float:

@@ -208,10 +208,8 @@ class Loop:
         stick = supervisor.stick_state
         caps = [NO_CAP, driver.speed_zone_cap(seen), supervisor.docking.cap]
         if stick.delay > UNCAPPED_DELAY or seen.lost:
-            clearance, settings = (
-                driver.clearance(seen.pose, obstacles, seen.unobserved),
-                driver.settings,
-            )
+            clearance = driver.clearance(seen.pose, obstacles, seen.unobserved)
+            settings = driver.settings
             caps += [latency_cap(stick.delay, clearance, settings)]
             caps += [lost_cap(clearance, driver.delay, settings)] if seen.lost else []
         self.cap = min(caps)
