@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.perceive.localize.caution import LocalizerParams
+from cohelm.perceive.localize.caution import C
 from cohelm.perceive.localize.hypotheses import Hypotheses
 from cohelm.perceive.localize.hypothesis import Departure, Hypothesis
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
@@ -19,12 +19,11 @@ from tests.perceive.test_places import room
 
 NOWHERE = Pose(0.0, 0.0, 0.0)
 AWAY = Pose(HERE.x + 2.0, HERE.y, 0.0)
-C = LocalizerParams()
 
 
 def after(scans, every=0.1, lost=True):
     """The alarm of a robot whose wheels stand, after these scans."""
-    alarm = KidnapAlarm(LIDAR.lidar(), C)
+    alarm = KidnapAlarm(LIDAR.lidar())
     for k, ranges in enumerate(scans):
         alarm.compare(NOWHERE, every * k, ranges, NOWHERE, HERE, lost and k > 0)
     return alarm
@@ -61,7 +60,7 @@ def test_a_keyframe_from_since_the_map_fits_worse_is_no_view_from_before_the_ala
     """Pushed along a corridor, no scan contradicts another at first, and the next keyframe is
     taken where the robot was pushed to, at the pose that it had before. Unless the map, poor
     there, fits much worse only since that was taken."""
-    alarm = KidnapAlarm(LIDAR.lidar(), C)
+    alarm = KidnapAlarm(LIDAR.lidar())
     on = Pose(HERE.x + 0.35, HERE.y, HERE.psi)
     for k in range(6):
         alarm.compare(NOWHERE, 0.1 * k, seen(HERE, k), NOWHERE, HERE, False)
@@ -82,8 +81,8 @@ def lost_at(pose, odds=0.0, was_known=True):
     """What is followed by a robot that became lost there."""
     drawn, free = room(0.05)
     lidar, made = LIDAR.lidar(), map_from_occupancy(drawn, free, 0.05, NOWHERE)
-    judge, alarm = ScanJudge(made, lidar, C), KidnapAlarm(lidar, C)
-    found = Hypotheses(made, lidar, C, judge, alarm, False)
+    judge, alarm = ScanJudge(made, lidar), KidnapAlarm(lidar)
+    found = Hypotheses(made, lidar, judge, alarm, False)
     found.left = Departure(pose, np.diag([0.05, 0.05, 0.02, 0.01, 0.01]) ** 2, odds, was_known)
     found.everywhere = True
     return found

@@ -8,7 +8,8 @@ import pytest
 
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose
-from cohelm.perceive.localize.caution import LocalizerParams
+from cohelm.perceive.localize import verdict as believing
+from cohelm.perceive.localize.caution import C
 from cohelm.perceive.localize.hypothesis import Hypothesis, sigma
 from cohelm.perceive.localize.localization_map import Judgement, map_from_occupancy
 from cohelm.perceive.localize.map_errors import MapErrorCosts, new_errors
@@ -24,7 +25,6 @@ from tests.perceive.test_places import NO_WALLS, dotted, room
 
 AT = Pose(3.0, 2.9, 0.3)
 CELL = 0.05
-C = LocalizerParams()
 
 
 def seen(drawn, pose, model=LIDAR, number=0):
@@ -212,9 +212,9 @@ def test_switched_on_it_believes_no_place_where_another_explains_better_what_it_
 
 
 def verdict(kept):
-    judge = ScanJudge(map_from_occupancy(*room(CELL), CELL, Pose(0.0, 0.0, 0.0)), LIDAR.lidar(), C)
+    judge = ScanJudge(map_from_occupancy(*room(CELL), CELL, Pose(0.0, 0.0, 0.0)), LIDAR.lidar())
     about = SearchContext(True, True, True, True, False, 9, True, None, None)
-    return Belief(C, judge, LIDAR.beams).verdict(kept, about)
+    return Belief(judge, LIDAR.beams).verdict(kept, about)
 
 
 @pytest.mark.parametrize(("others", "sure"), [(1, True), (8, False)])
@@ -248,14 +248,17 @@ def test_switched_on_in_a_corridor_of_rooms_alike_the_right_place_does_not_slide
 
 
 @pytest.mark.parametrize(("map_", "start"), [(2, 24), (0, 24)])
-def test_switched_on_along_a_corridor_no_place_is_held_to_where_it_was_found(map_, start):
+def test_switched_on_along_a_corridor_no_place_is_held_to_where_it_was_found(
+    map_, start, monkeypatch
+):
     """Every beam of every scan made it surer: to 9 mm, and it was 6 cm off."""
     occupied, free, cell, origin = dotted(map_, length=40.0)
     perception = Perception(load.robot("sally").model_copy(update={"lidar": LIDAR}),
                             map_from_occupancy(occupied, free, cell, origin))  # fmt: skip
     assert perception._localizer is not None
     followed = perception._localizer._hypotheses
-    followed._belief.caution = C._replace(certain=math.inf)  # they are followed all the way
+    # they are followed all the way
+    monkeypatch.setattr(believing, "C", C._replace(certain=math.inf))
     poses, twists = along([(start + 0.7 * k, 0.05 * (-1) ** k) for k in range(7)])
     off = math.inf
     for moment in drive(

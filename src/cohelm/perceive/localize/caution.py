@@ -119,3 +119,7 @@ class LocalizerParams(NamedTuple):
     """Places scored in one slice."""
     points: int = 360
     """Points of a sweep that are matched, at most."""
+
+
+C = LocalizerParams()
+"""Those in use."""

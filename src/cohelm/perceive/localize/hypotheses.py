@@ -15,7 +15,7 @@ import numpy as np
 from cohelm.core.frames import compose
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import LocalizerParams
+from cohelm.perceive.localize.caution import C
 from cohelm.perceive.localize.global_search import Search, candidates, search, search_blocks
 from cohelm.perceive.localize.hypothesis import Departure, Hypothesis, same, twin
 from cohelm.perceive.localize.keyframe import usable
@@ -42,21 +42,19 @@ class Hypotheses:
 
     known: LocalizationMap
     lidar: Lidar
-    caution: LocalizerParams
     judge: ScanJudge
     alarm: KidnapAlarm
     cold_start: bool
 
     def __post_init__(self) -> None:
-        c = self.caution
         self.all: list[Hypothesis] = []
         self.whole_map = self.cold_start  # whether the whole map is searched
         self.before: Departure | None = None  # the pose before one was set
         self.moved = False  # whether a check has found one that fits as the pose did before
         self.left: Departure | None = None  # where it was when it became lost
-        self._belief = Belief(c, self.judge, len(self.lidar.beams))
-        self._last = LastMetres(c.view, c.kept)
-        self._since = SinceLost(c.remembered, np.empty(0))
+        self._belief = Belief(self.judge, len(self.lidar.beams))
+        self._last = LastMetres(C.view, C.kept)
+        self._since = SinceLost(C.remembered, np.empty(0))
         self._search: Search | None = None
         self._searched: tuple[Floats, Floats, Floats] | None = None
         self._candidates: list[tuple[Pose, Floats | None]] = []
@@ -110,7 +108,7 @@ class Hypotheses:
         """Whether a new search is due."""
         if self.searching or (self.cold_start and self.all and self._complete(self.all)):
             return False  # all candidates are followed
-        return not self.all or self._waited >= self.caution.pause
+        return not self.all or self._waited >= C.pause
 
     def led_on(self, step: Pose) -> None:
         """Apply an odometry step."""
@@ -152,7 +150,7 @@ class Hypotheses:
         own = self.left.pose if self.left else here
         if not self.whole_map:
             # not around the likeliest hypothesis, which may be anywhere
-            near = np.hypot(places[:, 0] - own.x, places[:, 1] - own.y) < self.caution.near
+            near = np.hypot(places[:, 0] - own.x, places[:, 1] - own.y) < C.near
             places = places[near]
         views = [sweep.points, *(shifted(v.back, v.points, True) for v in self._last.use())]
         self._search = search(np.vstack(views), places, self.cold_start)
@@ -169,7 +167,7 @@ class Hypotheses:
         self._searched_again = self.cold_start and bool(self.all)
         self._base = _NOWHERE
         if not self.all:
-            self._since = SinceLost(self.caution.remembered, sweep.ranges)
+            self._since = SinceLost(C.remembered, sweep.ranges)
 
     def search_step(self, lost: bool) -> bool:
         """One slice of the search, if any; about 3 ms. Returns whether that ended it."""
@@ -177,10 +175,9 @@ class Hypotheses:
             return False
         points, across, ranges = self._searched
         if self._search is not None:
-            self._search = search_blocks(self._search, self.known, self.caution.places)
+            self._search = search_blocks(self._search, self.known, C.places)
             if self._search.over:
-                c = self.caution
-                most = c.everywhere if self.whole_map else c.hypotheses
+                most = C.everywhere if self.whole_map else C.hypotheses
                 found = candidates(self._search, most)
                 self._full = len(found) == most
                 self._candidates += [(pose, None) for pose in found]
@@ -198,7 +195,7 @@ class Hypotheses:
         if self.cold_start:
             self._since.views = max(self._since.views, len(self._last.used))
         # more candidates exist if the last ones tried fit as well as the best
-        last = max(self._tried_logs[-self.caution.last :]) if self._full else -math.inf
+        last = max(self._tried_logs[-C.last :]) if self._full else -math.inf
         best = max(self._tried_logs, default=-math.inf)  # none where no place sees a wall
         self._left_out = self._near(last, best)
         if self.cold_start and self.all:
@@ -218,7 +215,7 @@ class Hypotheses:
         off = since.led_on(step)
         # a scan from the same place adds no information
         fresh = off > NEAR and not any(h.stale for h in self.all)
-        oldest = sorted(self.all, key=lambda h: -h.age)[: self.caution.judged]
+        oldest = sorted(self.all, key=lambda h: -h.age)[: C.judged]
         # map errors are correlated over some distance
         share = min(1.0, off / match_params.correlated)
         if fresh and self.all:
@@ -262,7 +259,7 @@ class Hypotheses:
         """Drop refuted hypotheses; returns the others, the likeliest first."""
         stayed = [h for h in self.all if self.left is not None and self.left.held(h)]
         for hypothesis in self.all:
-            own = next((h for h in stayed if twin(hypothesis, h, self.caution)), None)
+            own = next((h for h in stayed if twin(hypothesis, h)), None)
             hypothesis.prior = self._prior(hypothesis, own is not None)
             if own is not None:  # people near by contradict it no less than its twin
                 hypothesis.keyframe_log = min(hypothesis.keyframe_log, own.keyframe_log)
@@ -270,15 +267,15 @@ class Hypotheses:
         alive.sort(key=lambda h: -h.total)
         kept: list[Hypothesis] = []
         for hypothesis in alive:
-            unlikely = kept and kept[0].total - hypothesis.total > self.caution.refuted
+            unlikely = kept and kept[0].total - hypothesis.total > C.refuted
             # people may contradict the earlier place, as long as the map fits there
             possible = not unlikely or any(hypothesis is own for own in stayed)
             if possible and not any(same(hypothesis.pose, other.pose) for other in kept):
                 kept.append(hypothesis)
         if not kept:  # hypotheses found from now on have no views yet
             self._since.views, self._whole = 0, False
-        self.all = kept[: self.caution.followed]
-        for hypothesis in kept[self.caution.followed :][:1]:
+        self.all = kept[: C.followed]
+        for hypothesis in kept[C.followed :][:1]:
             own = hypothesis.charges.most - kept[0].charges.closer
             self._left_out = max(self._left_out, own if self.cold_start else math.inf)
         return kept
@@ -288,22 +285,21 @@ class Hypotheses:
         `last`. At a cold start costs only grow; else one that comes near may improve."""
         if self.cold_start:
             return last
-        return math.inf if last >= best - 2.0 * self.caution.margin else -math.inf
+        return math.inf if last >= best - 2.0 * C.margin else -math.inf
 
     def _complete(self, kept: list[Hypothesis]) -> bool:
         """Whether no place that is not followed comes near the best. At a cold start one may, if
         the best of the first search leaves more than some four objects unexplained."""
-        c = self.caution
         # a place that is not followed is assumed to fit the later views as closely as the best
         own = kept[0].total - kept[0].charges.closer
-        if self.cold_start and own < c.least and not self._searched_again:
+        if self.cold_start and own < C.least and not self._searched_again:
             return False
-        return own - self._left_out >= c.margin
+        return own - self._left_out >= C.margin
 
     def verdict(self, kept: list[Hypothesis]) -> PlaceVerdict:
         """Whether the best of the ranked hypotheses can be believed."""
-        c, since = self.caution, self._since
-        driven = since.way >= c.travelled or since.turned >= 2.0 * c.travelled
+        since = self._since
+        driven = since.way >= C.travelled or since.turned >= 2.0 * C.travelled
         about = SearchContext(
             self.cold_start, self._whole, bool(kept) and self._complete(kept), self.whole_map,
             self.moved, since.views, driven, self.left, self.before.pose if self.before else None,
@@ -340,7 +336,7 @@ class Hypotheses:
         for other in self.all:
             if same(other.pose, pose):
                 # the odometry prior counts against one scan
-                least = other.latest + (0.5 * self.caution.margin if other.led else 0.0)
+                least = other.latest + (0.5 * C.margin if other.led else 0.0)
                 if new > least and not self.cold_start:
                     other.pose, other.covariance, other.led = pose, covariance, led
                     other.latest, other.judged = new, judged
@@ -369,7 +365,7 @@ class Hypotheses:
         """Whether a pose is possible by one scan; near the last pose, or the one before a person
         set one, the map may be wrong. more: stricter, for a new one."""
         here = any(last is not None and last.away(pose) < 0.5 for last in (self.left, self.before))
-        if here and judged.agree > self.caution.poor:
+        if here and judged.agree > C.poor:
             return True  # a mapped wall may be gone
         fits = judged.agree > 0.35 + more and judged.through < 0.4 - more
         return fits and free_at(self.known, pose.x, pose.y)
@@ -377,18 +373,18 @@ class Hypotheses:
     def _prior(self, hypothesis: Hypothesis, turned_round: bool = False) -> float:
         """Log prior of a hypothesis given the last known pose: not moved, carried no faster than
         walking, hardly turned. turned_round: whether it is the twin of one at that pose."""
-        c, left = self.caution, self.left
+        left = self.left
         if left is None:
             return 0.0
         if left.odds > 0.0:
             return -min(0.5 * left.mahalanobis(hypothesis), left.odds)
         carried = 0.0
         if left.was_known:
-            beyond = left.away(hypothesis.pose) - (c.near + 0.5 + c.pace * self.alarm.carried)
-            carried = min(0.5 * (max(beyond, 0.0) / c.put) ** 2, c.unmoved)
+            beyond = left.away(hypothesis.pose) - (C.near + 0.5 + C.pace * self.alarm.carried)
+            carried = min(0.5 * (max(beyond, 0.0) / C.put) ** 2, C.unmoved)
         if turned_round:
-            carried = c.unmoved
+            carried = C.unmoved
         if self.whole_map:
             return -carried
-        turned = wrap(hypothesis.pose.psi - left.pose.psi) / c.turned
-        return -carried - min(0.5 * turned**2, 0.25 * c.margin)
+        turned = wrap(hypothesis.pose.psi - left.pose.psi) / C.turned
+        return -carried - min(0.5 * turned**2, 0.25 * C.margin)

@@ -10,7 +10,7 @@ import numpy as np
 
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import LocalizerParams
+from cohelm.perceive.localize.caution import C
 from cohelm.perceive.localize.localization_map import Judgement
 from cohelm.perceive.localize.map_errors import MapErrorCosts
 from cohelm.perceive.match.odometry_covariance import moved
@@ -110,13 +110,11 @@ def sigma(hypothesis: Hypothesis) -> float:
     return math.sqrt(float(np.linalg.eigvalsh(hypothesis.covariance[:2, :2])[-1]))
 
 
-def twin(hypothesis: Hypothesis, own: Hypothesis, caution: LocalizerParams) -> bool:
+def twin(hypothesis: Hypothesis, own: Hypothesis) -> bool:
     """Whether a hypothesis is a turned look-alike of the robot's own place, as the other end of a
     symmetric hall: it fits the newest scan no better. A robot that is carried and turned is
     unlikely to be put down exactly there. Along a corridor, where the position is uncertain, it is
     no twin."""
-    turned = abs(wrap(hypothesis.pose.psi - own.pose.psi)) > 2.0 * caution.turned
-    better = (
-        hypothesis.latest - own.latest > 0.5 * caution.margin
-    )  # by more than one unmapped object
-    return turned and not better and sigma(hypothesis) < caution.sure
+    turned = abs(wrap(hypothesis.pose.psi - own.pose.psi)) > 2.0 * C.turned
+    better = hypothesis.latest - own.latest > 0.5 * C.margin  # by more than one unmapped object
+    return turned and not better and sigma(hypothesis) < C.sure

@@ -10,7 +10,7 @@ and `pose_check` decides whether a pose is kept beside other places that fit.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from cohelm.core.frames import between
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import LocalizerParams
+from cohelm.perceive.localize.caution import C
 from cohelm.perceive.localize.hypotheses import Hypotheses
 from cohelm.perceive.localize.hypothesis import Departure
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
@@ -57,16 +57,14 @@ class Localizer:
     known: LocalizationMap
     lidar: Lidar
     start: Pose | None = None
-    caution: LocalizerParams = field(default_factory=LocalizerParams)
 
     def __post_init__(self) -> None:
-        c = self.caution
-        self._judge = ScanJudge(self.known, self.lidar, c)
-        self._alarm = KidnapAlarm(self.lidar, c)
+        self._judge = ScanJudge(self.known, self.lidar)
+        self._alarm = KidnapAlarm(self.lidar)
         self._hypotheses = Hypotheses(
-            self.known, self.lidar, c, self._judge, self._alarm, self.start is None
+            self.known, self.lidar, self._judge, self._alarm, self.start is None
         )
-        self._check = PoseCheck(c, self._judge, self._alarm, self._hypotheses)
+        self._check = PoseCheck(self._judge, self._alarm, self._hypotheses)
         self._odometry: Pose | None = None
         self._pose_set = self.start is not None  # whether the pose has just been set
         self._doubts = 0  # scans in a row that do not fit,
@@ -105,7 +103,7 @@ class Localizer:
         self._hypotheses.led_on(step)
         self._check.led_on(step)
         points, across = normals(sweep.points, sweep.beams, self.lidar.step)
-        every = max(1, -(-len(points) // self.caution.points))
+        every = max(1, -(-len(points) // C.points))
         # contiguous: other strides would compile another specialization
         points = np.ascontiguousarray(points[::every])
         mount = self.lidar.mount
@@ -139,7 +137,7 @@ class Localizer:
         prior = inverted(spread)
         fit = align(self.known.surfaces, points, across, predicted, prior, match_params)
         judged = self._judge.judge(fit.pose, sweep.ranges)
-        c, distance = self.caution, math.hypot(step.x, step.y)
+        distance = math.hypot(step.x, step.y)
         may_have_moved = check.may_have_moved
         fits, pushed = self._judge.fits(judged, self._alarm.raised), False
         weak_prior = np.diag([4.0, 4.0, 16.0])
@@ -147,14 +145,14 @@ class Localizer:
             wider = match_params._replace(reach=0.6)
             wider_fit = align(self.known.surfaces, points, across, predicted, weak_prior, wider)
             wider_judged = self._judge.judge(wider_fit.pose, sweep.ranges)
-            if wider_judged.log > judged.log + 1.0 and self._judge.fair(wider_judged, c.good):
+            if wider_judged.log > judged.log + 1.0 and self._judge.fair(wider_judged, C.good):
                 fit, judged, pushed = wider_fit, wider_judged, True
                 fits = self._judge.fits(wider_judged, self._alarm.raised)
         check.held(fits, distance)
         long_unfitted = check.long_unfitted
-        doubtful = long_unfitted and not self._judge.fair(judged, c.poor)
+        doubtful = long_unfitted and not self._judge.fair(judged, C.poor)
         if may_have_moved and not fits:
-            doubtful = check.fitted < c.proven or self._alarm.refuted(fit.pose)
+            doubtful = check.fitted < C.proven or self._alarm.refuted(fit.pose)
         self._doubts = self._doubts + 1 if not fits and doubtful else 0
         innovation = np.array([
             fit.pose.x - predicted.x, fit.pose.y - predicted.y, wrap(fit.pose.psi - predicted.psi),
@@ -168,10 +166,10 @@ class Localizer:
             @ np.linalg.solve(np.eye(3) + reported[:3, :3] @ information, innovation)
         )
         # moved, or started elsewhere than stated: the place that fits is one candidate
-        jumped = may_have_moved and off > c.refused
+        jumped = may_have_moved and off > C.refused
         if jumped and check.started:
             reported = self._widened(reported)
-        if self._doubts >= c.patience or jumped:
+        if self._doubts >= C.patience or jumped:
             self._reset_search()
             self._hypotheses.whole_map = False
             why = "what the LiDAR sees is not what the map shows here"
@@ -182,7 +180,7 @@ class Localizer:
             if jumped:
                 self._hypotheses.add(fit.pose)
             return
-        if not may_have_moved and off > c.refused:
+        if not may_have_moved and off > C.refused:
             self._joint, self._reported_joint = joint, reported
             self.located = Localization(predicted, reported[:3, :3].copy(), judged.agree, False, "")
         else:
@@ -203,7 +201,7 @@ class Localizer:
         self._log_likelihood = self._judge.weighed(judged)
         self._odd = self._odd + 1 if odd else 0
         check.passed(distance)
-        due = self._odd >= c.patience and self._odd % c.pause == c.patience
+        due = self._odd >= C.patience and self._odd % C.pause == C.patience
         persistent = self._alarm.persistent
         if (
             due or self._pose_set or long_unfitted or persistent
@@ -265,7 +263,7 @@ class Localizer:
 
     def _widened(self, joint: Floats) -> Floats:
         """The covariance of a start pose that does not fit (`LocalizerParams.put`)."""
-        put = self.caution.put
+        put = C.put
         wide = np.diag([put, put, 0.5 * put]) ** 2
         return joined(joint[:3, :3] + wide, joint[3:, 3:])
 

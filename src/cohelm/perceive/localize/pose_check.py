@@ -14,7 +14,7 @@ import numpy as np
 from cohelm.core.frames import between, compose
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import LocalizerParams
+from cohelm.perceive.localize.caution import C
 from cohelm.perceive.localize.hypotheses import Hypotheses
 from cohelm.perceive.localize.hypothesis import Hypothesis, same, twin
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
@@ -25,14 +25,13 @@ from cohelm.perceive.localize.scan_judge import ScanJudge
 class PoseCheck:
     """The check of one robot's pose."""
 
-    caution: LocalizerParams
     judge: ScanJudge
     alarm: KidnapAlarm
     hypotheses: Hypotheses
 
     def __post_init__(self) -> None:
         self.on = False  # whether the search only checks a believed pose
-        self.lead = self.caution.unmoved  # log odds of the believed pose against others
+        self.lead = C.unmoved  # log odds of the believed pose against others
         self._start = True  # whether it is the given start
         self.fitted = self._unheld = 0.0  # distances for which the map has fitted, and has not [m]
         self._persistent = False  # whether scans contradicted each other when the check began
@@ -45,8 +44,8 @@ class PoseCheck:
     def believed(self, lead: float, proven: bool) -> None:
         """A pose is believed. lead: its log odds against other places. proven: no other on the map
         comes near it."""
-        self.lead, self._start = min(max(lead, 0.0), self.caution.unmoved), False
-        self.fitted, self._unheld = self.caution.proven if proven else 0.0, 0.0
+        self.lead, self._start = min(max(lead, 0.0), C.unmoved), False
+        self.fitted, self._unheld = C.proven if proven else 0.0, 0.0
         self._rivals = self._elsewhere = 0
         self._other = None
 
@@ -71,37 +70,36 @@ class PoseCheck:
     @property
     def long_unfitted(self) -> bool:
         """Whether the map has not fitted for so long that all of it has to be searched."""
-        return self._unheld > self.caution.unheld
+        return self._unheld > C.unheld
 
     @property
     def was_known(self) -> bool:
         """Whether the pose was known: it has fitted for some distance, and the map recently."""
-        return self.fitted >= self.caution.proven and not self.long_unfitted
+        return self.fitted >= C.proven and not self.long_unfitted
 
     @property
     def started(self) -> bool:
         """Whether the pose is still the given start, not yet confirmed."""
-        return self._start and self.fitted < self.caution.proven
+        return self._start and self.fitted < C.proven
 
     @property
     def may_have_moved(self) -> bool:
         """Whether the robot may have been moved, or its pose is not yet confirmed."""
-        return self.alarm.raised or self.fitted < self.caution.proven
+        return self.alarm.raised or self.fitted < C.proven
 
     @property
     def log_odds(self) -> float:
         """Prior log odds of the believed pose: 0 after an alarm, and those with which it was
         believed until it has fitted for some distance."""
-        c = self.caution
-        return 0.0 if self.alarm.raised else c.unmoved if self.fitted >= c.proven else self.lead
+        return 0.0 if self.alarm.raised else C.unmoved if self.fitted >= C.proven else self.lead
 
     def given_up(self, pose: Pose, covariance: Floats, likely: float) -> bool:
         """Whether a pose is given up for what a check has found near by. covariance: (3, 3), its
         own. likely: its log likelihood by the newest scan."""
-        c, found = self.caution, self.hypotheses.all
+        found = self.hypotheses.all
         if (
             self.lead == 0.0
-            and self.fitted < c.proven
+            and self.fitted < C.proven
             and self._ambiguous(pose, covariance, likely)
         ):
             return True
@@ -117,26 +115,26 @@ class PoseCheck:
         own = next((h for h in found if same(h.pose, pose)), None)
         lead = best.latest + gained - likely
         # one scan does not outweigh all that the pose was believed for; a start is only given
-        better = lead > (c.margin if self.started else max(c.margin, self.log_odds))
-        if own is not None and twin(best, own, c):  # may be walkers
+        better = lead > (C.margin if self.started else max(C.margin, self.log_odds))
+        if own is not None and twin(best, own):  # may be walkers
             self._rivals = 0
             return False
-        clearly = max(c.drop, self.log_odds)
-        turned = abs(wrap(best.pose.psi - pose.psi)) > 2.0 * c.turned
+        clearly = max(C.drop, self.log_odds)
+        turned = abs(wrap(best.pose.psi - pose.psi)) > 2.0 * C.turned
         if turned and own is not None and self.judge.as_usual(own.judged):
-            clearly = max(clearly, 0.5 * c.margin)  # the pose fits: may be walkers
+            clearly = max(clearly, 0.5 * C.margin)  # the pose fits: may be walkers
         as_before = lead > clearly and self.judge.as_usual(best.judged)
-        if self._persistent and lead > 0.5 * c.margin:
+        if self._persistent and lead > 0.5 * C.margin:
             as_before = self.judge.plausible(best.judged)
         # an alarm is no evidence for staying: what suffices without one suffices after it
-        again = lead > c.margin and self._rivals_again(best, pose, likely)
+        again = lead > C.margin and self._rivals_again(best, pose, likely)
         if not self.may_have_moved:
             return again
         if self.alarm.raised and not self._persistent and gained <= 0.0:
             # the keyframe does not speak for it. If it contradicts neither, being moved and not
             # are as likely as before, and one object decides, by the same scan for both
             usual = self.judge.as_usual(best.judged)
-            by_one = best.latest - self._checked > 0.5 * c.margin
+            by_one = best.latest - self._checked > 0.5 * C.margin
             better, as_before = False, gained == 0.0 and usual and by_one
         lost = better or as_before or again
         if lost:
@@ -147,14 +145,13 @@ class PoseCheck:
         """Whether only the set pose separates it from another place near by that its covariance
         does not reach: matches are certain of a place, not of which of two. A set pose has sigma
         `LocalizerParams.put`."""
-        c = self.caution
-        information = np.diag(np.array([c.put, c.put, 0.5 * c.put]) ** -2.0)
+        information = np.diag(np.array([C.put, C.put, 0.5 * C.put]) ** -2.0)
 
         def rivals(h: Hypothesis) -> bool:
             off = np.array([h.pose.x - pose.x, h.pose.y - pose.y, wrap(h.pose.psi - pose.psi)])
             apart = float(off @ np.linalg.solve(covariance + h.covariance, off)) > 9.0
             lead = h.latest - likely - 0.5 * float(off @ information @ off)
-            return apart and self.judge.plausible(h.judged) and lead > -0.5 * c.margin
+            return apart and self.judge.plausible(h.judged) and lead > -0.5 * C.margin
 
         return any(rivals(h) for h in self.hypotheses.all if not same(h.pose, pose))
 
@@ -165,34 +162,33 @@ class PoseCheck:
         If no other place fits better, the map is wrong; so it is if it is another place each time,
         as the right one would have moved on with the odometry.
         """
-        c, other = self.caution, self._other
+        other = self._other
         better = [
             h for h in self.hypotheses.all
-            if h.latest > self._checked + c.margin and not same(h.pose, pose)
+            if h.latest > self._checked + C.margin and not same(h.pose, pose)
         ]  # fmt: skip
         if other and any(same(h.pose, other) for h in better):
             self._elsewhere += 1
         else:
             self._elsewhere = 1 if better else 0
             self._other = max(better, key=lambda h: h.latest).pose if better else None
-        if self._elsewhere >= c.elsewhere:
+        if self._elsewhere >= C.elsewhere:
             return True
-        self._unheld = c.unheld - 1.0 if self._elsewhere else 0.0
+        self._unheld = C.unheld - 1.0 if self._elsewhere else 0.0
         return False
 
     def _rivals_again(self, best: Hypothesis, pose: Pose, likely: float) -> bool:
         """Whether the same other place has been better often enough and for long enough, though yet
         another may be better at times."""
-        c = self.caution
 
         def off(other: Pose) -> float:
             seen = between(pose, other)
             return math.hypot(seen.x - self._rival.x, seen.y - self._rival.y)
 
-        better = [h for h in self.hypotheses.all if h.latest > likely + c.margin]
+        better = [h for h in self.hypotheses.all if h.latest > likely + C.margin]
         nearest = min(better, key=lambda h: off(h.pose), default=best)
         if self._rivals == 0 or off(nearest.pose) > 0.5:
             self._rivals, self._rivalled, nearest = 0, 0.0, best
         self._rival = between(pose, nearest.pose)
         self._rivals += 1
-        return self._rivals >= c.rivals and self._rivalled >= c.rivalled
+        return self._rivals >= C.rivals and self._rivalled >= C.rivalled

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import LocalizerParams
+from cohelm.perceive.localize.caution import C
 from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap, judge
 from cohelm.perceive.localize.map_errors import MapErrorCosts, new_errors
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit
@@ -24,7 +24,6 @@ class ScanJudge:
 
     known: LocalizationMap
     lidar: Lidar
-    caution: LocalizerParams
     match_params: MatchParams = field(default_factory=MatchParams)
 
     def __post_init__(self) -> None:
@@ -54,35 +53,32 @@ class ScanJudge:
 
     def fits(self, judged: Judgement, alarmed: bool) -> bool:
         """Whether a tracked pose may be kept; after an alarm the threshold is stricter."""
-        c = self.caution
-        least = c.unlikely
+        least = C.unlikely
         if alarmed and self.usual > -math.inf:
-            least = max(least, self.usual - max(c.margin, 4.0 * self._spread))
-        return judged.log >= least and self.fair(judged, c.fair)
+            least = max(least, self.usual - max(C.margin, 4.0 * self._spread))
+        return judged.log >= least and self.fair(judged, C.fair)
 
     def as_usual(self, judged: Judgement) -> bool:
         """Whether a scan fits as well as scans did before they became odd."""
-        return judged.log > self.usual - self.caution.alike
+        return judged.log > self.usual - C.alike
 
     def plausible(self, judged: Judgement) -> bool:
         """Whether a pose is plausible by one scan."""
-        return judged.log >= self.caution.least and self.fair(judged, self.caution.fair)
+        return judged.log >= C.least and self.fair(judged, C.fair)
 
     def fair(self, judged: Judgement, least: float) -> bool:
         """Whether at least this share of the unblocked beams agrees, and enough are unblocked."""
         unblocked = 1.0 - judged.short
-        c = self.caution
         return (
             judged.beam_count >= 10
             and judged.agree >= least * unblocked
-            and judged.short < c.blocked
+            and judged.short < C.blocked
         )
 
     def learn(self, judged: Judgement, may_have_moved: bool) -> bool:
         """Update the usual likelihood by the newest scan at the tracked pose, unless it is odd
         while the robot may have been moved. Returns whether it is odd."""
-        c = self.caution
-        odd = judged.log < max(c.odd, self.usual - max(c.drop, 3.0 * self._spread))
+        odd = judged.log < max(C.odd, self.usual - max(C.drop, 3.0 * self._spread))
         if self.usual == -math.inf:
             self.usual, self._blank = judged.log, judged.log - judged.weighed
         if not odd or not may_have_moved:
@@ -96,7 +92,7 @@ class ScanJudge:
         from hits, at their edge on one of filled cells. It is observable with walls on both sides.
         distance: since the scan before [m]."""
         most = self.known.resolution
-        gain = min(distance / self.caution.drawn, 0.1)
+        gain = min(distance / C.drawn, 0.1)
         new = self.match_params.offset + gain * fit.before
         self.match_params = self.match_params._replace(offset=min(max(new, -most), most))
         if math.isfinite(fit.rms):

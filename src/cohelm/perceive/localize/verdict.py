@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from cohelm.core.types import Pose
-from cohelm.perceive.localize.caution import LocalizerParams
+from cohelm.perceive.localize.caution import C
 from cohelm.perceive.localize.hypothesis import Departure, Hypothesis, same, sigma
 from cohelm.perceive.localize.scan_judge import ScanJudge
 
@@ -51,7 +51,6 @@ class PlaceVerdict(NamedTuple):
 class Belief:
     """Decides for one robot; remembers for how long a hypothesis has led."""
 
-    caution: LocalizerParams
     judge: ScanJudge
     beams: int
 
@@ -65,34 +64,34 @@ class Belief:
 
     def verdict(self, kept: list[Hypothesis], context: SearchContext) -> PlaceVerdict:
         """Whether the best of the ranked hypotheses can be believed."""
-        c, fair = self.caution, self.judge.fair
+        fair = self.judge.fair
         kept = rivals(kept, context.left)
         best = kept[0] if kept else None
         unsure = context.cold or not context.whole
-        if best is None or not fair(best.judged, c.fair if unsure else c.poor):
+        if best is None or not fair(best.judged, C.fair if unsure else C.poor):
             return PlaceVerdict(
                 None, 0.0, False, "no place on the map looks like what the LiDAR sees"
             )
         lead = _lead(best, kept[1:] if context.cold else kept[1:2])
         back = _nearest(kept, context.before) if context.before else None
-        if back is not None and best.total - back.total < c.margin:
+        if back is not None and best.total - back.total < C.margin:
             led = _lead(back, [h for h in kept if h is not back])
             best, lead, required = back, math.inf, 0.0  # it needs no proof, and gives none
         else:
             led, required = lead, self._required_lead(best, lead, context)
         far = self._far(best.pose, context)
         # the map may be wrong here, where all of it has been searched and nothing comes near
-        only = context.whole and not far and lead >= 2.0 * c.margin
+        only = context.whole and not far and lead >= 2.0 * C.margin
         # or the robot was not moved, and nothing found elsewhere outweighs that; a standing robot
         # gains nothing from more scans
-        steady = lead >= c.margin or (lead >= required and self._led >= c.steady)
+        steady = lead >= C.margin or (lead >= required and self._led >= C.steady)
         stayed = steady and self._stays(best, context)
         if context.left and context.left.stays(best):
             best = context.left.known(best)
         if context.cold and self._disputed(kept):
             lead = led = 0.0
         why = ""
-        if lead < required or (far and (context.views < c.views or not context.complete)):
+        if lead < required or (far and (context.views < C.views or not context.complete)):
             some = f"{len(kept)}" if context.complete else "many"
             why = f"{some} places on the map look alike: drive on a little"
             if context.moved:
@@ -103,7 +102,7 @@ class Belief:
             best, lead, far, stayed, only or (stayed and context.whole), context
         ):
             why = "too much of what the LiDAR sees is not on the map"
-        elif best is not back and sigma(best) > c.sure:
+        elif best is not back and sigma(best) > C.sure:
             why = "too few features are in view to say where along them"
         return PlaceVerdict(best, led, only or stayed, why)
 
@@ -112,12 +111,12 @@ class Belief:
         context: SearchContext,
     ) -> bool:  # fmt: skip
         """Whether a hypothesis explains enough of the scan. poor: the map may be wrong there."""
-        c, judged = self.caution, best.judged
+        judged = best.judged
         strange = far or context.odds > 0.0
         return (
-            self.judge.fair(judged, c.poor if poor else c.good)
-            and judged.agree >= (c.whole if far else c.poor if poor else c.seen)
-            and (judged.log >= c.least or stayed or (not strange and lead >= 3.0 * c.margin))
+            self.judge.fair(judged, C.poor if poor else C.good)
+            and judged.agree >= (C.whole if far else C.poor if poor else C.seen)
+            and (judged.log >= C.least or stayed or (not strange and lead >= 3.0 * C.margin))
             and (judged.beam_count >= 0.5 * self.beams or stayed)
             # a map may miss a wall, and people occlude; no error shows what is behind two walls
             and (judged.passed < 2 or not context.cold)
@@ -127,17 +126,17 @@ class Belief:
         """Whether the current view is better explained by another than the first: one missing piece
         of wall may have separated them."""
         now = [self.judge.weighed(h.judged) for h in kept]
-        return max(now) > now[0] + 0.5 * self.caution.margin
+        return max(now) > now[0] + 0.5 * C.margin
 
     def _stays(self, hypothesis: Hypothesis, context: SearchContext) -> bool:
         """Whether it is where the robot became lost, and plausibly so: no scan has contradicted
         another since the place was known, or by one object only and the whole map was searched."""
-        left, c = context.left, self.caution
+        left = context.left
         if left is None or not left.held(hypothesis):
             return False
         if left.stays(hypothesis):
             return True
-        alike = hypothesis.judged.agree >= c.seen and hypothesis.keyframe_log > 2.0 * c.contradicted
+        alike = hypothesis.judged.agree >= C.seen and hypothesis.keyframe_log > 2.0 * C.contradicted
         return left.was_known and context.whole and alike
 
     def _far(self, pose: Pose, context: SearchContext) -> bool:
@@ -145,21 +144,20 @@ class Belief:
         if context.cold:
             return True
         near = [p for p in (context.left.pose if context.left else None, context.before) if p]
-        reach = self.caution.near + 0.5
+        reach = C.near + 0.5
         return bool(near) and all(math.hypot(p.x - pose.x, p.y - pose.y) > reach for p in near)
 
     def _required_lead(self, best: Hypothesis, lead: float, context: SearchContext) -> float:
         """The lead in log likelihood that is required to believe the best hypothesis."""
-        c = self.caution
-        half = 0.5 * c.margin
+        half = 0.5 * C.margin
         self._led = (self._led + 1 if best is self._leading else 1) if lead >= half else 0
         self._leading = best
         if context.moved:
-            return half if self._led >= c.settled else math.inf
+            return half if self._led >= C.settled else math.inf
         if context.cold:
-            return c.certain
-        enough = context.driven or self._led >= c.steady or not context.everywhere
-        return half if enough else c.margin
+            return C.certain
+        enough = context.driven or self._led >= C.steady or not context.everywhere
+        return half if enough else C.margin
 
 
 def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:

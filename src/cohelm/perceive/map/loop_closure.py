@@ -19,6 +19,7 @@ from cohelm.core.frames import between, compose, inverse
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Ints, Pose
+from cohelm.perceive.map.mapper_params import P
 from cohelm.perceive.map.place_graph import PlaceGraph, agree
 from cohelm.perceive.map.pose_graph import ROUGH, Link, into_axes, loop_link, off, spread
 from cohelm.perceive.match.odometry_covariance import inverted
@@ -59,22 +60,22 @@ class LoopClosure:
 
     def look(self) -> None:
         """After a new place: search for loops, if due."""
-        k, c = len(self.graph) - 1, self.graph.params
-        if k > c.again and self.graph.ways[k] - self.looked >= c.every:
+        k = len(self.graph) - 1
+        if k > P.again and self.graph.ways[k] - self.looked >= P.every:
             self.looked = self.graph.ways[k]
             self._close(k)
 
     def look_again(self) -> None:
         """At the end: search where the path is revisited and nothing was linked."""
-        graph, c = self.graph, self.graph.params
+        graph = self.graph
         linked = {end for link in graph.links if link.loop for end in (link.a, link.b)}
         xy = np.array(graph.poses)[:, :2]
         looked = -math.inf
-        for k in range(c.again + 1, len(graph)):
-            if k in linked or graph.ways[k] - looked < c.every:
+        for k in range(P.again + 1, len(graph)):
+            if k in linked or graph.ways[k] - looked < P.every:
                 continue
-            gaps = np.hypot(*(xy[: k - c.again] - xy[k]).T)
-            if gaps.min() < c.search + BESIDE:
+            gaps = np.hypot(*(xy[: k - P.again] - xy[k]).T)
+            if gaps.min() < P.search + BESIDE:
                 looked = graph.ways[k]
                 self._close(k)
 
@@ -84,8 +85,7 @@ class LoopClosure:
         Robust, from the median at loops, since a match that slid and a wrong loop are outliers. The
         model counts as much as the loops along two submaps; within one they are dependent.
         """
-        c = self.graph.params
-        model = round(2.0 * c.submap * c.apart / c.every) * [_MEDIAN]
+        model = round(2.0 * P.submap * P.apart / P.every) * [_MEDIAN]
         return float(np.median([*self.drift_errors, *model])) / _MEDIAN
 
     def _close(self, k: int) -> None:
@@ -94,17 +94,17 @@ class LoopClosure:
         Places near by drift are searched separately, so that look-alikes far off do not make them
         ambiguous.
         """
-        graph, c = self.graph, self.graph.params
-        drift = spread(graph.poses, graph.links, k)[: k - c.again]
+        graph = self.graph
+        drift = spread(graph.poses, graph.links, k)[: k - P.again]
         factor = self.variance_factor()
         covariance = factor * drift
-        far = graph.ways[k] - max(self.met, self.wide) > c.lonely
+        far = graph.ways[k] - max(self.met, self.wide) > P.lonely
         self.wide = graph.ways[k] if far else self.wide
-        reach = c.search + (9.0 if far else 3.0) * np.sqrt(
+        reach = P.search + (9.0 if far else 3.0) * np.sqrt(
             np.linalg.eigvalsh(max(factor, 1.0) * drift[:, :2, :2])[:, -1]
         )  # what drifted little so far may drift as the model says from now on
-        close = reach < 2.0 * c.search
-        newest = graph.points_around(range(max(0, k + 1 - c.submap), k + 1), graph.poses[k])
+        close = reach < 2.0 * P.search
+        newest = graph.points_around(range(max(0, k + 1 - P.submap), k + 1), graph.poses[k])
         new: list[Link] = []
         for subset in (close, ~close):
             link, share = _search_loop(graph, k, newest, covariance, reach, subset)
@@ -114,11 +114,11 @@ class LoopClosure:
             closed, drift_errors = agrees, _drift_error(graph, link, drift)
             if agrees:
                 new.append(link)
-            elif share >= c.whole and distinct(graph, link, newest, share, covariance):
+            elif share >= P.whole and distinct(graph, link, newest, share, covariance):
                 closed = graph.add_contradicting(link)
             if closed:
                 self.drift_errors.append(drift_errors)
-            if agrees and share >= c.whole:
+            if agrees and share >= P.whole:
                 self.met = graph.ways[k]
         torn = any(np.abs(off(graph.poses, link) @ _PRECISE).max() > 2.0 for link in new)
         graph.add_loops(new, torn)
@@ -130,13 +130,13 @@ def _search_loop(
 ) -> tuple[Link | None, float]:  # fmt: skip
     """The link of place k to an old place of a subset, if its submap fits uniquely there, and the
     share of the submap that fits."""
-    here, c, poses = graph.poses[k], graph.params, graph.poses
+    here, poses = graph.poses[k], graph.poses
     trail = np.array(poses[: len(reach)])[:, :2]
     gaps = np.hypot(trail[:, 0] - here.x, trail[:, 1] - here.y)
     near = subset & (gaps < reach + BESIDE)
     if not near.any():
         return None, 0.0
-    old = np.flatnonzero(subset & (gaps < reach[near].max() + c.behind))
+    old = np.flatnonzero(subset & (gaps < reach[near].max() + P.behind))
     known = graph.surfaces_around(old.tolist(), None)
     turn = 0.1 + 3.0 * math.sqrt(float(covariance[near, 2, 2].max()))
     found: list[tuple[float, ScanFit, int]] = []
@@ -147,14 +147,14 @@ def _search_loop(
         # a place that drift makes unlikely has to fit better
         total = covariance[a] + np.diag(ROUGH**2)
         distance = _mahalanobis(poses[a], compose(here, between(fit.pose, poses[a])), total)
-        found.append((fit.share - c.alone * min(distance / 9.0, 1.0), fit, a))
+        found.append((fit.share - P.alone * min(distance / 9.0, 1.0), fit, a))
     found.sort(key=lambda one: -one[0])
-    if not found or (len(found) > 1 and found[1][0] > found[0][0] - c.alone):
+    if not found or (len(found) > 1 and found[1][0] > found[0][0] - P.alone):
         return None, 0.0
     _, fit, a = found[0]
-    if fit.share < c.fits or fit.rms > c.rms:
+    if fit.share < P.fits or fit.rms > P.rms:
         return None, 0.0
-    if np.linalg.eigvalsh(fit.information[:2, :2])[0] < c.firm:
+    if np.linalg.eigvalsh(fit.information[:2, :2])[0] < P.firm:
         return None, 0.0
     link = loop_link(a, k, between(poses[a], fit.pose), fit.information, fit.pose.psi)
     return link, fit.share
@@ -170,8 +170,8 @@ def distinct(
     place without a look-alike is accepted however far off: raw odometry may be worse than its
     model.
     """
-    c, here, there = graph.params, graph.poses[link.b], graph.there(link)
-    trail = np.array(graph.poses[: link.b - c.again])[:, :2]
+    here, there = graph.poses[link.b], graph.there(link)
+    trail = np.array(graph.poses[: link.b - P.again])[:, :2]
     cells = np.unique(np.round(trail / _AREA).astype(np.int64), axis=0)
     searched = 2.0 * math.pi * _AREA**2 * len(cells)
     most = _drift_density(graph, link, covariance) * searched / _ODDS
@@ -183,7 +183,7 @@ def distinct(
     for first in nearest_first:
         last = min(first + _STRETCH, len(trail))
         known = graph.surfaces_around(
-            range(max(0, first - c.submap), min(last + c.submap, link.b)), None
+            range(max(0, first - P.submap), min(last + P.submap, link.b)), None
         )
         reach = np.full(last - first, math.inf)
         fits = revisits(
@@ -191,7 +191,7 @@ def distinct(
         )  # fmt: skip
         for fit in fits:
             counted = any(_same(fit.pose, one) for one in (there, *lookalikes))
-            if fit.share > share - c.alone and not counted:
+            if fit.share > share - P.alone and not counted:
                 lookalikes.append(fit.pose)
         if len(lookalikes) > most:
             return False

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -22,7 +22,7 @@ from cohelm.core.frames import between, compose
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.loop_closure import LoopClosure, revisits
-from cohelm.perceive.map.mapper_params import MapperParams
+from cohelm.perceive.map.mapper_params import P
 from cohelm.perceive.map.mapping_scans import MappingScan
 from cohelm.perceive.map.place_graph import Place, PlaceGraph
 from cohelm.perceive.map.pose_graph import ROUGH, Link, into_axes, library
@@ -56,17 +56,15 @@ class Mapper:
     """Mapper of one drive: takes its scans in order; `finished` optimizes all of it."""
 
     lidar: Lidar
-    params: MapperParams = field(default_factory=MapperParams)
-    matching: MatchParams = field(default_factory=MatchParams)
 
     def __post_init__(self) -> None:
         library()  # raises if it is missing, before the work
-        self._graph = PlaceGraph(self.params, self.matching)
+        self._graph = PlaceGraph()
         self._closure = LoopClosure(self._graph)
         self._scans: list[tuple[int, Pose]] = []  # of each scan: its place, and its pose there
         self._pose = Pose(0.0, 0.0, 0.0)
         self._odometry: Pose | None = None
-        wheels = np.diag([SCALE, self.params.bend]) ** 2
+        wheels = np.diag([SCALE, P.bend]) ** 2
         self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), wheels)
         self._wheels = OdometryErrors()
         self._submap: Surfaces | None = None
@@ -98,9 +96,9 @@ class Mapper:
             self._joint = joined(np.diag(ROUGH**2), self._joint[3:, 3:])
         step = self._wheels.corrected(between(self._odometry, scan.odometry))
         self._odometry = scan.odometry
-        predicted, joint = predict(self._pose, self._joint, step, self.params.mount)
+        predicted, joint = predict(self._pose, self._joint, step, P.mount)
         prior = inverted(joint[:3, :3])
-        fit = align(self._submap, points, across, predicted, prior, self.matching)
+        fit = align(self._submap, points, across, predicted, prior, MatchParams())
         if len(points) < 20 or fit.share < 0.3:
             fit = ScanFit(predicted, np.zeros((3, 3)), 0.0, math.inf, False)
         shift = np.array([
@@ -110,7 +108,7 @@ class Mapper:
         self._joint = updated(joint, fit.information)
         self._pose = fit.pose
         since = between(self._graph.poses[-1], fit.pose)
-        if math.hypot(since.x, since.y) > self.params.apart or abs(since.psi) > self.params.apart:
+        if math.hypot(since.x, since.y) > P.apart or abs(since.psi) > P.apart:
             self._add_place(points, across, since)
         else:
             self._scans.append((len(self._graph) - 1, since))
@@ -196,16 +194,16 @@ class Mapper:
     def _start_pose(self, points: Floats, across: Floats) -> Pose:
         """Start pose of a drive that continues where the last one ended: within _SET_DOWN of it and
         turned by a right angle at most, since a corridor looks alike both ways."""
-        c, here = self.params, self._pose
+        here = self._pose
         gaps = np.hypot(*(np.array(self._graph.poses)[:, :2] - here[:2]).T)
-        known = self._graph.surfaces_around(np.flatnonzero(gaps < c.behind).tolist(), None)
+        known = self._graph.surfaces_around(np.flatnonzero(gaps < P.behind).tolist(), None)
         near, trail = np.array([_SET_DOWN]), np.array([here[:2]])
         fits = [
             fit for fit in revisits(known, points, across, trail, near, here, 0.5 * math.pi)
             if math.hypot(fit.pose.x - here.x, fit.pose.y - here.y) < _SET_DOWN
         ]  # fmt: skip
-        alone = len(fits) == 1 or (len(fits) > 1 and fits[1].share < fits[0].share - c.alone)
-        if not alone or fits[0].share < c.whole or fits[0].rms > c.rms:
+        alone = len(fits) == 1 or (len(fits) > 1 and fits[1].share < fits[0].share - P.alone)
+        if not alone or fits[0].share < P.whole or fits[0].rms > P.rms:
             raise CohelmError(
                 "what this drive sees first is not what was seen where the last one ended: begin "
                 f"it within {_SET_DOWN:g} m and a right angle of there"
@@ -216,7 +214,7 @@ class Mapper:
         gaps = np.hypot(
             scan.points[:, 0] - self.lidar.mount.x, scan.points[:, 1] - self.lidar.mount.y
         )
-        near = gaps < self.params.far
+        near = gaps < P.far
         return self._towards_lidar(*normals(scan.points[near], scan.beams[near], self.lidar.step))
 
     def _towards_lidar(self, points: Floats, across: Floats) -> tuple[Floats, Floats]:
@@ -246,12 +244,10 @@ class Mapper:
 
     def _update_submap(self) -> None:
         k = len(self._graph)
-        self._submap = self._graph.surfaces_around(range(max(0, k - self.params.submap), k), None)
+        self._submap = self._graph.surfaces_around(range(max(0, k - P.submap), k), None)
 
 
-def encounters(
-    made: MappingResult, near: int = MapperParams().submap
-) -> list[list[tuple[int, int]]]:
+def encounters(made: MappingResult, near: int = P.submap) -> list[list[tuple[int, int]]]:
     """The loops in groups, one for each revisit: a list of pairs of scans, the earlier one first.
     Loops whose ends are within `near` places of each other's are one group."""
     if not made.loops:

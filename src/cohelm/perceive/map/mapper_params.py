@@ -43,3 +43,7 @@ class MapperParams(NamedTuple):
     """At the end, places so near to each other are linked [m]."""
     far: float = 15.0
     """Points farther from the LiDAR than this are ignored [m]."""
+
+
+P = MapperParams()
+"""Those in use."""
