@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, load_pem_priv
 from OpenSSL import SSL, crypto
 
 from cohelm.core.errors import CohelmError
-from cohelm.link.keys import Keys, fingerprint
+from cohelm.link.keys import Keys, common_name, fingerprint
 
 MTU = 1200
 """Largest datagram [byte]: with UDP and IPv6 below 1280, which every IPv6 path carries."""
@@ -59,15 +59,6 @@ def stream_context(keys: Keys) -> SSL.Context:
     return made
 
 
-def peer_identity(peer: SSL.Connection) -> tuple[str, str]:
-    """Fingerprint and name of the other end's certificate."""
-    shown = peer.get_peer_certificate(as_cryptography=True)
-    if shown is None:
-        raise HandshakeRefused("no certificate was presented")
-    names = shown.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
-    return fingerprint(shown.public_bytes(Encoding.PEM)), str(names[0].value) if names else ""
-
-
 def _certify(made: SSL.Context, keys: Keys) -> None:
     own = x509.load_pem_x509_certificate(keys.certificate)
     key: Any = load_pem_private_key(keys.key, None)
@@ -95,8 +86,8 @@ def _certify(made: SSL.Context, keys: Keys) -> None:
     made.set_verify(SSL.VERIFY_PEER | SSL.VERIFY_FAIL_IF_NO_PEER_CERT, accepted)
 
 
-class Channel:
-    """One end of a DTLS connection: `take` received datagrams, send those of `waiting`."""
+class Secured:
+    """One end of a connection with certificates at both ends."""
 
     def __init__(self, made: SSL.Context, server: bool) -> None:
         self._ssl = SSL.Connection(made, None)
@@ -104,12 +95,31 @@ class Channel:
             self._ssl.set_accept_state()  # before DTLSv1_listen, or it fails
         else:
             self._ssl.set_connect_state()
-        self._ssl.set_ciphertext_mtu(MTU)
         self.up = False
         self.peer = ""
         """Fingerprint of the other end's certificate, once up."""
         self.name = ""
         """The name in it."""
+
+    def _handshake(self) -> None:
+        """Begin or continue it. Raises SSL.Error, or HandshakeRefused."""
+        try:
+            self._ssl.do_handshake()
+        except SSL.WantReadError:
+            return
+        shown = self._ssl.get_peer_certificate(as_cryptography=True)
+        if shown is None:
+            raise HandshakeRefused("no certificate was presented")
+        pem = shown.public_bytes(Encoding.PEM)
+        self.peer, self.name, self.up = fingerprint(pem), common_name(pem), True
+
+
+class Channel(Secured):
+    """One end of a DTLS connection: `take` received datagrams, send those of `waiting`."""
+
+    def __init__(self, made: SSL.Context, server: bool) -> None:
+        super().__init__(made, server)
+        self._ssl.set_ciphertext_mtu(MTU)
 
     def greeted(self, datagram: bytes, address: object) -> bool:
         """Server, before a handshake: whether this is a client's second hello, with our cookie.
@@ -132,13 +142,9 @@ class Channel:
     def start(self) -> None:
         """Begin or continue the handshake."""
         try:
-            self._ssl.do_handshake()
-        except SSL.WantReadError:
-            return
+            self._handshake()
         except SSL.Error as error:
             raise HandshakeRefused(reason_of(error)) from None
-        self.peer, self.name = peer_identity(self._ssl)
-        self.up = True
 
     def take(self, datagram: bytes) -> list[bytes]:
         """The messages in a datagram; none while the handshake goes on, or if it is forged.

@@ -7,17 +7,18 @@ import socket
 
 from OpenSSL import SSL
 
-from cohelm.link.dtls import HandshakeRefused, peer_identity, reason_of
+from cohelm.link.dtls import HandshakeRefused, Secured, reason_of
 
 _PIECE = 16_000  # about a TLS record
 _READ = 65536
 
 
-class Stream:
+class Stream(Secured):
     """One end of a stream over a TCP socket, which it owns."""
 
     def __init__(self, made: SSL.Context, sock: socket.socket, server: bool, most: int) -> None:
         """most: bytes of the largest message that is accepted."""
+        super().__init__(made, server)
         self.socket = sock
         sock.setblocking(False)
         with contextlib.suppress(OSError):
@@ -31,15 +32,6 @@ class Stream:
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3)
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 10_000)
         self._most = most
-        self._ssl = SSL.Connection(made, None)
-        if server:
-            self._ssl.set_accept_state()
-        else:
-            self._ssl.set_connect_state()
-        self.up = False
-        self.peer = ""
-        """Fingerprint of the other end's certificate, once up."""
-        self.name = ""
         self._in = bytearray()
         self._plain = memoryview(b"")
         self._out = bytearray()
@@ -115,14 +107,6 @@ class Stream:
                 self._ssl.shutdown()
         self._send_rest()
         self.socket.close()
-
-    def _handshake(self) -> None:
-        try:
-            self._ssl.do_handshake()
-        except SSL.WantReadError:
-            return
-        self.peer, self.name = peer_identity(self._ssl)
-        self.up = True
 
     def _drain(self) -> None:
         with contextlib.suppress(SSL.Error):
