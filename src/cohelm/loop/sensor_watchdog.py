@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.perceive.scan.odometry_buffer import JUMP, fastest, jump
+from cohelm.perceive.scan.odometry_buffer import fastest, jump
 from cohelm.robot.contact_monitor import overdue
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import AHEAD, Odometry, Readings, Scan
@@ -21,15 +21,11 @@ _SET = "if it stays so, set both clocks (chrony, ntp) and start again"
 
 
 class SensorTimeouts(NamedTuple):
-    """Limits on the age [s] and the plausibility of readings."""
+    """Limits on the age of readings [s]."""
 
     odometry: float
     scans: tuple[float, ...]
     """Of each LiDAR, the first one first."""
-    max_ahead: float = AHEAD
-    """Maximum stamp ahead of now [s]; beyond it, a clock has jumped."""
-    max_jump: float = JUMP
-    """Tolerance of an odometry step beyond what the robot's speed explains [m, rad]."""
 
 
 def timeouts(model: RobotModel, period: float) -> SensorTimeouts:
@@ -88,7 +84,7 @@ class SensorWatchdog:
         if stamp != before:
             since = now if math.isfinite(before) else -math.inf
             self._newest[what + sensor] = stamp, since
-        if age < -self._timeouts.max_ahead:
+        if age < -AHEAD:
             ahead = _duration(-age)
             return f"{what} comes {ahead} from the future: a clock jumped; {_SET}"
         if age <= most:
@@ -104,7 +100,7 @@ class SensorWatchdog:
         dt = odometry.stamp - last.stamp
         if dt < 0.0:
             return f"the odometry's clock went back by {-1000.0 * dt:.0f} ms"
-        by = jump(last, odometry, self._fastest, self._timeouts.max_jump)
+        by = jump(last, odometry, self._fastest)
         return f"the odometry jumped by {by}" if by else ""
 
     def _scan(self, now: float, scan: Scan | None, lidar: int) -> str:

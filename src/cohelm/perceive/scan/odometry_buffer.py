@@ -20,8 +20,7 @@ KEPT = 512
 _AHEAD = 0.5  # largest extrapolation of a pose [s]
 _ANEW = 1.0  # stamps that go back by at least this are of odometry that begins anew [s]
 _TOP = 50.0  # no robot is faster [m/s, rad/s]
-JUMP = 0.15
-"""Tolerance of an odometry step beyond what the robot's speed explains [m, rad]."""
+_JUMP = 0.15  # tolerance of an odometry step beyond what the robot's speed explains [m, rad]
 GAP = 0.25
 """After so long without odometry the gate brakes [s]: it passes nothing by readings that are older,
 and its watchdog runs out."""
@@ -57,7 +56,7 @@ def fastest(limits: Limits, delay: float) -> Fastest:
     return Fastest(top, delay + braking_time(top, limits))
 
 
-def jump(before: Odometry, after: Odometry, most: Fastest, tolerance: float = JUMP) -> str:
+def jump(before: Odometry, after: Odometry, most: Fastest) -> str:
     """By how much odometry has jumped between two readings, as `0.50 m` or `57 deg`; empty: it has
     not. Where it was silent for a while and then begins at exactly its origin, it has."""
     dt = after.stamp - before.stamp
@@ -65,7 +64,7 @@ def jump(before: Odometry, after: Odometry, most: Fastest, tolerance: float = JU
     turn = abs(math.remainder(after.pose.psi - before.pose.psi, 2.0 * math.pi))
     anew = dt > GAP and after.pose.x == after.pose.y == 0.0 and way > 0.0
     far, angle = (
-        1.5 * _farthest(abs(one), abs(other), top, most.stopping, dt) + tolerance
+        1.5 * _farthest(abs(one), abs(other), top, most.stopping, dt) + _JUMP
         for one, other, top in zip(before.twist, after.twist, most.top, strict=True)
     )
     if way > far or anew:
