@@ -19,7 +19,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing, requirements
 from cohelm.ros.graph import GRAPH, INFO, Graph, described
 from cohelm.ros.names import dds_topic, namespace_of, ros_topic, ros_type
-from cohelm.ros.port import LATCHED, Callback, End, Endpoint, Publisher, Qos, Received
+from cohelm.ros.port import LATCHED, Callback, End, Endpoint, Publisher, Qos, Received, ensure_open
 from cohelm.ros.types import known, packed, type_hash, unpacked, wire
 
 _MOST = 64
@@ -115,7 +115,7 @@ class DdsTransport:
     def publish(self, topic: str, kind: str, qos: Qos) -> Publisher:
         """A publisher, which others see with its type's hash."""
         with self._lock:
-            self._open()
+            ensure_open(self._closed)
             writer = self._writer(dds_topic(topic), known(kind), qos)
             self._graph.writers.append(writer.guid.bytes)
             self._publish_graph()
@@ -124,7 +124,7 @@ class DdsTransport:
     def subscribe(self, topic: str, kind: str, qos: Qos, callback: Callback) -> End:
         """A subscriber, and what ends it."""
         with self._lock:
-            self._open()
+            ensure_open(self._closed)
             reader = self._reader(dds_topic(topic), known(kind), qos, callback)
             self._graph.readers.append(reader.guid.bytes)
             self._publish_graph()
@@ -134,7 +134,7 @@ class DdsTransport:
         """Of other participants."""
         dds = _cyclonedds()
         with self._lock:
-            self._open()
+            ensure_open(self._closed)
             own, nodes, gone = self._participant.guid, self._nodes(), set[bytes]()
             for publishes, (reader, anything) in self._built.items():
                 for sample in reader.take(_MOST_ENDPOINTS, anything):  # what is new since last time
@@ -180,10 +180,6 @@ class DdsTransport:
             self._graph.readers.remove(reader.guid.bytes)
             self._waiting.detach(reader.anything)
             self._publish_graph()
-
-    def _open(self) -> None:
-        if self._closed.is_set():
-            raise CohelmError("the transport is closed: make a new one")
 
     def _topic(self, topic: str, kind: str) -> Any:
         key = (topic, kind)
@@ -250,8 +246,7 @@ class _Writer:
     def send(self, message: Any) -> None:
         """Raises CohelmError for what is no message of the type, or when the transport is closed;
         what the network does with it is not known."""
-        if self._closed.is_set():
-            raise CohelmError("the transport is closed: make a new one")
+        ensure_open(self._closed)
         dds = _cyclonedds()
         try:
             self._writer.write(self._wire(packed(message, self._kind)))

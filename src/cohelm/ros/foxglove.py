@@ -21,7 +21,7 @@ from websockets.sync.client import ClientConnection
 
 from cohelm.core.errors import CohelmError
 from cohelm.ros.bridge_connection import OPENS, URL, listed, opened, understood
-from cohelm.ros.port import Callback, End, Endpoint, Publisher, Qos, Received
+from cohelm.ros.port import Callback, End, Endpoint, Publisher, Qos, Received, ensure_open
 from cohelm.ros.types import known, packed, unpacked
 
 _NODE = "foxglove_bridge"
@@ -65,7 +65,7 @@ class FoxgloveTransport:
         """Raises CohelmError where no bridge answers, or it lacks what is needed."""
         self.name, self._url = f"foxglove_bridge, {url}", url
         self._lock = threading.RLock()
-        self._ended = threading.Event()
+        self.closed = threading.Event()
         self._channels: dict[int, _Channel] = {}
         self._subscribers: list[_Subscriber] = []
         self._subscribed: dict[int, int] = {}
@@ -84,7 +84,7 @@ class FoxgloveTransport:
         """A publisher; the bridge decides its quality of service. What is transient local is sent
         again when a new node subscribes: the bridge reports no more than that."""
         with self._lock:
-            self._check()
+            ensure_open(self.closed)
             writer = _Writer(self, len(self._writers) + 1, topic, known(kind), qos)
             self._writers.append(writer)
             self._advertise([writer])
@@ -94,7 +94,7 @@ class FoxgloveTransport:
         """A subscriber, and what ends it; the bridge decides its quality of service, by the
         publishers'."""
         with self._lock:
-            self._check()
+            ensure_open(self.closed)
             subscriber = _Subscriber(topic, known(kind), callback)
             self._subscribers.append(subscriber)
             self._match(list(self._channels), [subscriber])
@@ -105,7 +105,7 @@ class FoxgloveTransport:
         bridge's own are left out: it has them on behalf of its clients, this one among them."""
         found: set[Endpoint] = set()
         with self._lock:
-            self._check()
+            ensure_open(self.closed)
             for channel in self._channels.values():
                 for publishes, topics in self._graph.items():
                     qos = _ANYTHING if publishes else Qos(False, False, 0)
@@ -124,7 +124,7 @@ class FoxgloveTransport:
 
     def close(self) -> None:
         """Leave."""
-        self._ended.set()
+        self.closed.set()
         with self._lock:
             there, self._socket = self._socket, None
         if there is not None:
@@ -141,13 +141,9 @@ class FoxgloveTransport:
             if must or select.select([], [there.socket], [], 0.0)[1]:
                 there.send(data)
 
-    def _check(self) -> None:
-        if self._ended.is_set():
-            raise CohelmError("the transport is closed: make a new one")
-
     def _listen(self) -> None:
         """All that the bridge sends, until the end; and the way back to a bridge that was lost."""
-        while not self._ended.is_set():
+        while not self.closed.is_set():
             there = self._socket
             try:
                 if there is None:
@@ -161,11 +157,11 @@ class FoxgloveTransport:
                     self._subscribed.clear()
                     self._spoke.clear()
                     self._graph = {True: {}, False: {}}
-                self._ended.wait(_AGAIN)
+                self.closed.wait(_AGAIN)
 
     def _back(self, there: ClientConnection) -> None:
         with self._lock:
-            if self._ended.is_set():
+            if self.closed.is_set():
                 there.close()
                 return
             self._socket = there
@@ -300,7 +296,7 @@ class _Writer:
         """Raises CohelmError for what is no message of the type, or when the transport is closed;
         to a bridge that is gone nothing is sent, and where only the newest counts neither to one
         that takes nothing more just now."""
-        self._transport._check()  # pyright: ignore[reportPrivateUsage]
+        ensure_open(self._transport.closed)
         data = _TO_BRIDGE.pack(_DATA, self.number) + packed(message, self.kind)
         if self._lasting:
             self._last = data

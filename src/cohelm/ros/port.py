@@ -6,8 +6,11 @@ Messages are those of rosbags' typestore, names those that ROS users see (`/cmd_
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
+
+from cohelm.core.errors import CohelmError
 
 
 class Qos(NamedTuple):
@@ -57,6 +60,12 @@ class Received(NamedTuple):
 Callback = Callable[[Received], None]
 End = Callable[[], None]
 """Ends a subscription; again it does nothing."""
+
+
+def ensure_open(closed: threading.Event) -> None:
+    """CohelmError where a transport is closed."""
+    if closed.is_set():
+        raise CohelmError("the transport is closed: make a new one")
 
 
 class Publisher(Protocol):

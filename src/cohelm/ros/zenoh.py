@@ -22,7 +22,7 @@ from cohelm.core.extras import missing
 from cohelm.ros import tokens
 from cohelm.ros.dds import domain_id
 from cohelm.ros.names import namespace_of
-from cohelm.ros.port import Callback, End, Endpoint, Publisher, Qos, Received
+from cohelm.ros.port import Callback, End, Endpoint, Publisher, Qos, Received, ensure_open
 from cohelm.ros.types import known, packed, unpacked
 
 URL = "tcp/localhost:7447"
@@ -82,9 +82,9 @@ class ZenohTransport:
     def publish(self, topic: str, kind: str, qos: Qos) -> Publisher:
         """A publisher, which others see by its token. What is transient local is cached for late
         subscribers, as rmw_zenoh does."""
-        zenoh, ext = self._zenoh, self._zenoh.ext
+        zenoh, ext, how = self._zenoh, self._zenoh.ext, self._zenoh.Reliability
         with self._lock:
-            self._open()
+            ensure_open(self._closed)
             self._count += 1
             token = self._owner.of(self._count, True, topic, known(kind), qos)
             lasting: dict[str, Any] = {}
@@ -98,10 +98,7 @@ class ZenohTransport:
             made = ext.declare_advanced_publisher(
                 self._session, tokens.data_key(self.domain, topic, kind),
                 congestion_control=zenoh.CongestionControl.DROP,
-                reliability=zenoh.Reliability.RELIABLE
-                if qos.reliable
-                else zenoh.Reliability.BEST_EFFORT,
-                **lasting,
+                reliability=how.RELIABLE if qos.reliable else how.BEST_EFFORT, **lasting,
             )  # fmt: skip
             self._publishers.append(made)
             self._tokens.append(self._session.liveliness().declare_token(token))
@@ -112,7 +109,7 @@ class ZenohTransport:
         caches; others are received as well."""
         ext = self._zenoh.ext
         with self._lock:
-            self._open()
+            ensure_open(self._closed)
             self._count += 1
             token = self._owner.of(self._count, False, topic, known(kind), qos)
             subscriber = _Subscriber(kind, qos.depth, callback, self._arrived)
@@ -137,7 +134,7 @@ class ZenohTransport:
     def endpoints(self) -> list[Endpoint]:
         """Of other sessions."""
         with self._lock:
-            self._open()
+            ensure_open(self._closed)
             return sorted(
                 one._replace(qos=_ANYTHING if one.publishes else _NOTHING)
                 for one in self._ends.values()
@@ -163,10 +160,6 @@ class ZenohTransport:
         if threading.current_thread() is not self._thread:
             self._thread.join(2.0)
         self._session.close()
-
-    def _open(self) -> None:
-        if self._closed.is_set():
-            raise CohelmError("the transport is closed: make a new one")
 
     def _leave(self, subscriber: _Subscriber) -> None:
         """One subscriber."""
@@ -283,8 +276,7 @@ class _Writer:
     def send(self, message: Any) -> None:
         """Raises CohelmError for what is no message of the type, or when the transport is closed;
         what the network does with it is not known."""
-        if self._closed.is_set():
-            raise CohelmError("the transport is closed: make a new one")
+        ensure_open(self._closed)
         data = packed(message, self._kind)
         with self._lock:
             self._number += 1
