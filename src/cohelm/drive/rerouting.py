@@ -146,9 +146,8 @@ class Rerouting:
         if accepted is not None and accepted.checking:
             self._checked, where = accepted, accepted.request.path.where
         elif self._requests:
-            own = sorted(
-                key for key in self._requests if key[0] == loop.supervisor.lease[0]
-            )  # first: to go
+            driver = loop.supervisor.lease[0]
+            own = sorted(key for key in self._requests if key[0] == driver)  # first: to go
             request = self._requests.pop(own[0] if own else next(iter(self._requests)))
             self._checked, where = request, request.path.where
         else:

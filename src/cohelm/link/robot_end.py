@@ -213,9 +213,8 @@ class RobotEnd(IoThread):
             if held != self._held:
                 self._lease(held, "the driver did not answer")
         for client in list(self._clients.values()):
-            if now - client.last > (
-                CLIENT_TIMEOUT if client.session is not None else _UNIDENTIFIED
-            ):
+            most = _UNIDENTIFIED if client.session is None else CLIENT_TIMEOUT
+            if now - client.last > most:
                 self._remove(client, "timed out")
         for line in self._lines.due(now):
             _log.info("%s", line)

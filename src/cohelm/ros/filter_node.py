@@ -159,10 +159,8 @@ class FilterNode:
         gate = gated.gate
         kind, text = _reason(nominal, fault, result, passed, gate, self._report.topic("reset"))
         if reshaping and kind in ("brakes", "monitor"):
-            kind, text = (
-                "footprint",
-                f"{text}: outline change: both outlines apply until the new one fits",
-            )
+            kind = "footprint"
+            text = f"{text}: outline change: both outlines apply until the new one fits"
         row = Row(
             kind, text, nominal.twist, safe, passed.out, result.verdict, result.change,
             result.clearance, latched(gate.mode), _place(result, seen), *_ages(now, readings),

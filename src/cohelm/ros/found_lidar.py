@@ -33,8 +33,8 @@ class DescribedLidar(NamedTuple):
 def describe(
     inspection: Inspection, topic: str, configured: LidarModel | None, allowed: Allowed
 ) -> DescribedLidar:
-    """The LiDAR behind a topic. given: as the robot's file has it. CohelmError for what does not
-    fit."""
+    """The LiDAR behind a topic. configured: as the robot's file has it. CohelmError for what does
+    not fit."""
     if configured is not None and configured.height_band_m is not None:
         return _cloud(inspection, topic, configured, allowed)
     if configured is not None and configured.range_sensor:
@@ -46,11 +46,8 @@ def _planar(
     inspection: Inspection, topic: str, configured: LidarModel | None, allowed: Allowed
 ) -> DescribedLidar:
     rows = inspection.scans[topic]
-    mount, scan, rate = (
-        _placed(inspection, topic, configured, allowed),
-        rows[-1].message,
-        inspection.rate(rows),
-    )
+    mount = _placed(inspection, topic, configured, allowed)
+    scan, rate = rows[-1].message, inspection.rate(rows)
     late, duration = laser.taken(scan, mount)
     ages = [age - duration - late for age in inspection.ages(rows)]
     at_end = -(duration + clock.AHEAD) <= min(ages) < -_LATE

@@ -66,10 +66,8 @@ def found(
         raise CohelmError(mismatch.no_nodes(transport.name, transport.unseen))
     way = way or Connection()
     why = f", because {way.why}" if way.why else ""
-    notes, errors = (
-        [f"transport: {transport.name}{why}"],
-        _missing(inspection, [one.name for one in model.lidars], seen),
-    )
+    notes = [f"transport: {transport.name}{why}"]
+    errors = _missing(inspection, [one.name for one in model.lidars], seen)
     notes += [f"{one.model.label}: {one.topic}, {one.kind}" for one in inspection.contacts]
     out_type = TWIST
     if drives:

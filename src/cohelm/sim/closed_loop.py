@@ -120,17 +120,13 @@ def stretches(
 ) -> Iterator[Rows]:  # fmt: skip
     """The run in pieces of at most `length` steps; it ends when the robot has arrived."""
     settings = piloted.settings
-    eyes = (
-        None
-        if piloted.lidar is None
-        else Perception(
-            piloted.lidar,
-            tracker_params=piloted.tracker_params,
-            outline=settings.outline,
+    eyes = None
+    if piloted.lidar is not None:
+        eyes = Perception(
+            piloted.lidar, tracker_params=piloted.tracker_params, outline=settings.outline,
             further=piloted.further,
             stopping=stopping_distance(settings.limits, delay * dt + 1.0 / piloted.rate),
-        )
-    )
+        )  # fmt: skip
     scanners_ = scanners(piloted, scene.seed)
     zones = None
     if piloted.zones is not None:

@@ -149,10 +149,8 @@ def _likelihoods(nearer: float) -> Floats:
 @jit
 def _cells(points: Floats, known: LocalizationMap) -> Floats:
     """The points in cells of the map: looked up half a million times a slice."""
-    c, s = (
-        math.cos(known.origin.psi) / known.resolution,
-        math.sin(known.origin.psi) / known.resolution,
-    )
+    psi, size = known.origin.psi, known.resolution
+    c, s = math.cos(psi) / size, math.sin(psi) / size
     cells = np.empty(points.shape)
     for t in range(points.shape[0]):
         for p in range(points.shape[1]):
@@ -166,10 +164,8 @@ def _score(
     cells: Floats, t: int, x: float, y: float, known: LocalizationMap, likely: Floats
 ) -> float:
     """Mean likelihood of a sweep's points at a place, with heading t."""
-    c, s = (
-        math.cos(known.origin.psi) / known.resolution,
-        math.sin(known.origin.psi) / known.resolution,
-    )
+    psi, size = known.origin.psi, known.resolution
+    c, s = math.cos(psi) / size, math.sin(psi) / size
     dx, dy = x - known.origin.x, y - known.origin.y
     column, row = c * dx + s * dy, -s * dx + c * dy
     rows, columns = known.gap.shape

@@ -67,9 +67,7 @@ class Hypotheses:
         self._left_out = -math.inf  # bound of the log likelihood of all that are not followed
         self._searched_again = False  # whether the search was repeated as the best explains little
         self._waited = 0  # scans since then
-        self._stamp = self._search_stamp = (
-            0.0  # of the newest sweep, and of the one searched with [s]
-        )
+        self._stamp = self._search_stamp = 0.0  # of the newest sweep, and the one searched with [s]
 
     def forget(self) -> None:
         """Drop all hypotheses and any search."""
@@ -318,10 +316,8 @@ class Hypotheses:
         match_params, led = self.judge.match_params, prior is not None
         wide = np.diag([0.3, 0.3, 0.1]) ** 2 if prior is None else inverted(prior)
         if prior is None:
-            prior, match_params = (
-                np.diag([1.0, 1.0, 4.0]),
-                match_params._replace(reach=0.6, rounds=30),
-            )
+            prior = np.diag([1.0, 1.0, 4.0])
+            match_params = match_params._replace(reach=0.6, rounds=30)
         fit = align(self.known.surfaces, points, across, guess, prior, match_params)
         judged = self.judge.judge(fit.pose, ranges)
         if not self._possible(compose(fit.pose, self._base), judged, 0.05):

@@ -224,10 +224,8 @@ class Judgement(NamedTuple):
 
 NEAR = 0.15  # a beam's end as near to a wall as this agrees [m]
 INDEPENDENT = 15.0  # effective number of independent distances in a scan
-USUAL, _MOST = (
-    0.5,
-    1.5,
-)  # usual negative log likelihood of a distance at the right place, and its cap
+USUAL, _MOST = 0.5, 1.5
+"""Usual negative log likelihood of a distance at the right place, and its cap."""
 RUN = 3  # fewer neighbouring beams are an edge, not an object
 _EDGE = -0.2  # log likelihoods: of such an edge,
 _SHORT, _WIDE_SHORT = -1.5, -0.02  # an unmapped object, and each of its beams,

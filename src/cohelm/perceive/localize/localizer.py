@@ -160,11 +160,8 @@ class Localizer:
         information = independent(
             self.known.surfaces, points, across, fit.pose, match_params, fit.rms
         )
-        off = (
-            innovation
-            @ information
-            @ np.linalg.solve(np.eye(3) + reported[:3, :3] @ information, innovation)
-        )
+        both = np.eye(3) + reported[:3, :3] @ information
+        off = innovation @ information @ np.linalg.solve(both, innovation)
         # moved, or started elsewhere than stated: the place that fits is one candidate
         jumped = may_have_moved and off > C.refused
         if jumped and check.started:
@@ -203,9 +200,8 @@ class Localizer:
         check.passed(distance)
         due = self._odd >= C.patience and self._odd % C.pause == C.patience
         persistent = self._alarm.persistent
-        if (
-            due or self._pose_set or long_unfitted or persistent
-        ) and not self._hypotheses.searching:
+        due = due or self._pose_set or long_unfitted or persistent
+        if due and not self._hypotheses.searching:
             self._hypotheses.whole_map = long_unfitted
             check.begin(persistent, self._log_likelihood)
             self._begin_search(points, across, sweep)

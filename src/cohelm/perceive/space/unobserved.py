@@ -32,9 +32,7 @@ KEPT = 2.7
 (`free_space`, 2.85 m and half a step), which would stop the robot on it [m]. Of a robot that
 reaches farther from its LiDAR it is remembered farther, as by the monitor."""
 
-_ARRIVAL_TIME = (
-    4.0  # a mover that left the view farther away matters if it arrives within this time [s]
-)
+_ARRIVAL_TIME = 4.0  # a mover that left the view farther away matters if it arrives within it [s]
 _APART = 0.03  # minimum distance of a mover out of view from the outline [m]
 _JUST_LEFT = 0.25  # a mover seen so recently is where it is predicted [s]
 _REPORTED = 1.0  # beyond the turning circle, within which the border is reported, at least [m]
@@ -139,9 +137,8 @@ def with_scan(
             if not 0 <= beam < n:
                 continue
             reach = sweep.ranges[beam]
-            if (
-                floor and math.isnan(reach) and 0 < beam < n - 1
-            ):  # NaN of an obstacle; the floor beside it was seen
+            # NaN of an obstacle; the floor beside it was seen
+            if floor and math.isnan(reach) and 0 < beam < n - 1:
                 reach = min(sweep.ranges[beam - 1], sweep.ranges[beam + 1])
             if reach > (far if floor else far - CELL):
                 _set_observed(which, occupied, i, j)
@@ -211,10 +208,8 @@ def occupied(
             if _in_view(views, x, y) or disc_clearance(pose, outline, x, y, 0.0) < _APART:
                 continue
             for k in range(len(out_of_view)):
-                if (
-                    math.hypot(x - out_of_view[k, HX], y - out_of_view[k, HY])
-                    < out_of_view[k, REACH]
-                ):
+                away = math.hypot(x - out_of_view[k, HX], y - out_of_view[k, HY])
+                if away < out_of_view[k, REACH]:
                     reachable[a, b] = True
                     filled[a, b] |= out_of_view[k, UNSEEN] < _JUST_LEFT
             filled[a, b] |= before[i % side, j % side] or (

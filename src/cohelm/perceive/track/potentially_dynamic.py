@@ -116,10 +116,8 @@ def _ended_there(lidar: Lidar, earlier: DeskewedScan, x: float, y: float) -> boo
 def grown(speed: Floats, max_acceleration: float, age: float) -> tuple[Floats, Floats]:
     """By how much discs have grown, and the bound of their velocity errors, `age` after these were
     bounded by `speed` [m, m/s]."""
-    return (
-        speed * age + 0.5 * max_acceleration * age * age,
-        speed + max_acceleration * age,
-    )
+    gained = max_acceleration * age
+    return speed * age + 0.5 * gained * age, speed + gained
 
 
 def discs_of_points(

@@ -58,19 +58,11 @@ def rim_fit(
     a = b = c = d = e = f = radius_information = 0.0
     for _ in range(_ITERATIONS):
         # normal equations (a b d; b c e; d e f) and their right-hand side
-        a, b, c, d, e, f = (
-            1.0 / position_variance,
-            0.0,
-            1.0 / position_variance,
-            0.0,
-            0.0,
-            1.0 / prior_radius_variance,
-        )
-        gx, gy, gr = (
-            (x - fx) / position_variance,
-            (y - fy) / position_variance,
-            (radius - fr) / prior_radius_variance,
-        )
+        a = c = 1.0 / position_variance
+        f = 1.0 / prior_radius_variance
+        b = d = e = 0.0
+        gx, gy = (x - fx) / position_variance, (y - fy) / position_variance
+        gr = (radius - fr) / prior_radius_variance
         for i in range(n):
             dx, dy = points[i, 0] - fx, points[i, 1] - fy
             far = max(math.hypot(dx, dy), 1e-6)
@@ -85,9 +77,8 @@ def rim_fit(
             gy += weight * uy * residual
             gr += weight * residual
         det = a * c - b * b
-        radius_information = (
-            f - (c * d * d - 2.0 * b * d * e + a * e * e) / det
-        )  # position eliminated
+        # position eliminated
+        radius_information = f - (c * d * d - 2.0 * b * d * e + a * e * e) / det
         a, b, c = a - d * d / f, b - d * e / f, c - e * e / f  # radius eliminated
         gx, gy = gx - d * gr / f, gy - e * gr / f
         det = a * c - b * b

@@ -152,10 +152,8 @@ def update_tracker(
         )
     if covered:
         here = (sweep.sensor.x, sweep.sensor.y, 1.0)
-        dynamic_points, certain_points = (
-            np.vstack((dynamic_points, here)),
-            np.vstack((certain_points, here)),
-        )
+        dynamic_points = np.vstack((dynamic_points, here))
+        certain_points = np.vstack((certain_points, here))
     kept = (*kept, sweep)
     # a wall on possibly occupied ground is not remembered as a mover: that would never end
     departed_tracks = departed(

@@ -329,11 +329,9 @@ class CollisionMonitor:
         crawl = min(CRAWL / fastest(twist, self._shape), 1.0)
         stop = allowed(met.solid, reaction, braking)
         slow = allowed(met.anything, reaction, braking, crawl)
-        return (
-            MonitoredMotion(stop, met.solid_point)
-            if stop < slow
-            else MonitoredMotion(slow, met.point)
-        )
+        if stop < slow:
+            return MonitoredMotion(stop, met.solid_point)
+        return MonitoredMotion(slow, met.point)
 
     def _brakes(self, twist: Twist, brakes: float) -> float:
         """Braking time of a motion with a share of the deceleration [s]."""

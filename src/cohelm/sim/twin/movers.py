@@ -243,10 +243,9 @@ def _bumps(
 def _nearest(pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int) -> int:
     """What disc i is nearest to."""
     best, least = _ROBOT, math.inf
+    x, y = discs[i, X], discs[i, Y]
     for obstacle in range(1 + len(discs) + len(walls)):
-        clearance = _clearance(pose, outline, discs, walls, i, discs[i, X], discs[i, Y], obstacle)[
-            0
-        ]
+        clearance = _clearance(pose, outline, discs, walls, i, x, y, obstacle)[0]
         if -_INSIDE < clearance < least:
             best, least = obstacle, clearance
     return best
