@@ -125,7 +125,7 @@ class FoxgloveTeleop:
             self._say(f"can not steer: {error}")
             return
         with end:
-            client, twist = _StickClient(end, gains, self._note), None
+            client, twist = _StickClient(end, gains, lambda text: self._say(text)), None
             while not self._over.wait(_PERIOD):
                 with self._lock:
                     now = time.monotonic()
@@ -136,9 +136,6 @@ class FoxgloveTeleop:
                         break
                 client.turn(now, twist)
             client.leave(twist is not None)
-
-    def _note(self, text: str) -> None:
-        self._say(text)
 
 
 class _StickClient:

@@ -67,7 +67,7 @@ class OperatorRequests:
         self._zones, self._outline = session.zone_maps, session.loop.outline
         self._map = () if session.known is None else (map_message(session.known),)
         self._lines = reference_lines(robot.scenario.reference.spline())
-        self._show(*self._map, *self._zones, *self._lines)
+        self._show()
 
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
@@ -79,7 +79,7 @@ class OperatorRequests:
             self._publisher.reshape(self._outline)
         if self._session.zone_maps is not self._zones or reshaped:
             self._zones = self._session.zone_maps
-            self._show(*self._map, *self._zones, *self._lines)
+            self._show()
         self._publish_news(loop)
 
     def close(self) -> None:
@@ -108,10 +108,10 @@ class OperatorRequests:
     def _on_adopted(self, lines: tuple[Polyline, ...]) -> None:
         """The robot follows another path: publish it."""
         self._lines = lines
-        self._show(*self._map, *self._zones, *self._lines)
+        self._show()
 
-    def _show(self, *all_: Map | ZoneMap | Polyline) -> None:
-        """Publish now, and to records that begin later."""
-        self._drawn = all_
-        for one in all_:
+    def _show(self) -> None:
+        """Publish map, zones and path now, and to records that begin later."""
+        self._drawn = (*self._map, *self._zones, *self._lines)
+        for one in self._drawn:
             self._publisher.publish(drawable(one))
