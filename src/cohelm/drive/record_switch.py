@@ -19,7 +19,6 @@ from cohelm.drive.session import Session
 from cohelm.drive.shown import recordable
 from cohelm.drive.station_publisher import StationPublisher
 from cohelm.link.bulk_messages import Map, Polyline, ZoneMap
-from cohelm.link.messages import Severity
 from cohelm.loop.loop import Loop
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.model import RobotModel
@@ -65,8 +64,7 @@ class RecordSwitch:
     def turn(self, loop: Loop) -> None:
         """Between two periods: one step towards the requested state."""
         if self._failed:
-            loop.alarms.on("no record", self._failed, Severity.WARNING)
-            loop.alarms.off("no record")  # inactive at once, but to be acknowledged
+            loop.alarms.over_already("no record", self._failed)
             self._failed = ""
         if self._busy:
             return

@@ -20,7 +20,7 @@ from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.drive.shown import reference_lines
 from cohelm.law.reference import Reference
 from cohelm.link.bulk_messages import Checked, Polyline
-from cohelm.link.messages import Answer, Mode, Severity
+from cohelm.link.messages import Answer, Mode
 from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap
@@ -234,8 +234,7 @@ class Rerouting:
         if loop.supervisor.mode != Mode.HOLD:
             loop.supervisor.choose(Mode.HOLD)
         loop.supervisor.resume(_PAUSE)
-        loop.alarms.on("way", f"no new path, the robot holds: {why}", Severity.WARNING)
-        loop.alarms.off("way")  # inactive at once, but to be acknowledged
+        loop.alarms.over_already("way", f"no new path, the robot holds: {why}")
 
 
 def stands(loop: Loop) -> bool:

@@ -40,6 +40,11 @@ class ActiveAlarms:
         else:
             self._all[name] = old._replace(active=False)
 
+    def over_already(self, name: str, text: str) -> None:
+        """A warning of what has happened: inactive at once, but to be acknowledged."""
+        self.on(name, text, Severity.WARNING)
+        self.off(name)
+
     def trouble(self, name: str, text: str) -> str:
         """Set the present trouble, empty: none; a change raises a new alarm. Returns the previous
         one."""

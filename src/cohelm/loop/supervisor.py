@@ -6,7 +6,7 @@ import math
 
 from cohelm.core.types import CENTRED
 from cohelm.law.guard.surroundings import Surroundings
-from cohelm.link.messages import Arming, Mode, Request, RequestKind, Severity
+from cohelm.link.messages import Arming, Mode, Request, RequestKind
 from cohelm.link.operator import ClientRequest, Operator, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced
 from cohelm.link.recorded_status import StatusWords
@@ -89,10 +89,6 @@ class Supervisor:
         self.stick_state = updated(self.stick_state, received, self._arming, self._period, anew)
         self._watch_operator(now, received)
 
-    def choose(self, mode: Mode) -> str:
-        """Set the mode; returns why not, or "". A person's request is checked in `_mode`."""
-        return self._choose(mode, 0)
-
     def request_locally(
         self, name: str, what: RequestKind, value: int = 0, age: float = 0.0
     ) -> str:
@@ -101,8 +97,9 @@ class Supervisor:
         request = ClientRequest(_LOCAL, name, Request(1, what, value, 0.0), age)
         return self._request(request, _LOCAL)[1]
 
-    def _choose(self, mode: Mode, who: int) -> str:
-        """who: the client that chooses; 0: the robot, or the one who started it."""
+    def choose(self, mode: Mode, who: int = 0) -> str:
+        """Set the mode; returns why not, or "". A person's request is checked in `_mode`. who: the
+        client that chooses; 0: the robot, or the one who started it."""
         if mode != Mode.HOLD and self.problem:
             return self.problem
         if mode in PLANNED and self.driver.pilot is None:
@@ -152,8 +149,7 @@ class Supervisor:
         if ended is None:
             return
         if not ended.arrived:
-            self.alarms.on("dock", f"{docking.activity}: {ended.why}", Severity.WARNING)
-            self.alarms.off("dock")  # inactive at once, but to be acknowledged
+            self.alarms.over_already("dock", f"{docking.activity}: {ended.why}")
         self._end_docking(ended)
         self.choose(Mode.HOLD)
 
@@ -296,7 +292,7 @@ class Supervisor:
     def _mode(self, requested: ClientRequest, driver: int) -> str:
         mode = Mode(requested.request.value)
         hold = mode == Mode.HOLD
-        refusal = self._refusal(requested, driver, hold) or self._choose(mode, requested.client)
+        refusal = self._refusal(requested, driver, hold) or self.choose(mode, requested.client)
         if not refusal:
             self._operator_chose = not hold and requested.client != _LOCAL
             if hold:
