@@ -80,16 +80,11 @@ class Ros2Robot(Robot):
             """Of each topic, how many of the last messages in a row were, and why."""
             if model.lidar is None:
                 raise CohelmError(f"{model.name} has no LiDAR: describe it in the robot's YAML")
-            self._lidars = {
-                lidar.name: (one, _ranges(lidar, one))
-                for lidar, one in zip(model.lidars, found.lidars, strict=True)
-            }
+            both = list(zip(model.lidars, found.lidars, strict=True))
+            self._lidars = {lidar.name: (one, _ranges(lidar, one)) for lidar, one in both}
             self._out = self._transport.publish(topics.out, found.out_type, COMMAND)
             alone = [(topics.odom, ODOMETRY, "odometry")]
-            alone += [
-                (one.topic, kind_of(lidar), "LiDAR")
-                for lidar, one in zip(model.lidars, found.lidars, strict=True)
-            ]
+            alone += [(one.topic, kind_of(lidar), "LiDAR") for lidar, one in both]
             self._interlock = Interlock(
                 self._transport, topics.out, topics.lock, found.bypass, found.lock_silence, alone
             )
@@ -101,7 +96,7 @@ class Ros2Robot(Robot):
                 self._footprint = FootprintTopic(
                     self._transport, topics.footprint, found.body, model
                 )
-            for lidar, one in zip(model.lidars, found.lidars, strict=True):
+            for lidar, one in both:
                 callback = partial(self._on_scan, lidar.name)
                 self._transport.subscribe(one.topic, kind_of(lidar), SENSOR, callback)
         except BaseException:

@@ -46,16 +46,15 @@ def camera(
 
     Raises CohelmError where OpenGL is requested by name and can not render.
     """
-    if kind == "rays":
-        return RayCamera(model, width, height, name, groups)
-    try:
-        return GlCamera(model, width, height, name, groups)
-    except Exception as error:  # a missing library shows in many ways
-        if kind == "gl":
-            raise CohelmError(
-                f"OpenGL can not draw here ({error}): install libegl1 and libgl1, or let the "
-                "camera be chosen by itself"
-            ) from error
+    if kind != "rays":
+        try:
+            return GlCamera(model, width, height, name, groups)
+        except Exception as error:  # a missing library shows in many ways
+            if kind == "gl":
+                raise CohelmError(
+                    f"OpenGL can not draw here ({error}): install libegl1 and libgl1, or let the "
+                    "camera be chosen by itself"
+                ) from error
     return RayCamera(model, width, height, name, groups)
 
 
