@@ -81,6 +81,22 @@ def test_a_campaign_with_a_custom_robot_continues_without_its_file(cohelm, tmp_p
     assert "robot turtlebot3_burger (requested: husky)" in other.err
 
 
+@pytest.mark.parametrize(
+    "given",
+    [("--seed", "3"), ("--seed", "2"), ("--replay", "0", "--law", "paper"),
+     ("--replay", "0", "--seed", "3"), ("--replay", "0", "--plant", "twin")],
+    ids=" ".join,
+)  # fmt: skip
+def test_options_that_a_folder_has_already_are_refused_and_not_ignored(
+    cohelm, driven, tmp_path, given
+):
+    driven(cohelm, TWO, tmp_path / "there")
+    said = cohelm("campaign", "there", *given)
+    assert said.code == 2
+    assert "there continues with its own options: leave out" in said.err
+    assert not (tmp_path / "there" / "episodes").exists()
+
+
 def test_failed_episodes_are_reported_and_the_exit_status_is_1(cohelm, tmp_path):
     (tmp_path / "torn.py").write_text("def law(robot, period):\n    return lambda now: 1 / 0\n")
     wanted = ("campaign", "random", "--law", "torn:law", "--n", "2", "--jobs", "1", "--out", "x")

@@ -54,7 +54,9 @@ def campaign(
     n: Annotated[
         int | None, typer.Option("--n", metavar="N", help="Episodes; each suite has a default.")
     ] = None,
-    seed: Annotated[int, typer.Option(metavar="S", help="Of everything random.")] = 1,
+    seed: Annotated[
+        int | None, typer.Option(metavar="S", help="Of everything random; 1 by default.")
+    ] = None,
     jobs: Annotated[
         int | None, typer.Option(metavar="J", help="Processes; as many as processors by default.")
     ] = None,
@@ -106,6 +108,7 @@ def campaign(
     if importlib.util.find_spec("pyarrow") is None:
         raise missing("a campaign", "campaign")
     if replay is not None:
+        _check_own(Path(suite), (law, compare, n, seed, data, plant, robot))
         _again(Path(suite), replay, out, as_json)
         return
     if cluster == "":
@@ -144,7 +147,7 @@ def campaign(
 
 
 def _planned(
-    suite: str, law: str | None, compare: str | None, n: int | None, seed: int,
+    suite: str, law: str | None, compare: str | None, n: int | None, seed: int | None,
     data: Path | None, plant: str | None, robot: str | None, out: Path | None,
 ) -> tuple[Path | None, CampaignConfig]:  # fmt: skip
     """The folder, if one is named, and the plan, by the command line or by that folder."""
@@ -157,18 +160,24 @@ def _planned(
         kept = store.read_plan(folder)
         if kept is None:
             raise CohelmError(f"{folder}: holds no campaign; give a suite or a campaign's folder")
-        if any(option is not None for option in (law, compare, n, data, plant, robot, out)):
-            raise CohelmError(
-                f"{folder} continues with its own options: leave out --law, --compare, --n, "
-                "--data, --plant, --robot and --out"
-            )
+        _check_own(folder, (law, compare, n, seed, data, plant, robot, out))
         return folder, runner.planned(kept)
     if law and compare:
         raise CohelmError("give either --law or --compare, not both")
     chosen = compare if compare is not None else "guard" if law is None else law
     laws = tuple(part.strip() for part in chosen.split(","))
     model = None if robot is None else load_robot(robot)
+    seed = 1 if seed is None else seed
     return out, runner.CampaignConfig(suite, laws, seed, n, data, plant, model)
+
+
+def _check_own(folder: Path, given: tuple[object, ...]) -> None:
+    """CohelmError where anything is given that the campaign in a folder has already."""
+    if any(option is not None for option in given):
+        raise CohelmError(
+            f"{folder} continues with its own options: leave out --law, --compare, --n, --seed, "
+            "--data, --plant, --robot and, but for --replay, --out"
+        )
 
 
 def _again(folder: Path, which: str, out: Path | None, as_json: bool) -> None:
