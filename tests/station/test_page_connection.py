@@ -168,6 +168,9 @@ def test_a_display_without_a_link_to_the_robot_is_pale(
         robot.die()
         expect(page.get_by_label("Alarms", exact=True)).to_contain_text("No link to the robot")
         expect(page.locator(".station.stale")).to_have_count(1)
+        page.keyboard.press("Space")
+        alarms = page.get_by_label("Alarms", exact=True)
+        expect(alarms).to_contain_text("STOP is sent, but the robot has not answered yet")
 
 
 def test_a_button_pressed_without_a_connection_says_so(context: BrowserContext, bare: Bare) -> None:

@@ -18,6 +18,8 @@ const FULL = 8192
 const STOP_KEY = 'cohelm.stop'
 /** A STOP that reaches the robot later than this after it was pressed is explained [ms]. */
 const LATE_MS = 2000
+/** A STOP that the robot has not answered by then is said to be open [ms]. */
+const ANSWER_MS = 1000
 /** A STOP of a page that was reloaded is still sent up to this age: whoever opens it later does not know of it [ms]. */
 const STOP_LIFE_MS = 600_000
 /** Without a scan for this long while states come, the last one is not the present any more [ms]. */
@@ -81,7 +83,9 @@ function sendStop(): void {
     const now = Date.now()
     if (stopping !== null && now - stopping > LATE_MS) s.lateStop.value = { pressed: stopping, sent: now }
   }
-  s.unsentStop.value = stopping !== null && (socket === null || stopSentOn !== socket)
+  const waits = stopping !== null && socket !== null && stopSentOn === socket
+  s.unsentStop.value = stopping !== null && !waits
+  s.unansweredStop.value = waits && Date.now() - (stopping ?? 0) > ANSWER_MS
 }
 
 /** A LiDAR that has fallen silent is not drawn on, as if it still saw. */

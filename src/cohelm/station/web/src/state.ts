@@ -24,6 +24,8 @@ export const refused = signal<Array<{ text: string; at: number }>>([])
 export const pageMs = signal<number | null>(null)
 /** Whether STOP was pressed and could not be sent yet. */
 export const unsentStop = signal(false)
+/** Whether STOP was sent, and the robot has not answered in time. */
+export const unansweredStop = signal(false)
 /** A STOP that was sent late: when it was pressed, and when it was sent; or never, as it was too old [ms, Date.now()]. */
 export const lateStop = signal<{ pressed: number; sent: number | null } | null>(null)
 

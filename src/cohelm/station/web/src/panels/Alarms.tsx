@@ -27,6 +27,7 @@ function localAlarms(): ShownAlarm[] {
     add('alarm', `No link to the robot${why}. The display is stale. The robot stops by itself.`)
   }
   if (s.unsentStop.value) add('alarm', 'STOP is not sent yet: it will be as soon as there is a connection to the station.')
+  if (s.unansweredStop.value) add('alarm', 'STOP is sent, but the robot has not answered yet: it is sent on until it does.')
   const late = s.lateStop.value
   if (late !== null) {
     const pressed = new Date(late.pressed).toLocaleString()
