@@ -93,7 +93,8 @@ function made(chart: Chart, into: HTMLElement): uPlot {
     axes: [
       { show: true, size: 16, font: '10px system-ui', stroke: colour.faint, grid: { show: false }, ticks: { show: false },
         values: (_, at) => at.map((v) => (v === 0 ? 'now' : `${v} s`)) },
-      { show: true, size: 34, font: '10px system-ui', stroke: colour.ink, grid: { stroke: '#cfd2d4', width: 1 }, ticks: { show: false } },
+      // by uPlot's own space of 30 many ranges had the tick of 0 alone, and no scale
+      { show: true, size: 34, space: 16, font: '10px system-ui', stroke: colour.ink, grid: { stroke: '#cfd2d4', width: 1 }, ticks: { show: false } },
     ],
     series: [{}, ...chart.curves.map((c) => ({
       label: c.name, stroke: c.stroke, width: 1.5, points: { show: false }, ...(c.dash ? { dash: c.dash } : {}),
