@@ -83,8 +83,6 @@ class Loop:
         """Speed cap by the driver's delay, speed zones, docking, or a lost pose."""
         self.readings: Readings | None = None
         self.seen: Seen | None = None
-        self.running = False
-        """Whether `run` is active."""
         self.decision: Decision | None = None
         self._shape = Shape(gated.model.outline, self._reshape)
         self._outline_changing = False
@@ -112,14 +110,12 @@ class Loop:
         sys.setswitchinterval(5e-4)  # bounds the wait for another thread
         try:
             self._due = self.gated.now()
-            self.running = True
             while True:
                 self.period()
                 if until(self):
                     return
                 self.gated.wait(self._due)
         finally:
-            self.running = False
             sys.setswitchinterval(switch)
             if self._garbage is not None:
                 self._garbage.end()

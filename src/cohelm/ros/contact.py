@@ -68,8 +68,6 @@ class Contacts:
         self._newest: dict[str, Contact] = {}
         self._unread: set[str] = set()
         """Those that were on since they were read last, if only for a moment."""
-        self.damaged = 0
-        """Messages that could not be read, so far."""
         for one in topics:
             transport.subscribe(one.topic, one.kind, SENSOR, partial(self._on_message, one.model))
 
@@ -82,12 +80,10 @@ class Contacts:
 
     def _on_message(self, model: ContactModel, received: Received) -> None:
         on = None if received.message is None else is_on(model, received.message)
+        if on is None:
+            return
         now = self._now()
         with self._lock:
-            if received.message is None:
-                self.damaged += 1
-            if on is None:
-                return
             self._newest[model.name] = Contact(now, model.name, on)
             if on:
                 self._unread.add(model.name)

@@ -100,7 +100,7 @@ class Mapper:
         prior = inverted(joint[:3, :3])
         fit = align(self._submap, points, across, predicted, prior, MatchParams())
         if len(points) < 20 or fit.share < 0.3:
-            fit = ScanFit(predicted, np.zeros((3, 3)), 0.0, math.inf, False)
+            fit = ScanFit(predicted, np.zeros((3, 3)), 0.0, math.inf)
         shift = np.array([
             fit.pose.x - predicted.x, fit.pose.y - predicted.y, wrap(fit.pose.psi - predicted.psi)
         ])  # fmt: skip
@@ -247,14 +247,14 @@ class Mapper:
         self._submap = self._graph.surfaces_around(range(max(0, k - P.submap), k), None)
 
 
-def encounters(made: MappingResult, near: int = P.submap) -> list[list[tuple[int, int]]]:
+def encounters(made: MappingResult) -> list[list[tuple[int, int]]]:
     """The loops in groups, one for each revisit: a list of pairs of scans, the earlier one first.
-    Loops whose ends are within `near` places of each other's are one group."""
+    Loops whose ends are within a submap of each other's are one group."""
     if not made.loops:
         return []
     pairs = np.sort(np.array(made.loops, dtype=np.int64), axis=1)
     tree = scipy.spatial.cKDTree(np.searchsorted(made.places, pairs))
-    both = tree.query_pairs(near, p=math.inf, output_type="ndarray")
+    both = tree.query_pairs(P.submap, p=math.inf, output_type="ndarray")
     n = len(pairs)
     graph = scipy.sparse.csr_array((np.ones(len(both)), both.T), shape=(n, n))
     count, which = scipy.sparse.csgraph.connected_components(graph, directed=False)

@@ -40,14 +40,13 @@ class MatchParams(NamedTuple):
 class ScanFit(NamedTuple):
     """pose: where the sweep fits best. information: (3, 3) of the match alone, without the
     prior, in x, y, psi. share: of the points that lie within `least` of a surface of the same
-    direction. rms: of their distances [m]. converged: whether the last iteration changed nothing.
-    before: their mean distance in front of the surfaces, beyond `MatchParams.offset` [m]."""
+    direction. rms: of their distances [m]. before: their mean distance in front of the surfaces,
+    beyond `MatchParams.offset` [m]."""
 
     pose: Pose
     information: Floats
     share: float
     rms: float
-    converged: bool
     before: float = 0.0
 
 
@@ -62,7 +61,6 @@ def align(
     """
     x, y, psi = start.x, start.y, start.psi
     reach = params.reach
-    converged = False
     information, slope = np.empty((3, 3)), np.empty(3)
     share, rms, before = 0.0, math.inf, 0.0
     weights = np.full(len(points), params.share)
@@ -82,14 +80,13 @@ def align(
         x, y, psi = x - step[0], y - step[1], wrap(psi - step[2])
         small = abs(step[0]) + abs(step[1]) < 3e-4 and abs(step[2]) < 1e-4
         if small and reach <= params.least:
-            converged = True
             break
         reach = max(params.least, 0.75 * reach) if turn > 0 else reach
     pose = Pose(x, y, psi)
     share, rms, before = _gather(
         known, points, across, pose, params.least, params, information, slope, weights, params.sigma
     )
-    return ScanFit(pose, information, share, rms, converged, before)
+    return ScanFit(pose, information, share, rms, before)
 
 
 @jit

@@ -9,17 +9,16 @@ import numpy as np
 from cohelm.core.types import Floats
 from cohelm.robot.port import Odometry
 
-_KEPT = 3.0  # [s]
+_KEPT = 3.0  # for how long a row is kept [s]
 
 
 class Trail:
     """Rows of time and numbers, in the order of time; old ones are dropped. Linear in between."""
 
-    def __init__(self, columns: int, kept: float = _KEPT) -> None:
-        """columns: numbers in a row besides the time. kept: for how long [s]."""
+    def __init__(self, columns: int) -> None:
+        """columns: numbers in a row besides the time."""
         self._rows: Floats = np.empty((1024, columns + 1))
         self._first = self._end = 0
-        self._kept = kept
 
     def __len__(self) -> int:
         return self._end - self._first
@@ -46,7 +45,7 @@ class Trail:
             self._first, self._end = 0, len(kept)
         self._rows[self._end] = (t, *values)
         self._end += 1
-        while self._rows[self._first, 0] < t - self._kept:
+        while self._rows[self._first, 0] < t - _KEPT:
             self._first += 1
 
     def since(self, t: float) -> Floats:
