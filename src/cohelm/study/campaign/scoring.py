@@ -71,9 +71,9 @@ def scored(case: Episode, law: str, pieces: Iterator[Trace], acted: Intervention
         if last is not None:
             rows = _joined([last[0], rows])
             discs = np.concatenate((last[1], discs))
-        before = seen.at, seen.clearance
+        before = seen.at
         seen = judge(seen, rows, discs, setup.outline, walls, setup.limits, piece.dt)
-        if (seen.at, seen.clearance) != before:
+        if seen.at != before or not nearest:
             nearest = _nearest(setup, rows, discs, seen, piece.names)
         last = rows[-1:], discs[-1:]
         if arrived:
