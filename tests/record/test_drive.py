@@ -120,6 +120,22 @@ def test_after_odometry_that_is_no_number_the_replayed_robot_goes_on(tmp_path, w
     assert np.allclose(poses, [(0.1 * k, 0.0, 0.2 * k) for k in (0, 1, 3, 4)])
 
 
+def test_after_a_clock_went_back_readings_count_once_it_is_as_late_again(tmp_path):
+    """Scans as odometry: else scans of one time meet the odometry of another."""
+    path, robot = tmp_path / "one.mcap", Kinematic(sally(), Pose(0.0, 0.0, 0.0), room(), seed=4)
+    with path.open("wb") as file:
+        made = RecordWriter(file, About("drive", EPOCH), sally())
+        scan = robot.read().scan
+        for k in range(8):
+            stamp = 0.1 * (k if k < 4 else k - 3)  # 0 to 0.3, then 0.1 to 0.4
+            made.write(Odometry(stamp, Pose(float(k), 0.0, 0.0), Twist(0.0, 0.0)))
+            made.write(scan._replace(stamp=stamp, number=k))
+        made.finish()
+    again = Replayed(path)
+    assert [one.pose.x for one in again.odometry] == [0.0, 1.0, 2.0, 3.0, 7.0]
+    assert [one.stamp for one in again.scans] == [one.stamp for one in again.odometry]
+
+
 @pytest.mark.parametrize("buffering", [0, -1])
 def test_flushed_messages_are_in_the_file_and_a_finished_file_has_its_end(tmp_path, buffering):
     path = tmp_path / "one.mcap"

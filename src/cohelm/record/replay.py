@@ -134,12 +134,14 @@ def _read(
     scans: dict[str, list[Scan]] = {topic: [] for topic in names}
     driven: list[tuple[float, Twist]] = []
     photos: list[Encoded] = []
+    newest: dict[str, float] = {}
     zero, psi = -1, 0.0
     for topic, stamp, m in messages(path, ("/odom", *names, "/cmd_vel", IMAGE), damaged):
         zero = stamp if zero < 0 and topic == "/odom" else zero
         t = (stamp - zero) * 1e-9
-        if zero < 0:
-            continue
+        if zero < 0 or t <= newest.get(topic, -math.inf):
+            continue  # a clock went back: nothing is new until it is as late again
+        newest[topic] = t
         if topic == "/odom":
             place, twist = m.pose.pose.position, m.twist.twist
             turned = psi + wrap(yaw(m.pose.pose.orientation) - psi)  # round and round, as it came
@@ -149,8 +151,7 @@ def _read(
             if not all(map(math.isfinite, (*now.pose, *now.twist))):
                 continue  # a fault, which has stopped the drive; what came after it counts
             psi = turned
-            if not odometry or t > odometry[-1].stamp:
-                odometry.append(now)
+            odometry.append(now)
         elif topic in scans:
             n = len(m.ranges)
             ranges = np.asarray(m.ranges, dtype=np.float64)
