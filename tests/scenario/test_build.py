@@ -110,6 +110,16 @@ def test_a_robot_that_starts_inside_something_is_refused_with_its_name():
     assert "inside the wall from (-1.0, 0.1) to (1.0, 0.1) (walls_m.1)" in said
 
 
+def test_a_robot_that_sees_too_short_for_its_brakes_is_refused_as_when_it_is_driven():
+    made = scenario(name="lab-guard")
+    lidar = made.robot.lidar.model_copy(update={"range_max_m": 0.4})
+    short = made.model_copy(update={"robot": made.robot.model_copy(update={"lidar": lidar})})
+    build.setup(short)  # knows all there is
+    seeing = short.model_copy(update={"senses": "lidar"})
+    with pytest.raises(CohelmError, match=r"from 1 m/s stops after .* set limits\.speed_mps to"):
+        build.setup(seeing)
+
+
 def test_a_run_too_long_for_memory_is_refused_with_what_fits():
     assert "shorten duration_s or raise step_s" in refusal("simulation.duration_s=1e6")
     assert "shorten duration_s or raise step_s" in refusal("reference.speed_mps=1e-9")

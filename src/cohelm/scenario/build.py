@@ -17,7 +17,7 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import Settings
 from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.robot.limits import Limits
-from cohelm.robot.model import LONGEST_DELAY, RobotModel
+from cohelm.robot.model import LONGEST_DELAY, RobotModel, checked_sight
 from cohelm.scenario.load import digest, dump, standing_alone
 from cohelm.scenario.model import Scenario
 from cohelm.scenario.stick import StickFile, StickOperator, StickScript
@@ -125,7 +125,7 @@ def _piloted(
                 f"{alone.name}: senses: {robot.name} has no LiDAR; describe one in the robot's "
                 "YAML file, or set senses to truth"
             )
-        lidar = robot.lidar
+        lidar = checked_sight(robot).lidar
     moving = [
         body.path is not None or body.row[VX] != 0.0 or body.row[VY] != 0.0 for body in bodies
     ]

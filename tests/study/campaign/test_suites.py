@@ -219,6 +219,15 @@ def test_a_robot_that_no_room_fits_is_refused(change, words):
 
 
 @with_data
+def test_a_robot_that_sees_too_short_for_its_brakes_drives_on_true_obstacles_only():
+    sally = robot("sally")
+    short = sally.lidar.model_copy(update={"range_max_m": 0.5})
+    model = sally.model_copy(update={"lidar": short})
+    suites.suite("random", 1, None, robot=model)
+    with pytest.raises(CohelmError, match=r"from 1 m/s stops after .* set limits\.speed_mps to"):
+        suites.suite("random", 1, None, "twin", model)
+
+
 def test_all_recorded_sticks_are_found_and_other_files_are_reported():
     found = hands.read(DATA)
     assert len(found.recordings) == len(found.names) == 12

@@ -12,7 +12,7 @@ from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.core.types import RADIUS, VX, VY, X, Y, disc
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.limits import checked_braking, speeds
-from cohelm.robot.model import RobotModel
+from cohelm.robot.model import RobotModel, checked_sight
 from cohelm.sim.setup import Setup, Twinned, with_pilot
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.world import Body, World, world
@@ -133,8 +133,11 @@ def _check(robot: RobotModel, name: str, plant: str) -> None:
         )
     if speeds(checked_braking(robot.bounds()))[0] < _SLOWEST:
         raise CohelmError(f"{robot.name} is too slow for these rooms: {_SLOWEST:g} m/s at least")
-    if plant != "kinematic" and robot.lidar is None:
+    if plant == "kinematic":
+        return
+    if robot.lidar is None:
         raise CohelmError(f"{robot.name} has no lidar, which --plant {plant} needs; give it one")
+    checked_sight(sensed(equipped(robot, plant)))
 
 
 def _suite(name: str, seed: int, data: Path | None) -> Suite:
