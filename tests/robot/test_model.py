@@ -72,6 +72,14 @@ def test_an_outline_that_is_not_convex_is_refused(corners, why):
 
 
 @pytest.mark.parametrize(
+    "key", [{"height_m": 1e300}, {"odometry": {"rate_hz": 1e300}}], ids=lambda key: next(iter(key))
+)
+def test_what_a_simulation_can_not_count_with_is_refused(key):
+    with pytest.raises(ValidationError, match="less than or equal to"):
+        RobotModel.model_validate(SQUARE | key)
+
+
+@pytest.mark.parametrize(
     "corners",
     [
         [[1, -1], [-1, -1], [-1, 1], [1, 1]],  # clockwise

@@ -70,7 +70,7 @@ class RobotModel(Schema):
     """Radius of the driven wheels."""
     axle_x_m: Annotated[float, Field(ge=-2.0, le=2.0)] = 0.0
     """Where the middle of the wheel axle is in the frame that ROS calls the base."""
-    height_m: Positive = 0.5
+    height_m: Annotated[float, Field(gt=0.0, le=100.0)] = 0.5
     """Height of the body."""
     mass_kg: Positive = 40.0
     """Mass, all in all."""

@@ -235,7 +235,7 @@ def vouched_floor(lidar: Lidar, outline: Floats, least: float) -> float:
 class OdometryModel(Schema):
     """Pose and twist from wheel encoders and a gyro, and how wrong they are."""
 
-    rate_hz: Annotated[float, Field(gt=0.0)] = 50.0
+    rate_hz: Annotated[float, Field(gt=0.0, le=10_000.0)] = 50.0
     """Readings per second."""
     distance_error: AtLeast0 = 0.0
     """Standard deviation of a constant scale error of each wheel, as a share."""
