@@ -39,6 +39,16 @@ def test_the_same_seed_gives_the_same_rows_whatever_the_number_of_processes(tmp_
     assert text(other) != text(one[:3])
 
 
+def test_a_shipped_scenario_that_was_changed_makes_other_rows(tmp_path, monkeypatch):
+    """lab and hands are driven in one of them."""
+    file, made = tmp_path / "lab-guard.yaml", []
+    monkeypatch.setattr(drive, "shipped", lambda: {"lab-guard": file})
+    for seen in ("a", "b", "a"):
+        file.write_text(seen)
+        made.append(drive.code.__wrapped__())
+    assert made[0] == made[2] != made[1]
+
+
 def test_an_interrupted_campaign_continues_and_repeats_no_episode(tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "_FLUSH", 0.0)
     driven = []

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from cohelm.core.errors import CohelmError
+from cohelm.scenario.load import shipped
 from cohelm.study.campaign import adversary
 from cohelm.study.campaign.result import NOT_DRIVEN, EpisodeResult
 from cohelm.study.campaign.scoring import run_episode
@@ -22,13 +23,15 @@ ROOMS = (
 
 @cache
 def code() -> str:
-    """A digest of all the code that an episode's row can depend on."""
+    """A digest of all the code, and the shipped scenarios, that an episode's row can depend on."""
     package = Path(__file__).resolve().parents[2]
     digest = hashlib.sha256()
     for room in ROOMS:
         for path in sorted((package / room).rglob("*")):
             if path.suffix in (".py", ".yaml"):
                 digest.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+    for name, path in shipped().items():  # lab and hands are driven in one of them
+        digest.update(name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 
 
