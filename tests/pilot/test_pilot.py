@@ -89,6 +89,31 @@ def test_a_recovery_move_is_not_finished_elsewhere_after_the_robot_was_on_hold(p
     assert pilot.state.k == 3
 
 
+@pytest.mark.parametrize(("away", "at"), [(1.1, 1.1), (2.0, 2.0), (0.0, 0.0), (-1.0, 0.0)])
+def test_a_route_goes_on_from_where_the_robot_was_driven_by_hand(away, at):
+    """The first command must not be back to where the route was left; that one waits for no plan.
+    Where the robot has not come farther, the reference stays."""
+    pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
+    moving = Twist(0.4, 0.0)
+    pilot.step(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), None, NOTHING_NEAR)
+    decision = pilot.step(5.0, Pose(away, 0.05, 0.0), moving, None, NOTHING_NEAR)
+    assert decision.x_d == pytest.approx(at, abs=0.06)
+    assert decision.nominal_v > 0.3 or away <= 0.0
+
+
+def test_a_loop_of_the_route_is_not_left_out_after_a_pause():
+    """The robot stands on hold where the route crosses itself."""
+    corners = [(0, 0), (1.5, 0), (3, 0), (4.5, 0), (4.5, 1.2), (3, 1.2), (3, 0), (3, -1.5), (3, -3)]
+    pilot, still = Pilot(through(np.array(corners, float), 0.5), SETTINGS), Twist(0.0, 0.0)
+    here = Pose(3.0, 0.0, 0.0)
+    row = int(np.searchsorted(pilot.planner.route.times, 6.0))
+    pilot.state = pilot.state._replace(clock=CourseClock(6.0, 0.0, 0.0), row=row)
+    pilot.step(0.0, here, still, None, NOTHING_NEAR)
+    before = pilot.state.clock.tau
+    pilot.step(60.0, here, still, None, NOTHING_NEAR)
+    assert pilot.state.clock.tau - before < 0.5
+
+
 def test_a_closed_road_is_not_forced():
     d = drive(STRAIGHT, walls=[(3.0, -20.0, 3.0, 20.0)], seconds=15.0)
     assert not d.arrived

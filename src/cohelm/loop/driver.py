@@ -24,6 +24,7 @@ from cohelm.pilot.obstacles_from_perception import obstacles_from_perception
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.replanning import clock_on_entry, split_unseen
 from cohelm.pilot.step import Decision, Settings
+from cohelm.plan.course import row_on_route
 from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.zones import Zoned, Zones
 from cohelm.robot.achievable import achievable
@@ -235,6 +236,7 @@ class Driver:
             state, sent = pilot.state, pilot.sent.copy()
             pilot.step(math.nan, pose, Twist(0.0, 0.0), CENTRED, obstacles)
             clock_on_entry(pilot.course, pilot.planner.route, 0, pose, Twist(0.0, 0.0))
+            row_on_route(pilot.planner.route.line, pose, 0, pilot.course, 0.0)
             pilot.state = state
             pilot.sent[:] = sent
         self.clearance(pose, obstacles, 0)

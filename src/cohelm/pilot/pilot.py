@@ -28,7 +28,7 @@ from cohelm.pilot.step import (
     pilot_step,
     still,
 )
-from cohelm.plan.course import Course, Route, course, route
+from cohelm.plan.course import Course, Route, course, route, row_on_route
 from cohelm.plan.evasion.movers import empty_mover_history
 from cohelm.plan.path_planner import PathParams
 from cohelm.plan.recovery import kind
@@ -105,7 +105,7 @@ class Pilot:
         passed = now - self._now
         if math.isfinite(passed):
             if passed > max(_PAUSE, 3.0 * dt):
-                self._begin_anew()
+                self._begin_anew(pose, twist)
             dt = min(max(passed, 0.0), 3.0 * dt)  # a late step must not make the reference jump
         self._now = now
         self.state, decision = self._step(
@@ -116,11 +116,13 @@ class Pilot:
         self._safe = Twist(decision.safe_v, decision.safe_omega)
         return decision
 
-    def _begin_anew(self) -> None:
-        """Go on along the route, without what was begun before: recovery, evasion, and how long the
-        robot was held up."""
-        s = self.state
-        clock = s.clock._replace(waited=0.0)
+    def _begin_anew(self, pose: Pose, twist: Twist) -> None:
+        """Go on along the route from where the robot is, if that is farther, without what was begun
+        before: recovery, evasion, and how long the robot was held up."""
+        s, way = self.state, self.planner.route
+        row = row_on_route(way.line, pose, s.row, self.course, s.clock.tau)
+        here = clock_on_entry(self.course, way, row, pose, twist)
+        clock = here if here.tau > s.clock.tau else s.clock._replace(waited=0.0)
         self.state = START._replace(k=s.k, time=s.time, clock=clock, row=s.row)
         self.refused_for, self._refused = 0.0, 0
 
