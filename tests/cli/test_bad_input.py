@@ -274,6 +274,13 @@ def test_a_robot_named_on_the_command_line_is_relative_to_the_working_folder(coh
     refused(cohelm("run", "sites/office.yaml", "--set", "robot=van.yaml"), "van.yaml:4: track_m")
 
 
+def test_a_base_is_simulated_in_any_scenario_and_a_missing_one_is_named(cohelm):
+    refused(cohelm("base", "lab-gard"), "lab-gard: no such file", "did you mean lab-guard?")
+    pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
+    said = cohelm("base", "lab-track", "--for", "0.1", "--json")
+    assert said.code == 0, said.err
+
+
 @pytest.mark.parametrize("text", ["[1, 2]", "5"])
 def test_a_site_that_is_no_scenario_is_named_whatever_robot_drives_there(cohelm, tmp_path, text):
     (tmp_path / "s.yaml").write_text(text)

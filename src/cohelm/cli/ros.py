@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cohelm.cli.app import app, examples
-from cohelm.cli.drive_options import Seconds, Seed, Twin
+from cohelm.cli.drive_options import RobotOrScenario, Seconds, Seed, Twin
 from cohelm.cli.output import Json, plain, print_json, say, starting
 from cohelm.cli.parameters import from_file
 from cohelm.cli.print_config import PrintConfig, print_found
@@ -227,12 +227,11 @@ def filter_(
 
 @app.command(epilog=examples("cohelm base turtlebot4 --controller 0.3,0"))
 def base(
-    name: Annotated[
-        str, typer.Argument(metavar="ROBOT|SCENARIO", help="A robot in --scenario, or a scenario.")
-    ] = "lab-guard",
+    name: RobotOrScenario = None,
     scenario: Annotated[
-        str, typer.Option(metavar="SCENARIO", help="Where the robot drives.")
-    ] = "lab-guard",
+        str | None,
+        typer.Option(metavar="SCENARIO", help="Where a robot is driven; by default in lab-guard."),
+    ] = None,
     twin: Twin = False,
     namespace: Annotated[str, typer.Option(metavar="/NAME", help="Namespace of its topics.")] = "/",
     stamped: Annotated[

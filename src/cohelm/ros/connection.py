@@ -57,14 +57,14 @@ def connection(kind: str = AUTO, url: str = "") -> Connection:
             "--url is of a foxglove_bridge or a zenoh router: leave it out, or --transport dds"
         )
     if kind == DDS:
-        return Connection(DDS, why="as asked")
+        return Connection(DDS, why="it was asked for")
     if kind == ZENOH:
-        return Connection(ZENOH, url, "as asked")
+        return Connection(ZENOH, url, "it was asked for")
     if url:
         of = FOXGLOVE if kind == FOXGLOVE or "://" in url or "/" not in url else ZENOH
         return Connection(of, url, "its address was given")
     if kind == FOXGLOVE:
-        return Connection(FOXGLOVE, URL, "as asked, on this machine as no --url was given")
+        return Connection(FOXGLOVE, URL, "it was asked for, on this machine as no --url was given")
     middleware = os.environ.get("RMW_IMPLEMENTATION", "")
     if "zenoh" in middleware:
         if find_spec("zenoh") is not None:
