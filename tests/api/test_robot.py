@@ -10,6 +10,7 @@ import pytest
 import cohelm
 from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
+from cohelm.robot.port import Health
 
 SALLY = cohelm.load_robot("sally")
 REST = cohelm.Twist(0.0, 0.0)
@@ -179,6 +180,44 @@ def test_no_error_of_the_robots_own_code_goes_unsaid(method):
     port.read()
     port.send(cohelm.Twist(0.3, 0.0))
     assert port.read().health.faults == ()
+
+
+ODOMETRY = cohelm.Odometry(0.0, cohelm.Pose(0.0, 0.0, 0.0), cohelm.Twist(0.0, 0.0))
+SCAN = cohelm.Scan(0.0, 0, np.ones(3), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        (None, "read must return cohelm.Readings(...), got NoneType"),
+        ((ODOMETRY, None), "read must return cohelm.Readings(...), got tuple"),
+        (cohelm.Readings(ODOMETRY, [1.0, 2.0]), "scan must be made by self.scan(...), got list"),
+        (cohelm.Readings((0.0, 0.0)), "odometry must be made by self.odometry(...), got tuple"),
+        (cohelm.Readings(ODOMETRY._replace(pose=(0.0, 0.0, 0.0))), "made by self.odometry(...)"),
+        (cohelm.Readings(ODOMETRY._replace(twist=("a", 0.0))), "made by self.odometry(...)"),
+        (cohelm.Readings(ODOMETRY._replace(stamp=None)), "made by self.odometry(...)"),
+        (cohelm.Readings(ODOMETRY, SCAN._replace(ranges=[1.0])), "made by self.scan(...)"),
+        (cohelm.Readings(ODOMETRY, SCAN._replace(stamp="now")), "made by self.scan(...)"),
+        (cohelm.Readings(ODOMETRY, SCAN._replace(number=None)), "made by self.scan(...)"),
+        (cohelm.Readings(ODOMETRY, SCAN._replace(edges=[True])), "made by self.scan(...)"),
+        (cohelm.Readings(further=SCAN), "further must be made by self.scan(...), got float"),
+        (cohelm.Readings(further=[None]), "further must be made by self.scan(...), got NoneType"),
+        (cohelm.Readings(contacts=(True,)), "contacts must be made by self.contact(...), got bool"),
+        (cohelm.Readings(health="well"), "health must be a cohelm.robot.port.Health, got str"),
+        (cohelm.Readings(health=Health(0.0, 0.5, None)), "health must be a cohelm.robot.port."),
+        (cohelm.Readings(health=Health(0.0, 0.5, "low")), "health must be a cohelm.robot.port."),
+        (cohelm.Readings(further=None), "NoneType"),
+    ],
+)  # fmt: skip
+def test_what_read_returns_and_is_no_reading_is_a_fault_that_says_so(given, why):
+    """And does not end the gate process, in which the monitors look at it."""
+    cart = Cart()
+    cart.read = lambda: given
+    port = RobotAdapter(cart)
+    found = port.read()
+    (said,) = found.health.faults
+    assert why in said
+    assert (found.odometry, found.scan, found.further, found.contacts) == (None, None, (), ())
 
 
 def test_a_lasting_stop_is_reported_repeatedly_but_not_at_every_call():

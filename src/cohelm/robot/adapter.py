@@ -7,18 +7,19 @@ import inspect
 import math
 import threading
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.scalars import is_finite
-from cohelm.core.types import Floats, Twist
+from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.achievable import achievable
 from cohelm.robot.base import Robot
 from cohelm.robot.limits import unbraked
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Health, Odometry, Readings, RobotPort
+from cohelm.robot.port import Contact, Frame, Health, Odometry, Readings, RobotPort, Scan
 
 Make = Callable[[RobotModel], Robot] | Robot
 """A class or function that makes a robot of its model; or a robot that can be pickled."""
@@ -85,7 +86,7 @@ class RobotAdapter:
         self._open()
         with self._calls:
             try:
-                given = self._robot.read()
+                given = _checked(self._robot.read())
                 if given.odometry is not None and _again(given.odometry, self._newest.odometry):
                     given = given._replace(odometry=None)
                 given = given._replace(outline=self._outline(given.outline))
@@ -172,6 +173,55 @@ class RobotAdapter:
     def _open(self) -> None:
         if self._closed.is_set():
             raise CohelmError("the robot is closed: make a new one")
+
+
+_MADE = {
+    "odometry": (Odometry, "made by self.odometry(...)"),
+    "scan": (Scan, "made by self.scan(...)"),
+    "further": (Scan, "made by self.scan(...)"),
+    "contacts": (Contact, "made by self.contact(...)"),
+    "frame": (Frame, "a cohelm.robot.port.Frame"),
+    "health": (Health, "a cohelm.robot.port.Health"),
+}
+
+
+def _checked(given: object) -> Readings:
+    """What a robot's `read` returned; CohelmError for what gate and monitors can not look at."""
+    if not isinstance(given, Readings):
+        raise CohelmError(f"read must return cohelm.Readings(...), got {type(given).__name__}")
+    for name, (kind, how) in _MADE.items():
+        value: Any = getattr(given, name)
+        several = name in ("further", "contacts")
+        for one in value if several else (value,):
+            if (one is not None or several) and not (isinstance(one, kind) and _sound(one)):
+                raise CohelmError(f"{name} must be {how}, got {type(one).__name__}")
+    return given
+
+
+def _sound(one: Any) -> bool:
+    """Whether a reading holds numbers where there have to be some; finite or not."""
+    numbers = [one.stamp]
+    if isinstance(one, Odometry):
+        pose, twist = cast("tuple[Any, Any]", (one.pose, one.twist))
+        if not (isinstance(pose, Pose) and isinstance(twist, Twist)):
+            return False
+        numbers += (*pose, *twist)
+    if isinstance(one, Scan):
+        ranges = cast("NDArray[Any]", one.ranges)
+        if not isinstance(cast("Any", ranges), np.ndarray):
+            return False
+        if ranges.ndim != 1 or ranges.dtype.kind != "f":
+            return False
+        edges = cast("Any", one.edges)
+        if edges is not None and getattr(edges, "shape", None) != ranges.shape:
+            return False
+        numbers += (one.duration, one.number)
+    if isinstance(one, Health):
+        numbers.append(one.battery)
+        faults = cast("Any", one.faults)
+        if not (isinstance(faults, tuple | list) and all(isinstance(f, str) for f in faults)):  # pyright: ignore
+            return False
+    return all(isinstance(number, (int, float, np.floating, np.integer)) for number in numbers)
 
 
 def _newest(new: Readings, old: Readings) -> Readings:
