@@ -87,6 +87,15 @@ def test_an_invalid_address_of_the_live_view_starts_nothing(cohelm):
     assert "starting" not in said.err
 
 
+def test_a_filter_that_no_drive_has_is_not_passed_over_in_silence(cohelm):
+    """As somebody asks for who compares filters; a run has it."""
+    said = cohelm("robot", "lab-track", "--fast", "--for", "0.5", "--json")
+    assert said.code == 0, said.err
+    assert "guarded all the same, though law.filter is none" in said.err
+    said = cohelm("robot", "lab-guard", "--fast", "--for", "0.5", "--json")
+    assert "law.filter" not in said.err
+
+
 def test_without_map_and_walls_the_robot_uses_its_odometry(cohelm, tmp_path):
     """As the first drive through a building has to, of which there is no map yet."""
     (tmp_path / "bare.yaml").write_text(

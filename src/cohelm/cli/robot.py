@@ -153,6 +153,7 @@ def robot(
     from cohelm.drive.operate import (
         DriveOptions,
         end_signals,
+        guarded_anyway,
         map_and_zones,
         masks_on_topics,
         mode_and_stick,
@@ -211,7 +212,9 @@ def robot(
         loop=LoopParams(carry_on=carry_on), pictures=pictures,
     )  # fmt: skip
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
-    if chosen_map is None and len(made.scenario.walls()) == 0:
+    if remark := guarded_anyway(made):
+        begins += f"; {remark}"
+    if listen is None and chosen_map is None and len(made.scenario.walls()) == 0:
         begins += "; no --map or walls to localize on: it uses its odometry"
     config = TopicsConfig(
         map_frame, transforms, tuple(goals_from or ()), initial_pose_from, joy, parameters,

@@ -107,6 +107,12 @@ def robot_factory(options: DriveOptions) -> RobotFactory:
     )
 
 
+def guarded_anyway(made: RobotFactory) -> str:
+    """A remark where the site's law has another filter than the one of a drive; else empty."""
+    asked = made.scenario.law.filter
+    return "" if asked == "guard" else f"guarded all the same, though law.filter is {asked}"
+
+
 def map_and_zones(
     options: DriveOptions, made: RobotFactory, masks: Sequence[FilterMask] = ()
 ) -> tuple[LocalizationMap | None, Zones | None]:
