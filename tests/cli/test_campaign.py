@@ -133,10 +133,7 @@ def test_a_replayed_row_equals_the_row_of_the_campaign(cohelm, driven, tmp_path)
         (("campaign", "random", "--law", "none", "--compare", "paper"), ["not both"]),
         (("campaign", "random", "--law", "gaurd"), ["did you mean guard?"]),
         (("campaign", "random", "--compare", "guard,"), ["name each law between the commas"]),
-        (
-            ("campaign", "random", "--cluster", ""),
-            ["no Dask scheduler without an address"],
-        ),
+        (("campaign", "random", "--cluster", ""), ["--cluster is empty", "leave it out"]),
         (("campaign", "."), ["holds no campaign"]),
         (("campaign", ".", "--replay", "1"), ["holds no campaign"]),
         (("campaign", "random", "--replay", "1"), ["random", "holds no campaign"]),

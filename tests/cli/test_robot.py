@@ -71,6 +71,21 @@ def test_a_missing_custom_robot_is_reported(cohelm):
     assert "no_such_package:Cart can not be imported" in said.err
 
 
+@pytest.mark.parametrize("named", ["tests/api/carts.py:Cart", "./carts:Cart", "carts.py:Cart"])
+def test_a_file_in_a_modules_place_is_refused_with_the_modules_name(cohelm, named):
+    said = cohelm("robot", "sally", "--driver", named)
+    assert said.code == 2
+    assert "a module has no path and no .py: give carts:Cart" in said.err
+
+
+@pytest.mark.parametrize("command", ["robot", "drive"])
+@pytest.mark.parametrize("driver", [[], ["--driver", "tests.api.carts:Cart"]])
+def test_of_two_robots_none_is_driven(cohelm, command, driver):
+    said = cohelm(command, "sally", *driver, "--set", "robot=jackal")
+    assert said.code == 2
+    assert "sally and --set robot=... each name a robot: leave one of them out" in said.err
+
+
 @pytest.mark.parametrize("named", [["sally"], []])
 def test_a_custom_robot_without_a_site_stands(cohelm, named):
     said = cohelm("robot", *named, "--driver", "tests.api.carts:Simulated", "--for", "2", "--json")

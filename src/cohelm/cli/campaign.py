@@ -111,10 +111,6 @@ def campaign(
         _check_own(Path(suite), (law, compare, n, seed, data, plant, robot))
         _again(Path(suite), replay, out, as_json)
         return
-    if cluster == "":
-        raise CohelmError(
-            "--cluster '': there is no Dask scheduler without an address, like tcp://host:8786"
-        )
     with progress("starting") as bar:
         from cohelm.study import single
         from cohelm.study.campaign import report, runner

@@ -30,6 +30,12 @@ def plugin(group: str, name: str) -> Any:
                 return known[name].load()
             there = f"; installed packages have {', '.join(sorted(known))}" if known else ""
             raise CohelmError(f"{name}: give package:name, or an entry point of {group}{there}")
+        if module.endswith(".py") or "/" in module:
+            plain = Path(module).name.removesuffix(".py")
+            raise CohelmError(
+                f"{name}: a module has no path and no .py: give {plain}:{inside}, and start in its "
+                "folder"
+            )
         here = str(Path.cwd())
         if here not in sys.path:
             sys.path.insert(0, here)

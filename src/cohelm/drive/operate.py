@@ -88,6 +88,8 @@ def robot_factory(options: DriveOptions) -> RobotFactory:
                 "place, or name a robot"
             )
         model, site = None, model
+    if model is not None and any(one.partition("=")[0].strip() == "robot" for one in changes):
+        raise CohelmError(f"{model} and --set robot=... each name a robot: leave one of them out")
     if options.driver is not None and options.ros2 is not None:
         raise CohelmError("--driver and --ros2 each name a robot: leave one of them out")
     if options.driver is not None or options.ros2 is not None:
