@@ -45,7 +45,7 @@ def _several(value: object) -> tuple[object, ...]:
     return tuple(value) if isinstance(value, list | tuple) else ()  # pyright: ignore
 
 
-class Commands(typer.Typer):
+class CommandLine(typer.Typer):
     """Commands that refuse an empty value."""
 
     def command(self, name: str | None = None, **options: Any) -> Any:
@@ -53,7 +53,7 @@ class Commands(typer.Typer):
         return super().command(name, cls=_Command, **options)
 
 
-app = Commands(
+app = CommandLine(
     name="cohelm",
     help="Shared control with obstacle avoidance for uncrewed ground vehicles.",
     no_args_is_help=True,

@@ -7,10 +7,12 @@ from typing import Annotated
 
 import typer
 
-from cohelm.cli.app import Commands, app, examples
+from cohelm.cli.app import CommandLine, app, examples
 from cohelm.cli.output import Json, plain, print_json, print_table, say
 
-pair = Commands(help="Pair stations with robots: keys that allow to drive.", no_args_is_help=True)
+pair = CommandLine(
+    help="Pair stations with robots: keys that allow to drive.", no_args_is_help=True
+)
 app.add_typer(pair, name="pair")
 
 
