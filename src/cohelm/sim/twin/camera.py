@@ -85,11 +85,6 @@ class Eye:
             self._thread.start()
             made.wait()
 
-    @property
-    def renderer(self) -> str:
-        """The renderer's name; where it draws on request, known from the first picture on."""
-        return "none yet" if self._camera is None else self._camera.renderer
-
     def offer(self, shot: Shot) -> None:
         """Something new to draw; what was offered before and is not begun is forgotten."""
         with self._bell:
@@ -193,13 +188,6 @@ class GlCamera:
         self._view.fixedcamid = model.camera(camera).id
         self._rect = mujoco.MjrRect(0, 0, width, height)
 
-    @property
-    def renderer(self) -> str:
-        """The renderer's name."""
-        gl: Any = importlib.import_module("OpenGL.GL")
-        renderer = gl.glGetString(gl.GL_RENDERER) or b"unknown"
-        return f"OpenGL through EGL on {renderer.decode(errors='replace')}"
-
     def draw(self, data: Any) -> NDArray[np.uint8]:
         """(height, width, 3) RGB of a simulation whose kinematics are up to date."""
         mujoco.mjv_updateScene(
@@ -249,12 +237,6 @@ class RayCamera:
         n = len(self._rays)
         self._hit, self._far = np.empty(n, dtype=np.int32), np.empty(n)
         self._normals = np.empty((n, 3))
-
-    @property
-    def renderer(self) -> str:
-        """The renderer's name."""
-        rows, columns = self._shape
-        return f"ray casting at {columns} x {rows}"
 
     def draw(self, data: Any) -> NDArray[np.uint8]:
         """(height, width, 3) RGB of a simulation whose kinematics are up to date."""

@@ -112,7 +112,7 @@ def advance(
         _drive(step, views, s, limits, wheels)
         mj_step(views.model, views.data)
         s.step += 1
-        moved = _observe(step, views, s, limits, wheels, reach)
+        moved = _observe(step, views, s, wheels, reach)
         pose = Pose(s.x, s.y, s.psi)
         shift = walk(step, s.step * step, pose, outline, discs, walls, movers, views.mocap)
         row = s.step % len(trail.poses)
@@ -144,9 +144,7 @@ def _drive(step: float, views: Views, s: Any, limits: Limits, wheels: WheelDrive
 
 
 @jit
-def _observe(
-    step: float, views: Views, s: Any, limits: Limits, wheels: WheelDrives, reach: float
-) -> float:
+def _observe(step: float, views: Views, s: Any, wheels: WheelDrives, reach: float) -> float:
     """The true state after a step; how far any point of the outline has moved at most [m]."""
     q = views.qpos
     psi = math.atan2(2.0 * (q[3] * q[6] + q[4] * q[5]), 1.0 - 2.0 * (q[5] * q[5] + q[6] * q[6]))

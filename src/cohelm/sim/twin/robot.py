@@ -164,11 +164,6 @@ class Twin(SimulatedRobot):
         self._catch_up()
         return self._discs.copy()
 
-    @property
-    def draws(self) -> str:
-        """The name of the camera's renderer."""
-        return "none" if self._eye is None else self._eye.renderer
-
     def picture(
         self, width: int, height: int, view: str = "above", kind: Kind = "auto"
     ) -> NDArray[np.uint8]:
