@@ -73,10 +73,10 @@ class Listener:
         for address, handshake in list(self._under_way.items()):
             for datagram, source in udp.receive(handshake.socket, _PER_TURN):
                 if source[:2] == address[:2]:
-                    guests += self._continue(address, datagram, now)
+                    guests += self._continue(address, datagram)
         for datagram, address in udp.receive(self.socket, _PER_TURN):
             if address in self._under_way:
-                guests += self._continue(address, datagram, now)
+                guests += self._continue(address, datagram)
             else:
                 self._stranger(datagram, address, now)
         self._tick(now)
@@ -126,9 +126,9 @@ class Listener:
         with contextlib.suppress(OSError):
             own.connect(address)
         self._under_way[address] = _Handshake(channel, own, now)
-        self._continue(address, None, now)
+        self._continue(address, None)
 
-    def _continue(self, address: Address, datagram: bytes | None, now: float) -> list[Guest]:
+    def _continue(self, address: Address, datagram: bytes | None) -> list[Guest]:
         """Continue a handshake, or begin it."""
         handshake = self._under_way.get(address)
         if handshake is None:

@@ -20,6 +20,7 @@ from typing import Any
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from cohelm.link.operator import STALE
 from cohelm.link.udp import listening
 from cohelm.station.access_control import is_loopback
 from cohelm.station.app import Station
@@ -90,7 +91,7 @@ class Server:
 
     def __init__(
         self, connect: Connect, host: str = "127.0.0.1", port: int = PORT,
-        certificate: tuple[Path, Path] | None = None, stale: float | None = None,
+        certificate: tuple[Path, Path] | None = None, stale: float = STALE,
     ) -> None:  # fmt: skip
         """certificate: files of certificate and key, for TLS. Raises CohelmError."""
         self.token = secrets.token_urlsafe(16)
@@ -98,10 +99,7 @@ class Server:
         self._listener = ListeningSocket(socket.AF_INET6 if ":" in host else socket.AF_INET)
         listening((host, port), _CURE, self._listener, _BACKLOG)
         self._names = frozenset[str]() if certificate is None else certified(certificate[0])
-        self.station = Station(
-            connect, self.token, self._names, self._listener.admitted,
-            **({} if stale is None else {"stale": stale}),
-        )  # fmt: skip
+        self.station = Station(connect, self.token, self._names, self._listener.admitted, stale)
         self.secure = certificate is not None
         options: dict[str, Any] = {}
         if certificate is not None:
