@@ -40,7 +40,7 @@ class MonitorSource:
     ) -> None:
         """first: whether its scans come as `Readings.scan`. farthest: distance beyond the turning
         circle from which nothing matters [m]. remembers: whether ground may be unknown."""
-        self._sensor, self._first, self._shape = sensor, first, shape
+        self._sensor, self._first = sensor, first
         usual = MISSED / sensor.rate + sensor.sweep + sensor.latency
         self._patience = usual if math.isnan(sensor.timeout) else sensor.timeout
         self._around, self._own = all_round(sensor), shape
@@ -64,7 +64,6 @@ class MonitorSource:
 
     def reshape(self, shape: Outline, farthest: float) -> None:
         """Change the robot's outline. farthest: as above."""
-        self._shape = shape
         across = max(shape.reach, math.hypot(self._sensor.mount.x, self._sensor.mount.y))
         beyond = farthest if self._around else max(farthest, BESIDE)
         self._near = across + shape.reach + beyond
