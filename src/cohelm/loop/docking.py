@@ -233,9 +233,7 @@ def _looks_at(lidar: Lidar, x: float, y: float) -> bool:
     return -most <= after <= width + most or after + 2.0 * math.pi <= width + most
 
 
-def _pilot(
-    dock: Dock, settings: Settings, delay: float, backwards: bool, speed: float
-) -> Pilot:  # fmt: skip
+def _pilot(dock: Dock, settings: Settings, delay: float, backwards: bool, speed: float) -> Pilot:
     """A pilot along the approach. For undocking the robot is taken as turned by 180°, see
     `Driver.follow_course`."""
     ends = np.array((dock.staging[:2], dock.pose[:2]), dtype=np.float64)

@@ -79,9 +79,7 @@ class Robot(ABC):
     def odometry(self, pose: Pose, twist: Twist, age: float = 0.0) -> Odometry:
         """An odometry reading: pose in a continuous frame with any origin [m, m, rad], measured
         twist [m/s, rad/s], and its age [s]."""
-        return Odometry(
-            self.now() - age, Pose(*map(float, pose)), Twist(*map(float, twist))
-        )  # fmt: skip
+        return Odometry(self.now() - age, Pose(*map(float, pose)), Twist(*map(float, twist)))
 
     def scan(
         self, ranges: ArrayLike, age: float = 0.0, duration: float = 0.0, sensor: str | None = None,

@@ -17,17 +17,7 @@ from cohelm.robot.sensors import LidarModel
 from cohelm.ros import clock, depth
 from cohelm.ros.clock import SimulatedClock, seconds
 from cohelm.ros.contact import contact_topics
-from cohelm.ros.mismatch import (
-    CAMERA_INFO,
-    CLOUD,
-    IMAGE,
-    ODOMETRY,
-    RANGE,
-    SCAN,
-    STAMPED,
-    TF,
-    TWIST,
-)  # fmt: skip
+from cohelm.ros.mismatch import CAMERA_INFO, CLOUD, IMAGE, ODOMETRY, RANGE, SCAN, STAMPED, TF, TWIST
 from cohelm.ros.names import resolved
 from cohelm.ros.port import LATCHED, SENSOR, Received, Transport
 from cohelm.ros.topics import Topics

@@ -60,9 +60,7 @@ def nothing_received(
     return f"{topic} is published{_by(right)}, but nothing comes: {stuck}, or a firewall between?"
 
 
-def never(
-    topic: str, kinds: tuple[str, ...], qos: Qos, option: str, seen: list[Endpoint]
-) -> str:  # fmt: skip
+def never(topic: str, kinds: tuple[str, ...], qos: Qos, option: str, seen: list[Endpoint]) -> str:
     """Why no publisher of a topic can be received; empty: one can, or there is none yet. kinds: of
     messages that can. option: as above."""
     there = _publishers(topic, seen)

@@ -36,9 +36,7 @@ def box(
     return [x, y, math.cos(yaw), math.sin(yaw), 0.5 * length, 0.5 * width, low, high]
 
 
-def drop(
-    x: float, y: float, yaw: float, length: float, width: float, depth: float
-) -> list[float]:  # fmt: skip
+def drop(x: float, y: float, yaw: float, length: float, width: float, depth: float) -> list[float]:
     """A row of drops: middle [m], yaw [rad], sides and depth [m]."""
     return [x, y, math.cos(yaw), math.sin(yaw), 0.5 * length, 0.5 * width, depth]
 

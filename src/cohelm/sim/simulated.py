@@ -52,9 +52,7 @@ class SimulatedLidar:
         if self.model.range_sensor:
             ranges[:] = ranges.min()
         ranges.flags.writeable = False
-        made = Scan(
-            began * step, self.number, ranges, self.sweep * step, self.model.name, edges
-        )  # fmt: skip
+        made = Scan(began * step, self.number, ranges, self.sweep * step, self.model.name, edges)
         self.coming.append((readable, made))
         self.number += 1
         self.next = self.sweep + next_reading_tick(began, self.model.rate_hz, step)

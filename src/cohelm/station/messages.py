@@ -14,14 +14,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, TypeAdapter
 
 from cohelm.core.schema import Coordinate, Schema
-from cohelm.link.bulk_messages import (
-    MOST_WAYPOINTS,
-    Docks,
-    HealthReport,
-    Hello,
-    Polyline,
-    Records,
-)
+from cohelm.link.bulk_messages import MOST_WAYPOINTS, Docks, HealthReport, Hello, Polyline, Records
 from cohelm.link.codec import layout
 from cohelm.link.messages import Command, Discs, Mode, RequestKind, Status
 from cohelm.link.station_end import LinkState

@@ -186,9 +186,7 @@ def distinct(
             range(max(0, first - P.submap), min(last + P.submap, link.b)), None
         )
         reach = np.full(last - first, math.inf)
-        fits = revisits(
-            known, *newest, trail[first:last], reach, here, math.pi
-        )  # fmt: skip
+        fits = revisits(known, *newest, trail[first:last], reach, here, math.pi)
         for fit in fits:
             counted = any(_same(fit.pose, one) for one in (there, *lookalikes))
             if fit.share > share - P.alone and not counted:

@@ -30,12 +30,7 @@ from cohelm.robot.collision_monitor.surroundings import (
     seen_by,
     seen_by_both,
 )  # fmt: skip
-from cohelm.robot.collision_monitor.sweep import (
-    around,
-    edge_distances,
-    fastest,
-    outline,
-)  # fmt: skip
+from cohelm.robot.collision_monitor.sweep import around, edge_distances, fastest, outline
 from cohelm.robot.gate.bounds import Bounds, change_time
 from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.port import AHEAD, Odometry, Readings

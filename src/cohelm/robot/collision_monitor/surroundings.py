@@ -179,9 +179,7 @@ def looked_past(old: MonitorSurroundings, look: ScanWithPoses) -> NDArray[np.boo
     return past
 
 
-def _polar(
-    points: Floats, pose: Pose, sensor: Sensor, middle: float
-) -> tuple[Floats, Floats]:  # fmt: skip
+def _polar(points: Floats, pose: Pose, sensor: Sensor, middle: float) -> tuple[Floats, Floats]:
     """Points in polar coordinates of the sensor of a robot at a pose: bearings from the middle of
     its view, (n,) [rad], and distances, (n,) [m]."""
     there = seen_from(seen_from(points, pose), sensor.mount._replace(psi=sensor.mount.psi + middle))

@@ -36,9 +36,7 @@ class Sight(NamedTuple):
     """Number of returns for each point."""
 
 
-def sighted(
-    lidar: Lidar, ranges: Floats, stamp: float, duration: float, trail: Trail
-) -> Sight:  # fmt: skip
+def sighted(lidar: Lidar, ranges: Floats, stamp: float, duration: float, trail: Trail) -> Sight:
     """The sight of a scan. The trail has to reach to its end."""
     pose, twist, points, seen, arc, every = _sighted(
         beam_frame(lidar), lidar.beams, np.array(ranges, dtype=np.float64), float(stamp),

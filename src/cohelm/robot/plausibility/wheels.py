@@ -46,9 +46,7 @@ def consistent(trail: Trail) -> Finding | None:
             return fault(f"the odometry jumped by {went:.2f} {unit} against its speed")
     for window in _WINDOWS:
         gone, turned, *sums = added_up(rows, trail.newest - window)
-        for what, went, (one, other) in (
-            ("speed", gone, sums[:2]), ("yaw rate", turned, sums[2:]),
-        ):  # fmt: skip
+        for what, went, (one, other) in (("speed", gone, sums[:2]), ("yaw rate", turned, sums[2:])):
             low, high = min(one, other), max(one, other)
             room = _DRIFT + _SHARE * max(abs(low), abs(high), abs(went))
             if not low - room <= went <= high + room:

@@ -230,9 +230,7 @@ class RayCamera:
         self._rays = (rays / np.linalg.norm(rays, axis=2, keepdims=True)).reshape(-1, 3)
         self._groups = np.array([group in groups for group in range(6)], dtype=np.uint8)
         coloured = model.geom_matid >= 0
-        self._colours = np.where(
-            coloured[:, None], 0.62, model.geom_rgba[:, :3]
-        ).astype(np.float64)  # fmt: skip
+        self._colours = np.where(coloured[:, None], 0.62, model.geom_rgba[:, :3]).astype(np.float64)
         self._floor = model.geom("floor").id
         n = len(self._rays)
         self._hit, self._far = np.empty(n, dtype=np.int32), np.empty(n)
