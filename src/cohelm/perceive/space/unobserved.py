@@ -315,13 +315,11 @@ class _Ground:
         if self._cells is not None:
             self._cells = enlarged(self._cells, self._extent.side)
 
-    def _swept(self, lidar: Lidar, sweep: DeskewedScan, free: float, floor: bool) -> ObservedCells:
-        """The cells after a sweep. free: radius assumed free before the first one [m]."""
-        kept, seen, _, side = self._extent
-        cells = self._cells
-        if cells is None:
-            cells = assumed_free(no_cells(side), sweep.pose.x, sweep.pose.y, free)
-        return with_scan(cells, lidar, sweep, kept, seen, floor)
+    def _before(self, pose: Pose, free: float) -> ObservedCells:
+        """The cells before a sweep. free: radius assumed free before the first one [m]."""
+        if self._cells is not None:
+            return self._cells
+        return assumed_free(no_cells(self._extent.side), pose.x, pose.y, free)
 
 
 class UnobservedSpace(_Ground):
@@ -342,10 +340,10 @@ class UnobservedSpace(_Ground):
         sweeps: each LiDAR with its newest sweep, this one too. out_of_view: movers, as in
         `track.departed`. fastest: assumed largest speed, unless observed faster [m/s].
         """
-        kept, _, far, _ = self._extent
+        kept, seen, far, _ = self._extent
         pose = sweep.pose
         views = tuple(View(its_lidar, its.sensor) for its_lidar, its in sweeps)
-        cells = self._swept(lidar, sweep, self._free, False)
+        cells = with_scan(self._before(pose, self._free), lidar, sweep, kept, seen)
         dt, self._stamp = min(max(sweep.stamp - self._stamp, 0.0), 1.0), sweep.stamp
         near = approaching(out_of_view, pose, far)
         self._cells = occupied(cells, views, near, pose, self._outline, fastest, dt, kept)
@@ -375,7 +373,8 @@ class UnobservedFloor(_Ground):
 
     def points(self, lidar: Lidar, sweep: DeskewedScan) -> Floats:
         """The border of unobserved floor after a sweep of one of these, (p, 2), in `odom`."""
-        self._cells = self._swept(lidar, sweep, self._least, True)
+        kept, seen, far, _ = self._extent
+        before = self._before(sweep.pose, self._least)
+        self._cells = with_scan(before, lidar, sweep, kept, seen, True)
         view = (View(lidar, sweep.sensor),)
-        far = self._extent.reported
         return unobserved_border(self._cells, view, sweep.pose, self._outline, far, True)
