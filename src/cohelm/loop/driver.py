@@ -70,9 +70,9 @@ class Driver:
         self._map: tuple[Floats, Pose | None] = (np.empty((0, 2)), None)
         self._points: Floats = np.empty((0, 2))
         self.zones: Zoned | None = None
+        """Keep-out points and speed limits of the zones."""
         if zones is not None:
             self.zones = Zoned(zones, settings.outline, settings.gains.u_d, settings.limits)
-        """Keep-out points and speed limits of the zones."""
         self._zone_points = self._points
         self._all_points = self._points
         self._unobserved = 0
