@@ -51,6 +51,28 @@ def test_no_mover_is_reported_in_a_static_lab():
     assert sum(len(found) for _, found in reported) == 0
 
 
+def test_a_mover_is_bounded_for_as_long_as_the_robot_drives_without_a_scan():
+    """Scans stop, and the walker then does all that it is assumed to be capable of."""
+    patient = SALLY.model_copy(update={"lidar": LIDAR.model_copy(update={"timeout_s": 3.0})})
+    last = 2.0
+
+    def at(t):
+        late = max(t - last, 0.0)
+        return 5.0, -2.0 + 0.5 * t + 0.5 * late**2
+
+    perception = Perception(patient)
+    for moment in drive(*standing(last), 0, around=lambda t: discs(disc(*at(t), 0.25))):
+        seen = perception.take(moment.now, moment.readings)
+    frame = compose(moment.truth, inverse(seen.odometry))
+    c, s = math.cos(frame.psi), math.sin(frame.psi)
+    for silent in np.arange(0.0, 3.0, 0.2):
+        x, y = at(last + silent)
+        d = perception.seen(last + silent).mobile
+        wx, wy = frame.x + c * d[:, 0] - s * d[:, 1], frame.y + s * d[:, 0] + c * d[:, 1]
+        beyond = np.hypot(wx - x, wy - y) + 0.25 - d[:, 4]
+        assert beyond.min(initial=9.0) < 0.05, silent
+
+
 def heaps(seed):
     """Posts of 15 cm on a grid of 15 cm, in heaps, on either side of a way: of each heap another
     part is in view from every place, as in the worlds of the BARN challenge."""

@@ -31,12 +31,8 @@ class SensorTimeouts(NamedTuple):
 def timeouts(model: RobotModel, period: float) -> SensorTimeouts:
     """By the rates of the robot's sensors: 3.5 missing readings, or a LiDAR's own time-out.
     period: of the loop [s]."""
-    scans = (
-        lidar.timeout_s or 3.5 / lidar.rate_hz + lidar.sweep_s + lidar.latency_s
-        for lidar in model.lidars
-    )
     odometry = max(3.5 / model.odometry.rate_hz, 0.07) + period
-    return SensorTimeouts(odometry, tuple(scan + period for scan in scans))
+    return SensorTimeouts(odometry, tuple(lidar.timeout + period for lidar in model.lidars))
 
 
 class SensorWatchdog:

@@ -113,6 +113,9 @@ class Perception:
         self._tracker_params = tracker_params or TrackerParams()
         if outline is not None:
             self._tracker_params = _around(self._tracker_params, outline)
+        if isinstance(model, RobotModel):
+            longest = max(self._tracker_params.longest, *(one.timeout for one in model.lidars))
+            self._tracker_params = self._tracker_params._replace(longest=longest)
         self._first = ObservationSource(self.lidar, "", keep, self._tracker_params)
         self._further = tuple(
             RangeSource(one) if one.range_sensor

@@ -158,6 +158,11 @@ class LidarModel(Schema):
             raise ValueError("sweep_s must not be longer than the time between two scans")
         return self
 
+    @property
+    def timeout(self) -> float:
+        """Age of its newest scan's first beam beyond which the robot stops [s]."""
+        return self.timeout_s or 3.5 / self.rate_hz + self.sweep_s + self.latency_s
+
     def lidar(self) -> Lidar:
         """The same as numbers for compiled code."""
         view = math.radians(self.field_of_view_deg)

@@ -43,5 +43,8 @@ class TrackerParams(NamedTuple):
     """A larger object is reported from the first scan that proves motion [m]."""
     velocity_sigmas: float = 1.0
     """Standard deviations of the reported velocity error."""
+    longest: float = 1.0
+    """Movers are predicted, and grow, for so long after a sweep: not shorter than a robot drives
+    without the next one [s]."""
     dynamic: PotentiallyDynamicParams = PotentiallyDynamicParams()
     """Of objects that may begin to move."""

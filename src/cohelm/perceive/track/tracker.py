@@ -107,7 +107,7 @@ def update_tracker(
     if fixed is None:
         fixed = np.zeros(len(sweep.points), np.bool_)
     pose, stamp = sweep.pose, sweep.stamp
-    dt = min(max(stamp - before.stamp, 0.0), 1.0) if before.scans else 0.0
+    dt = min(max(stamp - before.stamp, 0.0), params.longest) if before.scans else 0.0
     found = clusters(lidar, sweep, lidar.range_max, fixed)
     for lookback in params.lookback:
         earlier = _scan_at(before.scans, stamp - lookback)
@@ -173,7 +173,7 @@ def discs_at(
     all (m,) [m/s]."""
     if not len(movers.tracks) and not len(movers.potentially_dynamic_points):
         return _NO_DISCS
-    ahead = min(max(now - movers.stamp, 0.0), 1.0) if movers.scans else 0.0
+    ahead = min(max(now - movers.stamp, 0.0), params.longest) if movers.scans else 0.0
     discs, velocity_error = _mover_discs(movers, ahead, params)
     small, small_error = discs_of_points(
         movers.potentially_dynamic_points, ahead, params.max_acceleration, params.dynamic
