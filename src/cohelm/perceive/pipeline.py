@@ -114,7 +114,7 @@ class Perception:
         if outline is not None:
             self._tracker_params = _around(self._tracker_params, outline)
         if isinstance(model, RobotModel):
-            longest = max(self._tracker_params.longest, *(one.timeout for one in model.lidars))
+            longest = max([self._tracker_params.longest, *(one.timeout for one in model.lidars)])
             self._tracker_params = self._tracker_params._replace(longest=longest)
         self._first = ObservationSource(self.lidar, "", keep, self._tracker_params)
         self._further = tuple(
