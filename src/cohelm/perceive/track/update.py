@@ -20,6 +20,7 @@ from cohelm.perceive.track.track import (
     MISSED,
     MOVES,
     PP,
+    PROOF,
     RADIUS,
     RADIUS_KNOWN,
     RR,
@@ -112,7 +113,14 @@ def update_track(
     gain = track[PP] / (track[PP] + noise)
     dx, dy = gain * (cluster[CX] - x), gain * (cluster[CY] - y)
     correct(track, dx, dy, (1.0 - gain) * track[PP], max_acceleration)
-    _update_radius(track, cluster[SIZE], cluster[OCCLUDED] > 0.0)
+    occluded = cluster[OCCLUDED] > 0.0
+    if track[PROOF] > 0.0 and track[MOVES] == 0.0 and not occluded:
+        # Learnt before it counts as a mover: one that is hidden by then is still known by its rim.
+        fit = _fitted_disc(track, points, x, y, lidar.noise * lidar.noise)
+        if _is_round(fit, points, sweep):
+            track[RADIUS], track[RR] = fit.radius, fit.radius_variance
+            return
+    _update_radius(track, cluster[SIZE], occluded)
 
 
 @jit
@@ -133,6 +141,14 @@ def _fitted_disc(track: Floats, points: Floats, x: float, y: float, noise: float
     if rms * rms > noise:  # less round than the noise explains
         fit = rim_fit(points, x, y, track[RADIUS], track[PP], track[RR], rms * rms)
     return fit
+
+
+@jit
+def _is_round(fit: Fit, points: Floats, sweep: DeskewedScan) -> bool:
+    """Whether the points are the near rim of the disc fitted to them."""
+    ux, uy = fit.x - sweep.sensor.x, fit.y - sweep.sensor.y
+    mx, my = points[:, 0].mean() - sweep.sensor.x, points[:, 1].mean() - sweep.sensor.y
+    return fit.good and mx * mx + my * my < ux * ux + uy * uy
 
 
 @jit
@@ -161,10 +177,7 @@ def _update_by_rim(
         reinitialize(track)
         x, y = _position_at(track, cluster)
         fit = _fitted_disc(track, points, x, y, noise)
-    ux, uy = fit.x - sweep.sensor.x, fit.y - sweep.sensor.y
-    mx, my = points[:, 0].mean() - sweep.sensor.x, points[:, 1].mean() - sweep.sensor.y
-    in_front = mx * mx + my * my < ux * ux + uy * uy
-    if not (fit.good and in_front):
+    if not _is_round(fit, points, sweep):
         return False
     correct(track, fit.x - x, fit.y - y, fit.variance, max_acceleration)
     if not occluded:
