@@ -97,7 +97,8 @@ def test_a_mover_that_leaves_the_view_is_predicted_on_its_course(radius, speed, 
     ("radius", "speed"),
     [
         (0.4, 1.2), (0.5, 1.8),
-        *(pytest.param(r, v, marks=pytest.mark.slow) for r, v in ((0.25, 1.2), (0.25, 1.8), (0.5, 1.2))),
+        *(pytest.param(r, v, marks=pytest.mark.slow)
+          for r, v in ((0.25, 1.2), (0.25, 1.8), (0.5, 1.2))),
     ],
 )  # fmt: skip
 def test_a_mover_behind_a_post_is_predicted_on_its_course(radius, speed):
