@@ -157,6 +157,24 @@ def test_a_drive_that_was_cut_short_is_read_as_far_as_it_goes(drive, tmp_path):
     assert 0.2 < Replayed(cut).duration < 2.9
 
 
+def test_wherever_a_file_was_cut_it_is_said_to_end_too_early(tmp_path):
+    """Within a record's head, too, which mcap takes for damage."""
+    path = tmp_path / "one.mcap"
+    with path.open("wb") as file:
+        made = RecordWriter(file, About("drive", EPOCH), sally())
+        made.flush()
+        begun = file.tell()
+        made.write(Event(1.0, "gate", "one", True))
+        made.flush()
+    whole = path.read_bytes()
+    assert len(whole) > begun + 9
+    for length in range(begun, len(whole)):
+        path.write_bytes(whole[:length])
+        said = []
+        list(messages(path, ("/rosout",), said.append))
+        assert said == ["it ends too early"]
+
+
 def test_a_file_that_is_no_record_is_reported_as_such(tmp_path):
     text = tmp_path / "text.mcap"
     text.write_text("nothing of the kind, and long enough to be read as something")

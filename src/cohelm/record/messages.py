@@ -32,10 +32,14 @@ def records(path: Path, damaged: Callable[[str], None] = lambda _: None) -> Iter
     check_regular(path)
     try:
         with path.open("rb") as file:
-            for record in StreamReader(file, validate_crcs=True).records:
-                if isinstance(record, DataEnd):
-                    return
-                yield record
+            try:
+                for record in StreamReader(file, validate_crcs=True).records:
+                    if isinstance(record, DataEnd):
+                        return
+                    yield record
+            except struct.error:  # also within a record's head, which mcap takes for damage
+                if file.read(1):
+                    raise
             damaged("it ends too early")
     except InvalidMagic as error:
         raise CohelmError(f"{path} is not an MCAP file: give a record of cohelm") from error
