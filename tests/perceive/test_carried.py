@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose
-from cohelm.perceive.localize.caution import C
+from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.hypotheses import Hypotheses
 from cohelm.perceive.localize.hypothesis import Departure, Hypothesis
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
@@ -95,7 +95,7 @@ def at(x, log, agree=0.9, reported=700):
 
 def test_a_place_too_far_to_be_carried_to_is_unlikely():
     found, far, near = lost_at(NOWHERE), at(9.0, -5.0), at(2.0, -5.0)
-    assert [h.prior for h in found_ranked(found, far, near)] == [0.0, -C.unmoved]
+    assert [h.prior for h in found_ranked(found, far, near)] == [0.0, -PARAMS.unmoved]
     found.alarm.carried = 4.0  # at 1.6 m/s
     assert [h.prior for h in found_ranked(found, far, near)] == [0.0, 0.0]
 
@@ -133,13 +133,13 @@ def along_a_wall(x, log):
 def test_along_a_wall_the_last_pose_is_known_as_well_as_by_odometry():
     """A third of the map is gone, the match slides, and what is 0.6 m on is the same place. It
     stands, and no scan tells it more."""
-    found = lost_at(NOWHERE, odds=C.unmoved, was_known=False)
+    found = lost_at(NOWHERE, odds=PARAMS.unmoved, was_known=False)
     found.left = found.left._replace(joint=np.diag([0.09, 0.09, 0.05, 0.01, 0.01]) ** 2)
     found._whole = True
     own, beside, far = along_a_wall(0.1, -3.2), along_a_wall(-0.55, -4.0), at(5.0, 5.0, 1.0, 105)
     for one in (own, beside, far):
         one.prior = found._prior(one)
-    said = [found.verdict([own, beside, far]) for _ in range(C.steady)]
+    said = [found.verdict([own, beside, far]) for _ in range(PARAMS.steady)]
     assert said[0].why  # and not at once
     assert said[-1].why == ""
     assert abs(said[-1].best.pose.x) < 0.02
@@ -147,12 +147,12 @@ def test_along_a_wall_the_last_pose_is_known_as_well_as_by_odometry():
 
 
 def test_a_place_far_off_that_looks_better_than_where_it_left_off_by_as_much_keeps_it_lost():
-    found = lost_at(NOWHERE, odds=C.unmoved, was_known=False)
+    found = lost_at(NOWHERE, odds=PARAMS.unmoved, was_known=False)
     found._whole = True
     own, far = along_a_wall(0.1, -3.2), at(5.0, 8.0, 1.0, 105)
     for one in (own, far):
         one.prior = found._prior(one)
-    assert all(found.verdict([own, far]).why for _ in range(2 * C.steady))
+    assert all(found.verdict([own, far]).why for _ in range(2 * PARAMS.steady))
 
 
 def test_people_about_speak_no_less_against_where_it_stands_than_against_its_twin():
@@ -170,13 +170,13 @@ def test_people_about_speak_no_less_against_where_it_stands_than_against_its_twi
 def test_while_nothing_shows_that_it_was_moved_a_place_that_explains_less_is_no_rival():
     """Where the map knows little, little speaks against a place."""
     own, little, as_much = at(0.0, -25.0, 0.52), at(25.0, -6.0, 1.0, 225), at(20.0, -18.0, 0.8)
-    left = Departure(NOWHERE, np.diag([0.05, 0.05, 0.02, 0.01, 0.01]) ** 2, C.unmoved, True)
+    left = Departure(NOWHERE, np.diag([0.05, 0.05, 0.02, 0.01, 0.01]) ** 2, PARAMS.unmoved, True)
     assert rivals([little, as_much, own], left) == [as_much, own]
     assert rivals([little, own], left._replace(odds=0.0)) == [little, own]
 
 
 def test_of_two_places_where_it_may_have_been_put_neither_is_left_out():
     """Along a corridor, a start that was told half a metre off leaves more than one."""
-    left = Departure(NOWHERE, np.diag([0.5, 0.5, 0.25, 0.01, 0.01]) ** 2, C.unmoved, False)
+    left = Departure(NOWHERE, np.diag([0.5, 0.5, 0.25, 0.01, 0.01]) ** 2, PARAMS.unmoved, False)
     there, beside = at(0.6, -3.0, 0.99), at(-0.4, -3.2, 0.98)
     assert rivals([there, beside], left) == [there, beside]

@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.frames import between
 from cohelm.core.types import Pose
-from cohelm.perceive.localize.caution import C
+from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.keyframe import agreement, usable
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
@@ -28,21 +28,21 @@ def seen(pose, number=0, discs=CONES, walls=WALLS, lidar=LIDAR):
 def test_scans_from_where_the_odometry_says_do_not_contradict_each_other(step):
     there = Pose(HERE.x + step.x, HERE.y + step.y, step.psi)
     log = agreement(LIDAR.lidar(), seen(HERE), seen(there, 1), step)
-    assert log > C.contradicted
+    assert log > PARAMS.contradicted
 
 
 def test_odometry_that_is_a_little_wrong_is_no_contradiction():
     there = Pose(HERE.x + 0.3, HERE.y, 0.0)
     said = Pose(0.3 * 1.03, 0.01, math.radians(0.3))
     log = agreement(LIDAR.lidar(), seen(HERE), seen(there, 1), said)
-    assert log > C.contradicted
+    assert log > PARAMS.contradicted
 
 
 @pytest.mark.parametrize("by", [(2.0, 0.0), (-2.0, 0.0), (1.2, 0.0), (0.0, -2.0)])
 def test_after_a_move_without_odometry_consecutive_scans_contradict_each_other(by):
     there = Pose(HERE.x + by[0], HERE.y + by[1], 0.0)
     log = agreement(LIDAR.lidar(), seen(HERE), seen(there, 1), Pose(0.0, 0.0, 0.0))
-    assert log < C.contradicted
+    assert log < PARAMS.contradicted
     true = agreement(LIDAR.lidar(), seen(HERE), seen(there, 1), between(HERE, there))
     assert true > log  # where it was moved to explains it
 
@@ -53,7 +53,7 @@ def test_along_a_corridor_without_features_nothing_contradicts():
     log = agreement(
         LIDAR.lidar(), seen(at, 0, NONE, walls), seen(there, 1, NONE, walls), Pose(0.0, 0.0, 0.0)
     )
-    assert log > C.contradicted
+    assert log > PARAMS.contradicted
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -70,7 +70,7 @@ def test_a_wall_that_continues_where_the_scan_before_had_no_beam_is_no_contradic
         before = seen(at, 0, NONE, walls)
         before[slice(0, 22) if side > 0 else slice(len(before) - 22, None)] = math.nan
         log = agreement(LIDAR.lidar(), before, seen(there, 1, NONE, walls), turned)
-        assert log > C.contradicted
+        assert log > PARAMS.contradicted
 
 
 def test_an_empty_scan_contradicts_nothing_and_is_no_keyframe():

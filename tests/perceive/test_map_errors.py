@@ -9,7 +9,7 @@ import pytest
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose
 from cohelm.perceive.localize import verdict as believing
-from cohelm.perceive.localize.caution import C
+from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.hypothesis import Hypothesis, sigma
 from cohelm.perceive.localize.localization_map import Judgement, map_from_occupancy
 from cohelm.perceive.localize.map_errors import MapErrorCosts, new_errors
@@ -258,7 +258,7 @@ def test_switched_on_along_a_corridor_no_place_is_held_to_where_it_was_found(
     assert perception._localizer is not None
     followed = perception._localizer._hypotheses
     # they are followed all the way
-    monkeypatch.setattr(believing, "C", C._replace(certain=math.inf))
+    monkeypatch.setattr(believing, "PARAMS", PARAMS._replace(certain=math.inf))
     poses, twists = along([(start + 0.7 * k, 0.05 * (-1) ** k) for k in range(7)])
     off = math.inf
     for moment in drive(

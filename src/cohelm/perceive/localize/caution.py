@@ -121,5 +121,5 @@ class LocalizerParams(NamedTuple):
     """Points of a sweep that are matched, at most."""
 
 
-C = LocalizerParams()
+PARAMS = LocalizerParams()
 """Those in use."""

@@ -15,7 +15,7 @@ import numpy as np
 from cohelm.core.frames import compose
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import C
+from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.global_search import Search, candidates, search, search_blocks
 from cohelm.perceive.localize.hypothesis import Departure, Hypothesis, same, twin
 from cohelm.perceive.localize.keyframe import usable
@@ -53,8 +53,8 @@ class Hypotheses:
         self.moved = False  # whether a check has found one that fits as the pose did before
         self.left: Departure | None = None  # where it was when it became lost
         self._belief = Belief(self.judge, len(self.lidar.beams))
-        self._last = LastMetres(C.view, C.kept)
-        self._since = SinceLost(C.remembered, np.empty(0))
+        self._last = LastMetres(PARAMS.view, PARAMS.kept)
+        self._since = SinceLost(PARAMS.remembered, np.empty(0))
         self._search: Search | None = None
         self._searched: tuple[Floats, Floats, Floats] | None = None
         self._candidates: list[tuple[Pose, Floats | None]] = []
@@ -106,7 +106,7 @@ class Hypotheses:
         """Whether a new search is due."""
         if self.searching or (self.cold_start and self.all and self._complete(self.all)):
             return False  # all candidates are followed
-        return not self.all or self._waited >= C.pause
+        return not self.all or self._waited >= PARAMS.pause
 
     def led_on(self, step: Pose) -> None:
         """Apply an odometry step."""
@@ -148,7 +148,7 @@ class Hypotheses:
         own = self.left.pose if self.left else here
         if not self.whole_map:
             # not around the likeliest hypothesis, which may be anywhere
-            near = np.hypot(places[:, 0] - own.x, places[:, 1] - own.y) < C.near
+            near = np.hypot(places[:, 0] - own.x, places[:, 1] - own.y) < PARAMS.near
             places = places[near]
         views = [sweep.points, *(shifted(v.back, v.points, True) for v in self._last.use())]
         self._search = search(np.vstack(views), places, self.cold_start)
@@ -165,7 +165,7 @@ class Hypotheses:
         self._searched_again = self.cold_start and bool(self.all)
         self._base = _NOWHERE
         if not self.all:
-            self._since = SinceLost(C.remembered, sweep.ranges)
+            self._since = SinceLost(PARAMS.remembered, sweep.ranges)
 
     def search_step(self, lost: bool) -> bool:
         """One slice of the search, if any; about 3 ms. Returns whether that ended it."""
@@ -173,9 +173,9 @@ class Hypotheses:
             return False
         points, across, ranges = self._searched
         if self._search is not None:
-            self._search = search_blocks(self._search, self.known, C.places)
+            self._search = search_blocks(self._search, self.known, PARAMS.places)
             if self._search.over:
-                most = C.everywhere if self.whole_map else C.hypotheses
+                most = PARAMS.everywhere if self.whole_map else PARAMS.hypotheses
                 found = candidates(self._search, most)
                 self._full = len(found) == most
                 self._candidates += [(pose, None) for pose in found]
@@ -193,7 +193,7 @@ class Hypotheses:
         if self.cold_start:
             self._since.views = max(self._since.views, len(self._last.used))
         # more candidates exist if the last ones tried fit as well as the best
-        last = max(self._tried_logs[-C.last :]) if self._full else -math.inf
+        last = max(self._tried_logs[-PARAMS.last :]) if self._full else -math.inf
         best = max(self._tried_logs, default=-math.inf)  # none where no place sees a wall
         self._left_out = self._near(last, best)
         if self.cold_start and self.all:
@@ -213,7 +213,7 @@ class Hypotheses:
         off = since.led_on(step)
         # a scan from the same place adds no information
         fresh = off > NEAR and not any(h.stale for h in self.all)
-        oldest = sorted(self.all, key=lambda h: -h.age)[: C.judged]
+        oldest = sorted(self.all, key=lambda h: -h.age)[: PARAMS.judged]
         # map errors are correlated over some distance
         share = min(1.0, off / match_params.correlated)
         if fresh and self.all:
@@ -265,15 +265,15 @@ class Hypotheses:
         alive.sort(key=lambda h: -h.total)
         kept: list[Hypothesis] = []
         for hypothesis in alive:
-            unlikely = kept and kept[0].total - hypothesis.total > C.refuted
+            unlikely = kept and kept[0].total - hypothesis.total > PARAMS.refuted
             # people may contradict the earlier place, as long as the map fits there
             possible = not unlikely or any(hypothesis is own for own in stayed)
             if possible and not any(same(hypothesis.pose, other.pose) for other in kept):
                 kept.append(hypothesis)
         if not kept:  # hypotheses found from now on have no views yet
             self._since.views, self._whole = 0, False
-        self.all = kept[: C.followed]
-        for hypothesis in kept[C.followed :][:1]:
+        self.all = kept[: PARAMS.followed]
+        for hypothesis in kept[PARAMS.followed :][:1]:
             own = hypothesis.charges.most - kept[0].charges.closer
             self._left_out = max(self._left_out, own if self.cold_start else math.inf)
         return kept
@@ -283,21 +283,21 @@ class Hypotheses:
         `last`. At a cold start costs only grow; else one that comes near may improve."""
         if self.cold_start:
             return last
-        return math.inf if last >= best - 2.0 * C.margin else -math.inf
+        return math.inf if last >= best - 2.0 * PARAMS.margin else -math.inf
 
     def _complete(self, kept: list[Hypothesis]) -> bool:
         """Whether no place that is not followed comes near the best. At a cold start one may, if
         the best of the first search leaves more than some four objects unexplained."""
         # a place that is not followed is assumed to fit the later views as closely as the best
         own = kept[0].total - kept[0].charges.closer
-        if self.cold_start and own < C.least and not self._searched_again:
+        if self.cold_start and own < PARAMS.least and not self._searched_again:
             return False
-        return own - self._left_out >= C.margin
+        return own - self._left_out >= PARAMS.margin
 
     def verdict(self, kept: list[Hypothesis]) -> PlaceVerdict:
         """Whether the best of the ranked hypotheses can be believed."""
         since = self._since
-        driven = since.way >= C.travelled or since.turned >= 2.0 * C.travelled
+        driven = since.way >= PARAMS.travelled or since.turned >= 2.0 * PARAMS.travelled
         about = SearchContext(
             self.cold_start, self._whole, bool(kept) and self._complete(kept), self.whole_map,
             self.moved, since.views, driven, self.left, self.before.pose if self.before else None,
@@ -332,7 +332,7 @@ class Hypotheses:
         for other in self.all:
             if same(other.pose, pose):
                 # the odometry prior counts against one scan
-                least = other.latest + (0.5 * C.margin if other.led else 0.0)
+                least = other.latest + (0.5 * PARAMS.margin if other.led else 0.0)
                 if new > least and not self.cold_start:
                     other.pose, other.covariance, other.led = pose, covariance, led
                     other.latest, other.judged = new, judged
@@ -361,7 +361,7 @@ class Hypotheses:
         """Whether a pose is possible by one scan; near the last pose, or the one before a person
         set one, the map may be wrong. more: stricter, for a new one."""
         here = any(last is not None and last.away(pose) < 0.5 for last in (self.left, self.before))
-        if here and judged.agree > C.poor:
+        if here and judged.agree > PARAMS.poor:
             return True  # a mapped wall may be gone
         fits = judged.agree > 0.35 + more and judged.through < 0.4 - more
         return fits and free_at(self.known, pose.x, pose.y)
@@ -376,11 +376,12 @@ class Hypotheses:
             return -min(0.5 * left.mahalanobis(hypothesis), left.odds)
         carried = 0.0
         if left.was_known:
-            beyond = left.away(hypothesis.pose) - (C.near + 0.5 + C.pace * self.alarm.carried)
-            carried = min(0.5 * (max(beyond, 0.0) / C.put) ** 2, C.unmoved)
+            reachable = PARAMS.near + 0.5 + PARAMS.pace * self.alarm.carried
+            beyond = left.away(hypothesis.pose) - reachable
+            carried = min(0.5 * (max(beyond, 0.0) / PARAMS.put) ** 2, PARAMS.unmoved)
         if turned_round:
-            carried = C.unmoved
+            carried = PARAMS.unmoved
         if self.whole_map:
             return -carried
-        turned = wrap(hypothesis.pose.psi - left.pose.psi) / C.turned
-        return -carried - min(0.5 * turned**2, 0.25 * C.margin)
+        turned = wrap(hypothesis.pose.psi - left.pose.psi) / PARAMS.turned
+        return -carried - min(0.5 * turned**2, 0.25 * PARAMS.margin)

@@ -10,7 +10,7 @@ import numpy as np
 
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import C
+from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.localization_map import Judgement
 from cohelm.perceive.localize.map_errors import MapErrorCosts
 from cohelm.perceive.match.odometry_covariance import moved
@@ -115,6 +115,7 @@ def twin(hypothesis: Hypothesis, own: Hypothesis) -> bool:
     symmetric hall: it fits the newest scan no better. A robot that is carried and turned is
     unlikely to be put down exactly there. Along a corridor, where the position is uncertain, it is
     no twin."""
-    turned = abs(wrap(hypothesis.pose.psi - own.pose.psi)) > 2.0 * C.turned
-    better = hypothesis.latest - own.latest > 0.5 * C.margin  # by more than one unmapped object
-    return turned and not better and sigma(hypothesis) < C.sure
+    turned = abs(wrap(hypothesis.pose.psi - own.pose.psi)) > 2.0 * PARAMS.turned
+    # better by more than one unmapped object
+    better = hypothesis.latest - own.latest > 0.5 * PARAMS.margin
+    return turned and not better and sigma(hypothesis) < PARAMS.sure

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from cohelm.core.frames import between, compose
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import C
+from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.keyframe import Keyframe, agreement, usable
 from cohelm.robot.sensors import Lidar
 
@@ -53,7 +53,7 @@ class KidnapAlarm:
     @property
     def persistent(self) -> bool:
         """Whether scans keep contradicting the keyframe, or the likelihood stays low."""
-        return self._jolts >= C.settled or self._unlikely >= C.patience
+        return self._jolts >= PARAMS.settled or self._unlikely >= PARAMS.patience
 
     @property
     def contradicting(self) -> bool:
@@ -70,18 +70,18 @@ class KidnapAlarm:
         step = between(key.odometry, odometry) if key else Pose(0.0, 0.0, 0.0)
         if key is not None:
             log = agreement(self.lidar, key.ranges, ranges, step)
-            self._jolts = self._jolts + 1 if log < C.contradicted else 0
-            if not self._left and self._jolts >= C.jolts:
+            self._jolts = self._jolts + 1 if log < PARAMS.contradicted else 0
+            if not self._left and self._jolts >= PARAMS.jolts:
                 # the pose of a lost robot is unknown, so its keyframe is no reference
                 self._reference = None if lost else self._before_the_fall(key)
             elif not self._left and not lost:
                 self._reference = None
-            self._left = C.alarmed if self._jolts >= C.jolts else max(self._left - 1, 0)
+            self._left = PARAMS.alarmed if self._jolts >= PARAMS.jolts else max(self._left - 1, 0)
         self._update_carried(stamp, lost)
         self._aged += 1
         near = math.hypot(step.x, step.y) < 0.3 and abs(step.psi) < 0.3
-        gone = key is None or not near or self._aged > C.aged
-        held = 0 < self._jolts < C.frozen
+        gone = key is None or not near or self._aged > PARAMS.aged
+        held = 0 < self._jolts < PARAMS.frozen
         if gone and not held and usable(self.lidar, ranges):
             self._older = (key, self._keyframe_pose) if key is not None else None
             self._keyframe = Keyframe(odometry, ranges)
@@ -101,7 +101,7 @@ class KidnapAlarm:
         """While carried, the robot has contradicting scans, empty ones, or none."""
         gap = 0.0 if math.isnan(self._stamp) else stamp - self._stamp
         self._stamp = stamp
-        if self._jolts or gap > C.gap or not usable(self.lidar, self._ranges):
+        if self._jolts or gap > PARAMS.gap or not usable(self.lidar, self._ranges):
             self.carried += gap
         elif not self.raised and not lost:
             self.carried = 0.0
@@ -111,29 +111,31 @@ class KidnapAlarm:
         has no contradicting scans. log: the newest scan's log likelihood at the tracked pose. odd:
         whether it is less likely than usual."""
         key = self._keyframe
-        settled = (key, self._keyframe_pose) if key and self._aged > C.patience else self._older
+        settled = self._older
+        if key and self._aged > PARAMS.patience:
+            settled = (key, self._keyframe_pose)
         self._odd = self._odd + 1 if odd else 0
         self._log = log
         if self._aged == 0:
             self._keyframe_log = log
         if not odd:
             self._sound, self._sound_log = settled, log
-        least = self._usual_log - C.margin * (0.5 if self._usual_log > C.odd else 2.0)
+        least = self._usual_log - PARAMS.margin * (0.5 if self._usual_log > PARAMS.odd else 2.0)
         self._unlikely = self._unlikely + 1 if log < least else 0
-        if self._unlikely > C.patience or self._usual_log == -math.inf:
+        if self._unlikely > PARAMS.patience or self._usual_log == -math.inf:
             self._usual_log = log
         elif self._unlikely == 0:
             self._usual_log += 0.1 * (log - self._usual_log)
-        elif self._unlikely == C.patience:
+        elif self._unlikely == PARAMS.patience:
             if not self._left and key is not None:
                 self._reference = settled
-            self._left = C.alarmed
+            self._left = PARAMS.alarmed
             self.carried = math.inf  # it may have been pushed far along a uniform corridor
 
     def refuted(self, pose: Pose) -> bool:
         """Whether the newest scan at a pose contradicts the keyframe before the alarm, or there is
         none. If not, the robot was not moved, and the map is wrong."""
-        return self._reference is None or self.keyframe_log(pose) < C.contradicted
+        return self._reference is None or self.keyframe_log(pose) < PARAMS.contradicted
 
     def keyframe_log(self, pose: Pose) -> float:
         """Log likelihood of the newest scan at a pose given the keyframe before the alarm, without

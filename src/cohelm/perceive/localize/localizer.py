@@ -18,7 +18,7 @@ import numpy as np
 from cohelm.core.frames import between
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import C
+from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.hypotheses import Hypotheses
 from cohelm.perceive.localize.hypothesis import Departure
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
@@ -103,7 +103,7 @@ class Localizer:
         self._hypotheses.led_on(step)
         self._check.led_on(step)
         points, across = normals(sweep.points, sweep.beams, self.lidar.step)
-        every = max(1, -(-len(points) // C.points))
+        every = max(1, -(-len(points) // PARAMS.points))
         # contiguous: other strides would compile another specialization
         points = np.ascontiguousarray(points[::every])
         mount = self.lidar.mount
@@ -145,14 +145,14 @@ class Localizer:
             wider = match_params._replace(reach=0.6)
             wider_fit = align(self.known.surfaces, points, across, predicted, weak_prior, wider)
             wider_judged = self._judge.judge(wider_fit.pose, sweep.ranges)
-            if wider_judged.log > judged.log + 1.0 and self._judge.fair(wider_judged, C.good):
+            if wider_judged.log > judged.log + 1.0 and self._judge.fair(wider_judged, PARAMS.good):
                 fit, judged, pushed = wider_fit, wider_judged, True
                 fits = self._judge.fits(wider_judged, self._alarm.raised)
         check.held(fits, distance)
         long_unfitted = check.long_unfitted
-        doubtful = long_unfitted and not self._judge.fair(judged, C.poor)
+        doubtful = long_unfitted and not self._judge.fair(judged, PARAMS.poor)
         if may_have_moved and not fits:
-            doubtful = check.fitted < C.proven or self._alarm.refuted(fit.pose)
+            doubtful = check.fitted < PARAMS.proven or self._alarm.refuted(fit.pose)
         self._doubts = self._doubts + 1 if not fits and doubtful else 0
         innovation = np.array([
             fit.pose.x - predicted.x, fit.pose.y - predicted.y, wrap(fit.pose.psi - predicted.psi),
@@ -163,10 +163,10 @@ class Localizer:
         both = np.eye(3) + reported[:3, :3] @ information
         off = innovation @ information @ np.linalg.solve(both, innovation)
         # moved, or started elsewhere than stated: the place that fits is one candidate
-        jumped = may_have_moved and off > C.refused
+        jumped = may_have_moved and off > PARAMS.refused
         if jumped and check.started:
             reported = self._widened(reported)
-        if self._doubts >= C.patience or jumped:
+        if self._doubts >= PARAMS.patience or jumped:
             self._reset_search()
             self._hypotheses.whole_map = False
             why = "what the LiDAR sees is not what the map shows here"
@@ -177,7 +177,7 @@ class Localizer:
             if jumped:
                 self._hypotheses.add(fit.pose)
             return
-        if not may_have_moved and off > C.refused:
+        if not may_have_moved and off > PARAMS.refused:
             self._joint, self._reported_joint = joint, reported
             self.located = Localization(predicted, reported[:3, :3].copy(), judged.agree, False, "")
         else:
@@ -198,7 +198,7 @@ class Localizer:
         self._log_likelihood = self._judge.weighed(judged)
         self._odd = self._odd + 1 if odd else 0
         check.passed(distance)
-        due = self._odd >= C.patience and self._odd % C.pause == C.patience
+        due = self._odd >= PARAMS.patience and self._odd % PARAMS.pause == PARAMS.patience
         persistent = self._alarm.persistent
         due = due or self._pose_set or long_unfitted or persistent
         if due and not self._hypotheses.searching:
@@ -259,7 +259,7 @@ class Localizer:
 
     def _widened(self, joint: Floats) -> Floats:
         """The covariance of a start pose that does not fit (`LocalizerParams.put`)."""
-        put = C.put
+        put = PARAMS.put
         wide = np.diag([put, put, 0.5 * put]) ** 2
         return joined(joint[:3, :3] + wide, joint[3:, 3:])
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.localize.caution import C
+from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap, judge
 from cohelm.perceive.localize.map_errors import MapErrorCosts, new_errors
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit
@@ -53,18 +53,18 @@ class ScanJudge:
 
     def fits(self, judged: Judgement, alarmed: bool) -> bool:
         """Whether a tracked pose may be kept; after an alarm the threshold is stricter."""
-        least = C.unlikely
+        least = PARAMS.unlikely
         if alarmed and self.usual > -math.inf:
-            least = max(least, self.usual - max(C.margin, 4.0 * self._spread))
-        return judged.log >= least and self.fair(judged, C.fair)
+            least = max(least, self.usual - max(PARAMS.margin, 4.0 * self._spread))
+        return judged.log >= least and self.fair(judged, PARAMS.fair)
 
     def as_usual(self, judged: Judgement) -> bool:
         """Whether a scan fits as well as scans did before they became odd."""
-        return judged.log > self.usual - C.alike
+        return judged.log > self.usual - PARAMS.alike
 
     def plausible(self, judged: Judgement) -> bool:
         """Whether a pose is plausible by one scan."""
-        return judged.log >= C.least and self.fair(judged, C.fair)
+        return judged.log >= PARAMS.least and self.fair(judged, PARAMS.fair)
 
     def fair(self, judged: Judgement, least: float) -> bool:
         """Whether at least this share of the unblocked beams agrees, and enough are unblocked."""
@@ -72,13 +72,13 @@ class ScanJudge:
         return (
             judged.beam_count >= 10
             and judged.agree >= least * unblocked
-            and judged.short < C.blocked
+            and judged.short < PARAMS.blocked
         )
 
     def learn(self, judged: Judgement, may_have_moved: bool) -> bool:
         """Update the usual likelihood by the newest scan at the tracked pose, unless it is odd
         while the robot may have been moved. Returns whether it is odd."""
-        odd = judged.log < max(C.odd, self.usual - max(C.drop, 3.0 * self._spread))
+        odd = judged.log < max(PARAMS.odd, self.usual - max(PARAMS.drop, 3.0 * self._spread))
         if self.usual == -math.inf:
             self.usual, self._blank = judged.log, judged.log - judged.weighed
         if not odd or not may_have_moved:
@@ -92,7 +92,7 @@ class ScanJudge:
         from hits, at their edge on one of filled cells. It is observable with walls on both sides.
         distance: since the scan before [m]."""
         most = self.known.resolution
-        gain = min(distance / C.drawn, 0.1)
+        gain = min(distance / PARAMS.drawn, 0.1)
         new = self.match_params.offset + gain * fit.before
         self.match_params = self.match_params._replace(offset=min(max(new, -most), most))
         if math.isfinite(fit.rms):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from cohelm.core.types import Pose
-from cohelm.perceive.localize.caution import C
+from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.hypothesis import Departure, Hypothesis, same, sigma
 from cohelm.perceive.localize.scan_judge import ScanJudge
 
@@ -68,30 +68,30 @@ class Belief:
         kept = rivals(kept, context.left)
         best = kept[0] if kept else None
         unsure = context.cold or not context.whole
-        if best is None or not fair(best.judged, C.fair if unsure else C.poor):
+        if best is None or not fair(best.judged, PARAMS.fair if unsure else PARAMS.poor):
             return PlaceVerdict(
                 None, 0.0, False, "no place on the map looks like what the LiDAR sees"
             )
         lead = _lead(best, kept[1:] if context.cold else kept[1:2])
         back = _nearest(kept, context.before) if context.before else None
-        if back is not None and best.total - back.total < C.margin:
+        if back is not None and best.total - back.total < PARAMS.margin:
             led = _lead(back, [h for h in kept if h is not back])
             best, lead, required = back, math.inf, 0.0  # it needs no proof, and gives none
         else:
             led, required = lead, self._required_lead(best, lead, context)
         far = self._far(best.pose, context)
         # the map may be wrong here, where all of it has been searched and nothing comes near
-        only = context.whole and not far and lead >= 2.0 * C.margin
+        only = context.whole and not far and lead >= 2.0 * PARAMS.margin
         # or the robot was not moved, and nothing found elsewhere outweighs that; a standing robot
         # gains nothing from more scans
-        steady = lead >= C.margin or (lead >= required and self._led >= C.steady)
+        steady = lead >= PARAMS.margin or (lead >= required and self._led >= PARAMS.steady)
         stayed = steady and self._stays(best, context)
         if context.left and context.left.stays(best):
             best = context.left.known(best)
         if context.cold and self._disputed(kept):
             lead = led = 0.0
         why = ""
-        if lead < required or (far and (context.views < C.views or not context.complete)):
+        if lead < required or (far and (context.views < PARAMS.views or not context.complete)):
             some = f"{len(kept)}" if context.complete else "many"
             why = f"{some} places on the map look alike: drive on a little"
             if context.moved:
@@ -102,7 +102,7 @@ class Belief:
             best, lead, far, stayed, only or (stayed and context.whole), context
         ):
             why = "too much of what the LiDAR sees is not on the map"
-        elif best is not back and sigma(best) > C.sure:
+        elif best is not back and sigma(best) > PARAMS.sure:
             why = "too few features are in view to say where along them"
         return PlaceVerdict(best, led, only or stayed, why)
 
@@ -114,9 +114,13 @@ class Belief:
         judged = best.judged
         strange = far or context.odds > 0.0
         return (
-            self.judge.fair(judged, C.poor if poor else C.good)
-            and judged.agree >= (C.whole if far else C.poor if poor else C.seen)
-            and (judged.log >= C.least or stayed or (not strange and lead >= 3.0 * C.margin))
+            self.judge.fair(judged, PARAMS.poor if poor else PARAMS.good)
+            and judged.agree >= (PARAMS.whole if far else PARAMS.poor if poor else PARAMS.seen)
+            and (
+                judged.log >= PARAMS.least
+                or stayed
+                or (not strange and lead >= 3.0 * PARAMS.margin)
+            )
             and (judged.beam_count >= 0.5 * self.beams or stayed)
             # a map may miss a wall, and people occlude; no error shows what is behind two walls
             and (judged.passed < 2 or not context.cold)
@@ -126,7 +130,7 @@ class Belief:
         """Whether the current view is better explained by another than the first: one missing piece
         of wall may have separated them."""
         now = [self.judge.weighed(h.judged) for h in kept]
-        return max(now) > now[0] + 0.5 * C.margin
+        return max(now) > now[0] + 0.5 * PARAMS.margin
 
     def _stays(self, hypothesis: Hypothesis, context: SearchContext) -> bool:
         """Whether it is where the robot became lost, and plausibly so: no scan has contradicted
@@ -136,7 +140,10 @@ class Belief:
             return False
         if left.stays(hypothesis):
             return True
-        alike = hypothesis.judged.agree >= C.seen and hypothesis.keyframe_log > 2.0 * C.contradicted
+        alike = (
+            hypothesis.judged.agree >= PARAMS.seen
+            and hypothesis.keyframe_log > 2.0 * PARAMS.contradicted
+        )
         return left.was_known and context.whole and alike
 
     def _far(self, pose: Pose, context: SearchContext) -> bool:
@@ -144,20 +151,20 @@ class Belief:
         if context.cold:
             return True
         near = [p for p in (context.left.pose if context.left else None, context.before) if p]
-        reach = C.near + 0.5
+        reach = PARAMS.near + 0.5
         return bool(near) and all(math.hypot(p.x - pose.x, p.y - pose.y) > reach for p in near)
 
     def _required_lead(self, best: Hypothesis, lead: float, context: SearchContext) -> float:
         """The lead in log likelihood that is required to believe the best hypothesis."""
-        half = 0.5 * C.margin
+        half = 0.5 * PARAMS.margin
         self._led = (self._led + 1 if best is self._leading else 1) if lead >= half else 0
         self._leading = best
         if context.moved:
-            return half if self._led >= C.settled else math.inf
+            return half if self._led >= PARAMS.settled else math.inf
         if context.cold:
-            return C.certain
-        enough = context.driven or self._led >= C.steady or not context.everywhere
-        return half if enough else C.margin
+            return PARAMS.certain
+        enough = context.driven or self._led >= PARAMS.steady or not context.everywhere
+        return half if enough else PARAMS.margin
 
 
 def rivals(kept: list[Hypothesis], left: Departure | None) -> list[Hypothesis]:

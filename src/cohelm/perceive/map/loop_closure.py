@@ -19,7 +19,7 @@ from cohelm.core.frames import between, compose, inverse
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Ints, Pose
-from cohelm.perceive.map.mapper_params import P
+from cohelm.perceive.map.mapper_params import PARAMS
 from cohelm.perceive.map.place_graph import PlaceGraph, agree
 from cohelm.perceive.map.pose_graph import ROUGH, Link, into_axes, loop_link, off, spread
 from cohelm.perceive.match.odometry_covariance import inverted
@@ -61,7 +61,7 @@ class LoopClosure:
     def look(self) -> None:
         """After a new place: search for loops, if due."""
         k = len(self.graph) - 1
-        if k > P.again and self.graph.ways[k] - self.looked >= P.every:
+        if k > PARAMS.again and self.graph.ways[k] - self.looked >= PARAMS.every:
             self.looked = self.graph.ways[k]
             self._close(k)
 
@@ -71,11 +71,11 @@ class LoopClosure:
         linked = {end for link in graph.links if link.loop for end in (link.a, link.b)}
         xy = np.array(graph.poses)[:, :2]
         looked = -math.inf
-        for k in range(P.again + 1, len(graph)):
-            if k in linked or graph.ways[k] - looked < P.every:
+        for k in range(PARAMS.again + 1, len(graph)):
+            if k in linked or graph.ways[k] - looked < PARAMS.every:
                 continue
-            gaps = np.hypot(*(xy[: k - P.again] - xy[k]).T)
-            if gaps.min() < P.search + BESIDE:
+            gaps = np.hypot(*(xy[: k - PARAMS.again] - xy[k]).T)
+            if gaps.min() < PARAMS.search + BESIDE:
                 looked = graph.ways[k]
                 self._close(k)
 
@@ -85,7 +85,7 @@ class LoopClosure:
         Robust, from the median at loops, since a match that slid and a wrong loop are outliers. The
         model counts as much as the loops along two submaps; within one they are dependent.
         """
-        model = round(2.0 * P.submap * P.apart / P.every) * [_MEDIAN]
+        model = round(2.0 * PARAMS.submap * PARAMS.apart / PARAMS.every) * [_MEDIAN]
         return float(np.median([*self.drift_errors, *model])) / _MEDIAN
 
     def _close(self, k: int) -> None:
@@ -95,16 +95,16 @@ class LoopClosure:
         ambiguous.
         """
         graph = self.graph
-        drift = spread(graph.poses, graph.links, k)[: k - P.again]
+        drift = spread(graph.poses, graph.links, k)[: k - PARAMS.again]
         factor = self.variance_factor()
         covariance = factor * drift
-        far = graph.ways[k] - max(self.met, self.wide) > P.lonely
+        far = graph.ways[k] - max(self.met, self.wide) > PARAMS.lonely
         self.wide = graph.ways[k] if far else self.wide
-        reach = P.search + (9.0 if far else 3.0) * np.sqrt(
+        reach = PARAMS.search + (9.0 if far else 3.0) * np.sqrt(
             np.linalg.eigvalsh(max(factor, 1.0) * drift[:, :2, :2])[:, -1]
         )  # what drifted little so far may drift as the model says from now on
-        close = reach < 2.0 * P.search
-        newest = graph.points_around(range(max(0, k + 1 - P.submap), k + 1), graph.poses[k])
+        close = reach < 2.0 * PARAMS.search
+        newest = graph.points_around(range(max(0, k + 1 - PARAMS.submap), k + 1), graph.poses[k])
         new: list[Link] = []
         for subset in (close, ~close):
             link, share = _search_loop(graph, k, newest, covariance, reach, subset)
@@ -114,11 +114,11 @@ class LoopClosure:
             closed, drift_errors = agrees, _drift_error(graph, link, drift)
             if agrees:
                 new.append(link)
-            elif share >= P.whole and distinct(graph, link, newest, share, covariance):
+            elif share >= PARAMS.whole and distinct(graph, link, newest, share, covariance):
                 closed = graph.add_contradicting(link)
             if closed:
                 self.drift_errors.append(drift_errors)
-            if agrees and share >= P.whole:
+            if agrees and share >= PARAMS.whole:
                 self.met = graph.ways[k]
         torn = any(np.abs(off(graph.poses, link) @ _PRECISE).max() > 2.0 for link in new)
         graph.add_loops(new, torn)
@@ -136,7 +136,7 @@ def _search_loop(
     near = subset & (gaps < reach + BESIDE)
     if not near.any():
         return None, 0.0
-    old = np.flatnonzero(subset & (gaps < reach[near].max() + P.behind))
+    old = np.flatnonzero(subset & (gaps < reach[near].max() + PARAMS.behind))
     known = graph.surfaces_around(old.tolist(), None)
     turn = 0.1 + 3.0 * math.sqrt(float(covariance[near, 2, 2].max()))
     found: list[tuple[float, ScanFit, int]] = []
@@ -147,14 +147,14 @@ def _search_loop(
         # a place that drift makes unlikely has to fit better
         total = covariance[a] + np.diag(ROUGH**2)
         distance = _mahalanobis(poses[a], compose(here, between(fit.pose, poses[a])), total)
-        found.append((fit.share - P.alone * min(distance / 9.0, 1.0), fit, a))
+        found.append((fit.share - PARAMS.alone * min(distance / 9.0, 1.0), fit, a))
     found.sort(key=lambda one: -one[0])
-    if not found or (len(found) > 1 and found[1][0] > found[0][0] - P.alone):
+    if not found or (len(found) > 1 and found[1][0] > found[0][0] - PARAMS.alone):
         return None, 0.0
     _, fit, a = found[0]
-    if fit.share < P.fits or fit.rms > P.rms:
+    if fit.share < PARAMS.fits or fit.rms > PARAMS.rms:
         return None, 0.0
-    if np.linalg.eigvalsh(fit.information[:2, :2])[0] < P.firm:
+    if np.linalg.eigvalsh(fit.information[:2, :2])[0] < PARAMS.firm:
         return None, 0.0
     link = loop_link(a, k, between(poses[a], fit.pose), fit.information, fit.pose.psi)
     return link, fit.share
@@ -171,7 +171,7 @@ def distinct(
     model.
     """
     here, there = graph.poses[link.b], graph.there(link)
-    trail = np.array(graph.poses[: link.b - P.again])[:, :2]
+    trail = np.array(graph.poses[: link.b - PARAMS.again])[:, :2]
     cells = np.unique(np.round(trail / _AREA).astype(np.int64), axis=0)
     searched = 2.0 * math.pi * _AREA**2 * len(cells)
     most = _drift_density(graph, link, covariance) * searched / _ODDS
@@ -183,13 +183,13 @@ def distinct(
     for first in nearest_first:
         last = min(first + _STRETCH, len(trail))
         known = graph.surfaces_around(
-            range(max(0, first - P.submap), min(last + P.submap, link.b)), None
+            range(max(0, first - PARAMS.submap), min(last + PARAMS.submap, link.b)), None
         )
         reach = np.full(last - first, math.inf)
         fits = revisits(known, *newest, trail[first:last], reach, here, math.pi)
         for fit in fits:
             counted = any(_same(fit.pose, one) for one in (there, *lookalikes))
-            if fit.share > share - P.alone and not counted:
+            if fit.share > share - PARAMS.alone and not counted:
                 lookalikes.append(fit.pose)
         if len(lookalikes) > most:
             return False

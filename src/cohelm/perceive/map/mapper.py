@@ -22,7 +22,7 @@ from cohelm.core.frames import between, compose
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.loop_closure import LoopClosure, revisits
-from cohelm.perceive.map.mapper_params import P
+from cohelm.perceive.map.mapper_params import PARAMS
 from cohelm.perceive.map.mapping_scans import MappingScan
 from cohelm.perceive.map.place_graph import Place, PlaceGraph
 from cohelm.perceive.map.pose_graph import ROUGH, Link, into_axes, library
@@ -64,7 +64,7 @@ class Mapper:
         self._scans: list[tuple[int, Pose]] = []  # of each scan: its place, and its pose there
         self._pose = Pose(0.0, 0.0, 0.0)
         self._odometry: Pose | None = None
-        wheels = np.diag([SCALE, P.bend]) ** 2
+        wheels = np.diag([SCALE, PARAMS.bend]) ** 2
         self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), wheels)
         self._wheels = OdometryErrors()
         self._submap: Surfaces | None = None
@@ -96,7 +96,7 @@ class Mapper:
             self._joint = joined(np.diag(ROUGH**2), self._joint[3:, 3:])
         step = self._wheels.corrected(between(self._odometry, scan.odometry))
         self._odometry = scan.odometry
-        predicted, joint = predict(self._pose, self._joint, step, P.mount)
+        predicted, joint = predict(self._pose, self._joint, step, PARAMS.mount)
         prior = inverted(joint[:3, :3])
         fit = align(self._submap, points, across, predicted, prior, MatchParams())
         if len(points) < 20 or fit.share < 0.3:
@@ -108,7 +108,7 @@ class Mapper:
         self._joint = updated(joint, fit.information)
         self._pose = fit.pose
         since = between(self._graph.poses[-1], fit.pose)
-        if math.hypot(since.x, since.y) > P.apart or abs(since.psi) > P.apart:
+        if math.hypot(since.x, since.y) > PARAMS.apart or abs(since.psi) > PARAMS.apart:
             self._add_place(points, across, since)
         else:
             self._scans.append((len(self._graph) - 1, since))
@@ -196,14 +196,14 @@ class Mapper:
         turned by a right angle at most, since a corridor looks alike both ways."""
         here = self._pose
         gaps = np.hypot(*(np.array(self._graph.poses)[:, :2] - here[:2]).T)
-        known = self._graph.surfaces_around(np.flatnonzero(gaps < P.behind).tolist(), None)
+        known = self._graph.surfaces_around(np.flatnonzero(gaps < PARAMS.behind).tolist(), None)
         near, trail = np.array([_SET_DOWN]), np.array([here[:2]])
         fits = [
             fit for fit in revisits(known, points, across, trail, near, here, 0.5 * math.pi)
             if math.hypot(fit.pose.x - here.x, fit.pose.y - here.y) < _SET_DOWN
         ]  # fmt: skip
-        alone = len(fits) == 1 or (len(fits) > 1 and fits[1].share < fits[0].share - P.alone)
-        if not alone or fits[0].share < P.whole or fits[0].rms > P.rms:
+        alone = len(fits) == 1 or (len(fits) > 1 and fits[1].share < fits[0].share - PARAMS.alone)
+        if not alone or fits[0].share < PARAMS.whole or fits[0].rms > PARAMS.rms:
             raise CohelmError(
                 "what this drive sees first is not what was seen where the last one ended: begin "
                 f"it within {_SET_DOWN:g} m and a right angle of there"
@@ -214,7 +214,7 @@ class Mapper:
         gaps = np.hypot(
             scan.points[:, 0] - self.lidar.mount.x, scan.points[:, 1] - self.lidar.mount.y
         )
-        near = gaps < P.far
+        near = gaps < PARAMS.far
         return self._towards_lidar(*normals(scan.points[near], scan.beams[near], self.lidar.step))
 
     def _towards_lidar(self, points: Floats, across: Floats) -> tuple[Floats, Floats]:
@@ -244,7 +244,7 @@ class Mapper:
 
     def _update_submap(self) -> None:
         k = len(self._graph)
-        self._submap = self._graph.surfaces_around(range(max(0, k - P.submap), k), None)
+        self._submap = self._graph.surfaces_around(range(max(0, k - PARAMS.submap), k), None)
 
 
 def encounters(made: MappingResult) -> list[list[tuple[int, int]]]:
@@ -254,7 +254,7 @@ def encounters(made: MappingResult) -> list[list[tuple[int, int]]]:
         return []
     pairs = np.sort(np.array(made.loops, dtype=np.int64), axis=1)
     tree = scipy.spatial.cKDTree(np.searchsorted(made.places, pairs))
-    both = tree.query_pairs(P.submap, p=math.inf, output_type="ndarray")
+    both = tree.query_pairs(PARAMS.submap, p=math.inf, output_type="ndarray")
     n = len(pairs)
     graph = scipy.sparse.csr_array((np.ones(len(both)), both.T), shape=(n, n))
     count, which = scipy.sparse.csgraph.connected_components(graph, directed=False)

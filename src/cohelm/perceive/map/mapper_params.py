@@ -45,5 +45,5 @@ class MapperParams(NamedTuple):
     """Points farther from the LiDAR than this are ignored [m]."""
 
 
-P = MapperParams()
+PARAMS = MapperParams()
 """Those in use."""

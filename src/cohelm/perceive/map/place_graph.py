@@ -18,7 +18,7 @@ from cohelm.core.frames import between, compose
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.corridor import shifted
-from cohelm.perceive.map.mapper_params import P
+from cohelm.perceive.map.mapper_params import PARAMS
 from cohelm.perceive.map.pose_graph import (
     ROUGH,
     Link,
@@ -112,7 +112,7 @@ class PlaceGraph:
                 self._candidates = [other for other in self._candidates if other is not group]
                 held = [*group, link]
                 break
-        if self.ways[link.b] - self.ways[held[0].b] < P.holds:
+        if self.ways[link.b] - self.ways[held[0].b] < PARAMS.holds:
             self._candidates.append(held)
             return False
         # a robust kernel hardly pulls from far: first without it, then all with it
@@ -188,21 +188,21 @@ class PlaceGraph:
         is linked already; `reach`: association distance of the first iteration [m]."""
         here = self.poses[k]
         gaps = np.hypot(others[:, 0] - here.x, others[:, 1] - here.y)
-        gaps[max(0, k - P.submap) : k + P.submap] = math.inf
+        gaps[max(0, k - PARAMS.submap) : k + PARAMS.submap] = math.inf
         links: list[Link] = []
         own: tuple[Floats, Floats] | None = None
         for _ in range(3):
             i = int(gaps.argmin())
-            if gaps[i] > P.others:
+            if gaps[i] > PARAMS.others:
                 break
             gaps[max(0, i - 20) : i + 20] = math.inf
             if any(abs(i - a) < 20 for a in linked):
                 continue
             # submaps are put together at last: of what has drifted, fewer places are one
-            numbers = self._around(i, P.submap // 2 if reach < _SAME else 5)
+            numbers = self._around(i, PARAMS.submap // 2 if reach < _SAME else 5)
             known = self.surfaces_around(numbers, self.poses[i], reach)
             if own is None:
-                own = thinned(*self._seen_from(self._around(k, P.submap // 2), here), 0.04)
+                own = thinned(*self._seen_from(self._around(k, PARAMS.submap // 2), here), 0.04)
             link = self._linked(i, k, known, own, between(self.poses[i], here), reach)
             if link is not None:
                 links.append(link)
@@ -238,20 +238,20 @@ class PlaceGraph:
         fit = align(known, points, across, guess, loose, params)
         information = observed(known, points, across, fit.pose, params)
         sizes, axes = np.linalg.eigh(information[:2, :2])
-        if sizes[0] < P.firm and reach < _SAME:  # submaps are put together by then
+        if sizes[0] < PARAMS.firm and reach < _SAME:  # submaps are put together by then
             axis, beside = np.ascontiguousarray(axes.T)
-            shift = shifted(known, *own, fit.pose, axis, P.search, params.share)
+            shift = shifted(known, *own, fit.pose, axis, PARAMS.search, params.share)
             if shift.lead > math.log(_ODDS) and abs(shift.along) > params.least:
                 # what the match holds to is not what it saw there; each place of the submap has
                 # its share of what that shows
-                more = shift.information / P.submap * np.outer(axis, axis)
+                more = shift.information / PARAMS.submap * np.outer(axis, axis)
                 loose[:2, :2] = more + 100.0 * np.outer(beside, beside)
                 x, y = (np.array(fit.pose[:2]) + shift.along * axis).tolist()
                 there, params = Pose(x, y, fit.pose.psi), params._replace(reach=_BESIDE)
                 fit = align(known, points, across, there, loose, params)
                 information = observed(known, points, across, fit.pose, params)
                 information[:2, :2] += more
-        if fit.share < P.fits or fit.rms > P.rms:
+        if fit.share < PARAMS.fits or fit.rms > PARAMS.rms:
             return None
         return loop_link(a, b, fit.pose, information, fit.pose.psi)
 
@@ -259,7 +259,7 @@ class PlaceGraph:
         """Pairs of scans that were linked by loops."""
         return [
             (self.places[k.a].scan, self.places[k.b].scan)
-            for k in self.links if k.loop and abs(k.b - k.a) > P.again
+            for k in self.links if k.loop and abs(k.b - k.a) > PARAMS.again
         ]  # fmt: skip
 
     def keep_apart(self, pairs: Sequence[tuple[int, int]]) -> None:
@@ -295,7 +295,7 @@ class PlaceGraph:
         if not self._apart:
             return False
         off = np.abs(np.array(self._apart) - (min(a, b), max(a, b)))
-        return bool((off <= P.submap).all(axis=1).any())
+        return bool((off <= PARAMS.submap).all(axis=1).any())
 
     def state(self) -> dict[str, NDArray[Any]]:
         """State for `restore`, without that of `keep_apart` and `leave_out`."""
