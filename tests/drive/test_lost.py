@@ -11,7 +11,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.law import verdict
 from cohelm.link.messages import Localised, Mode
 from cohelm.link.operator import Scripted
-from cohelm.loop.latency_limit import MAX_LOST_SPEED
+from cohelm.loop.speed_caps import MAX_LOST_SPEED
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.gate.modes import GateMode
 from tests.drive.faults import CORRIDOR

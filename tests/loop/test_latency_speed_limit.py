@@ -7,11 +7,11 @@ import math
 import pytest
 from hypothesis import given, strategies as st
 
-from cohelm.loop.latency_limit import CRAWL, UNCAPPED_DELAY, speed_cap
+from cohelm.loop.speed_caps import CRAWL, UNCAPPED_DELAY, speed_cap
 
 
 @given(st.floats(UNCAPPED_DELAY + 0.001, 5.0), st.floats(0.0, 20.0), st.floats(0.1, 5.0))
-def test_the_latency_limit_leaves_room_to_stop(delay, clearance, deceleration):
+def test_the_speed_caps_leaves_room_to_stop(delay, clearance, deceleration):
     cap = speed_cap(delay, clearance, deceleration, math.inf)
     way = cap.speed * delay + cap.speed**2 / (2.0 * deceleration)
     assert way == pytest.approx(clearance) or cap.speed == CRAWL

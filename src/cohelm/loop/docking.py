@@ -17,7 +17,7 @@ from cohelm.core.types import Floats, Stick, Twist
 from cohelm.law.govern import CourseClock
 from cohelm.law.reference import through
 from cohelm.link.messages import DockPhase as Phase, is_centred
-from cohelm.loop.latency_limit import NO_CAP, Cap
+from cohelm.loop.speed_caps import NO_CAP, Cap
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import START, Settings

@@ -16,8 +16,8 @@ from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
 from cohelm.law.guard.step import circumscribed_radius
 from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.law.reference import Reference, through
-from cohelm.loop.latency_limit import NO_CAP, Cap
 from cohelm.loop.planning import Planning
+from cohelm.loop.speed_caps import NO_CAP, Cap
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.delay_compensation import periods
 from cohelm.pilot.obstacles_from_perception import obstacles_from_perception

@@ -16,8 +16,8 @@ from cohelm.loop.alarms import ActiveAlarms
 from cohelm.loop.docking import Docking
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
-from cohelm.loop.latency_limit import NO_CAP, UNCAPPED_DELAY, latency_cap, lost_cap
 from cohelm.loop.sensor_watchdog import SensorWatchdog, timeouts
+from cohelm.loop.speed_caps import NO_CAP, UNCAPPED_DELAY, latency_cap, lost_cap, unseen_cap
 from cohelm.loop.status import Reporter
 from cohelm.loop.stick import ArmingParams
 from cohelm.loop.supervisor import PLANNED, Supervisor
@@ -199,13 +199,15 @@ class Loop:
 
     def _limit_speed(self, seen: Seen, obstacles: Surroundings) -> None:
         """Set the speed limit, by the driver's scale and delay, speed zones and docking; while lost
-        by the clearance."""
+        by the clearance; while backing by ground that was never seen."""
         driver, supervisor = self.driver, self.supervisor
         stick = supervisor.stick_state
         caps = [NO_CAP, driver.speed_zone_cap(seen), supervisor.docking.cap]
+        settings = driver.settings
+        if self._safe.v < 0.0:
+            caps += [unseen_cap(seen.assumed_gap, settings)]
         if stick.delay > UNCAPPED_DELAY or seen.lost:
             clearance = driver.clearance(seen.pose, obstacles, seen.unobserved)
-            settings = driver.settings
             caps += [latency_cap(stick.delay, clearance, settings)]
             caps += [lost_cap(clearance, driver.delay, settings)] if seen.lost else []
         self.cap = min(caps)

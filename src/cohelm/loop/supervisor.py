@@ -15,7 +15,7 @@ from cohelm.loop.authorization import Authorization
 from cohelm.loop.docking import Docking, Ended
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
-from cohelm.loop.latency_limit import Cap
+from cohelm.loop.speed_caps import Cap
 from cohelm.loop.stick import (
     WAITING,
     ArmingParams,

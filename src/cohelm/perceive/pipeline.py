@@ -71,6 +71,9 @@ class Seen(NamedTuple):
     """Static points, and behind them the border of unobserved space, (p, 2), in `odom` [m]."""
     unobserved: int
     """How many of the points are that border."""
+    assumed_gap: float
+    """Distance from ground that is assumed free since the robot was switched on, and was never in
+    view [m]; infinite without any."""
     discs: Floats
     """Movers, (n, 6) as in `core.types`, in `odom`."""
     mobile: Floats
@@ -293,12 +296,15 @@ class Perception:
         if located is None:
             located = Localization(here, np.zeros((3, 3)), 1.0, False, "")
         discs, mobile, velocity_error = self._mobile(now)
+        space = self._unobserved_space
         return Seen(
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
             twist=self._twist, map_odom=self._map_odom,
             odom_received=self._received or Pose(0.0, 0.0, 0.0), points=self._reported,
-            unobserved=self.unobserved, discs=discs, mobile=mobile,
+            unobserved=self.unobserved,
+            assumed_gap=space.assumed_gap(here) if space is not None else math.inf,
+            discs=discs, mobile=mobile,
             mobile_max_acceleration=np.full(len(mobile), self._tracker_params.max_acceleration),
             mobile_velocity_error=velocity_error,
         )  # fmt: skip

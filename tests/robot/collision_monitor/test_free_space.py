@@ -138,7 +138,8 @@ def test_ground_is_unknown_if_and_only_if_no_beam_went_there(moves, discs, mount
                 for look, far in zip(before[-1:], reach[-1:], strict=True)
             ]
             assert not any(strict)
-            assert vouched > SHAPE.reach + VOUCHED - 2.0 * CELL
+            cut = any(np.isfinite(ranges[[0, -1]]).any() for _, ranges in before)
+            assert vouched > SHAPE.reach + VOUCHED - 2.0 * CELL or cut
         elif not now and not any(generous):
             assert vouched < SHAPE.reach + VOUCHED + 2.0 * CELL or any(
                 (np.abs(point - (p.x, p.y)) < SHAPE.reach).all() for p, _ in before
@@ -373,3 +374,31 @@ def test_ground_unknown_to_one_lidar_is_unknown_to_all_though_it_is_beyond_anoth
     assert both[0].beyond(np.round(beside / CELL).astype(int)).all()
     assert unknown_at(beside, unknown_to_all(both).points).all()
     assert unknown_at(beside, unknown_to_all(both[::-1]).points).all()
+
+
+@settings(max_examples=40)
+@given(st.floats(0.35, 0.9), st.floats(-0.6, 0.6), st.sampled_from([-1.0, 1.0]))
+def test_ground_beyond_a_wall_that_goes_on_out_of_view_is_not_vouched_for(away, psi, side):
+    """The wall is straight, and beside the robot; what lies a cell and more behind it counts."""
+    nx, ny = -math.sin(psi), side * math.cos(psi)
+    s = sensor()
+    angles = s.bearings
+    facing = np.cos(angles) * nx + np.sin(angles) * ny
+    ranges = np.where(facing > 0.0, (away - s.mount.x * nx) / np.maximum(facing, 1e-9), math.inf)
+    ranges[ranges > 10.0] = math.inf
+    it = FreeSpace(s, SHAPE, WITHIN)
+    unknown = it.look(ranges, HERE, 0.0, 0.0).points
+    side_cells = np.arange(-0.7, 0.7, CELL)
+    points = np.array([(x, y) for x in side_cells for y in side_cells])
+    vouched = np.hypot(*points.T) < SHAPE.reach + VOUCHED - CELL
+    hidden = np.array(
+        [not in_view(p, s, HERE, np.full(BEAMS, math.inf), 2.0 * CELL) for p in points]
+    )
+    outside = np.abs(points / (0.36, 0.29)).max(axis=1) > 1.0
+    beyond = points @ (nx, ny) - away
+    there = vouched & hidden & outside
+    stands = (np.abs(BOX @ (nx, ny)).max() < away) and np.isfinite(ranges[[0, -1]]).any()
+    is_unknown = unknown_at(points, unknown)
+    if stands:
+        assert is_unknown[there & (beyond > 2.0 * CELL)].all()
+    assert not is_unknown[there & (beyond < 0.0)].any()

@@ -17,15 +17,20 @@ from numpy.typing import NDArray
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.scan.deskew import DeskewedScan, beam_at
+from cohelm.perceive.space.assumed import (
+    ASSUMED_FREE,
+    NX,
+    NY,
+    SX,
+    SY,
+    cut_surfaces,
+    turning_ground,
+)
 from cohelm.perceive.space.cell_window import CELL, NEVER, SIDE, cell, holds, nowhere
 from cohelm.perceive.space.free_space_memory import NEAR
 from cohelm.perceive.track.departed import HVX, HVY, HX, HY, REACH, UNSEEN, in_view
 from cohelm.robot.clearance import disc_clearance
 from cohelm.robot.sensors import Lidar, vouched_floor
-
-ASSUMED_FREE = 0.2
-"""Ground is assumed free so far beyond the turning circle where the robot is switched on, so that
-it can turn and look [m]."""
 
 KEPT = 2.7
 """Ground is remembered up to this distance from the LiDAR: less than by the collision monitor
@@ -35,6 +40,7 @@ reaches farther from its LiDAR it is remembered farther, as by the monitor."""
 _ARRIVAL_TIME = 4.0  # a mover that left the view farther away matters if it arrives within it [s]
 _APART = 0.03  # minimum distance of a mover out of view from the outline [m]
 _JUST_LEFT = 0.25  # a mover seen so recently is where it is predicted [s]
+_MOVED, _TURNED = 0.05, 0.05  # a LiDAR that moved less sees the same surfaces [m, rad]
 _REPORTED = 1.0  # beyond the turning circle, within which the border is reported, at least [m]
 
 
@@ -48,11 +54,13 @@ class View(NamedTuple):
 class ObservedCells(NamedTuple):
     """A window of cells that have been in view, see `perceive.space.cell_window`.
 
-    occupied: (n, n), whether a mover that left the view may be in a cell.
+    occupied: (n, n), whether a mover that left the view may be in a cell. assumed: (n, n), whether
+    it has only been assumed to be free.
     """
 
     which: Ints
     occupied: NDArray[np.bool_]
+    assumed: NDArray[np.bool_]
 
 
 class Extent(NamedTuple):
@@ -81,7 +89,9 @@ def extent(lidars: Sequence[Lidar], reach: float, free: float, stopping: float) 
 
 def no_cells(side: int = SIDE) -> ObservedCells:
     """No cell has been in view."""
-    return ObservedCells(nowhere(side), np.zeros((side, side), np.bool_))
+    return ObservedCells(
+        nowhere(side), np.zeros((side, side), np.bool_), np.zeros((side, side), np.bool_)
+    )
 
 
 def enlarged(cells: ObservedCells, side: int) -> ObservedCells:
@@ -92,20 +102,71 @@ def enlarged(cells: ObservedCells, side: int) -> ObservedCells:
     i, j = cells.which[held].T
     made.which[i % side, j % side] = cells.which[held]
     made.occupied[i % side, j % side] = cells.occupied[held]
+    made.assumed[i % side, j % side] = cells.assumed[held]
     return made
 
 
 @jit
-def assumed_free(cells: ObservedCells, x: float, y: float, radius: float) -> ObservedCells:
-    """With the ground around an `odom` point assumed observed."""
-    which, occupied = cells.which.copy(), cells.occupied.copy()
-    low_x, low_y = cell(x - radius), cell(y - radius)
-    wide = math.ceil(2.0 * radius / CELL) + 1
+def assumed_free(cells: ObservedCells, pose: Pose, outline: Floats, radius: float) -> ObservedCells:
+    """With the ground within a radius of a robot's origin assumed free [m]. That which it stands on
+    is observed."""
+    which, occupied, assumed = cells.which.copy(), cells.occupied.copy(), cells.assumed.copy()
+    side, reach = len(which), radius
+    for k in range(len(outline)):
+        reach = max(reach, math.hypot(outline[k, 0], outline[k, 1]))
+    low_x, low_y = cell(pose.x - reach), cell(pose.y - reach)
+    wide = math.ceil(2.0 * reach / CELL) + 1
     for i in range(low_x, low_x + wide):
         for j in range(low_y, low_y + wide):
-            if math.hypot((i + 0.5) * CELL - x, (j + 0.5) * CELL - y) < radius:
+            x, y = (i + 0.5) * CELL, (j + 0.5) * CELL
+            stood_on = disc_clearance(pose, outline, x, y, 0.0) <= 0.0
+            if stood_on or math.hypot(x - pose.x, y - pose.y) < radius:
                 _set_observed(which, occupied, i, j)
-    return ObservedCells(which, occupied)
+                assumed[i % side, j % side] = not stood_on
+    return ObservedCells(which, occupied, assumed)
+
+
+@jit
+def without_covered(
+    cells: ObservedCells, surfaces: Floats, views: tuple[View, ...], pose: Pose, outline: Floats
+) -> ObservedCells:
+    """Without the assumed ground that a surface may cover, see `space.assumed`: out of view, beyond
+    it, and nothing between has been seen free. Ground that the robot stands on is observed."""
+    which, assumed = cells.which.copy(), cells.assumed.copy()
+    other = np.ones(len(surfaces), np.bool_)  # than the robot itself
+    for k in range(len(surfaces)):
+        other[k] = disc_clearance(pose, outline, surfaces[k, SX], surfaces[k, SY], 0.0) > 0.0
+    surfaces = surfaces[other]
+    for a in range(len(which)):
+        for b in range(len(which)):
+            if not assumed[a, b] or which[a, b, 0] == NEVER:
+                continue
+            x, y = (which[a, b, 0] + 0.5) * CELL, (which[a, b, 1] + 0.5) * CELL
+            if disc_clearance(pose, outline, x, y, 0.0) <= 0.0:
+                assumed[a, b] = False
+            elif not _in_view(views, x, y) and _covered(cells, surfaces, views, x, y):
+                which[a, b, 0] = NEVER
+    return ObservedCells(which, cells.occupied, assumed)
+
+
+@jit_inline
+def _covered(
+    cells: ObservedCells, surfaces: Floats, views: tuple[View, ...], x: float, y: float
+) -> bool:
+    """Whether a surface may go on as far as a cell. x, y: its middle."""
+    covered, side = False, len(cells.which)
+    for k in range(len(surfaces)):
+        nx, ny = surfaces[k, NX], surfaces[k, NY]
+        wx, wy = x - surfaces[k, SX], y - surfaces[k, SY]
+        goes_on = wx * nx + wy * ny > -0.5 * CELL * (abs(nx) + abs(ny))
+        steps = math.ceil(2.0 * math.hypot(wx, wy) / CELL)
+        for n in range(steps):
+            if goes_on:
+                i, j = cell(x - wx * n / steps), cell(y - wy * n / steps)
+                seen = holds(cells.which, i, j) and not cells.assumed[i % side, j % side]
+                goes_on = not seen or _in_view(views, (i + 0.5) * CELL, (j + 0.5) * CELL)
+        covered = covered or goes_on
+    return covered
 
 
 @jit
@@ -118,7 +179,7 @@ def with_scan(
 
     kept: cells farther than this from the LiDAR are forgotten [m]. seen: and those farther than
     this not seen [m]."""
-    which, occupied = cells.which.copy(), cells.occupied.copy()
+    which, occupied, assumed = cells.which.copy(), cells.occupied.copy(), cells.assumed.copy()
     sensor, n, side = sweep.sensor, len(sweep.ranges), len(cells.which)
     _forget(which, sensor, kept)
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
@@ -129,7 +190,8 @@ def with_scan(
         for j in range(low_y, low_y + wide):
             wy = (j + 0.5) * CELL - sensor.y
             far = math.hypot(wx, wy)
-            if far > seen or (holds(which, i, j) and not occupied[i % side, j % side]):
+            a, b = i % side, j % side
+            if far > seen or (holds(which, i, j) and not (occupied[a, b] or assumed[a, b])):
                 continue
             if floor and not lidar.floor_from <= far <= lidar.floor_to:
                 continue
@@ -142,7 +204,8 @@ def with_scan(
                 reach = min(sweep.ranges[beam - 1], sweep.ranges[beam + 1])
             if reach > (far if floor else far - CELL):
                 _set_observed(which, occupied, i, j)
-    return ObservedCells(which, occupied)
+                assumed[a, b] = False
+    return ObservedCells(which, occupied, assumed)
 
 
 @jit_inline
@@ -192,7 +255,7 @@ def occupied(
     before, side = cells.occupied, len(cells.which)
     after = np.zeros_like(before)
     if not len(out_of_view):
-        return ObservedCells(cells.which, after)
+        return ObservedCells(cells.which, after, cells.assumed)
     speed, any_away = fastest, False
     for k in range(len(out_of_view)):
         any_away = any_away or out_of_view[k, UNSEEN] >= _JUST_LEFT
@@ -230,7 +293,7 @@ def occupied(
     for a in range(wide):
         for b in range(wide):
             after[(low_x + a) % side, (low_y + b) % side] = filled[a, b]
-    return ObservedCells(cells.which, after)
+    return ObservedCells(cells.which, after, cells.assumed)
 
 
 @jit
@@ -281,6 +344,19 @@ def unobserved_border(
     return out[:k].copy()
 
 
+@jit
+def assumed_gap(cells: ObservedCells, pose: Pose, outline: Floats) -> float:
+    """Distance of a robot with this outline at this pose from ground that is only assumed free [m];
+    infinite without any."""
+    which, gap = cells.which, math.inf
+    for a in range(len(which)):
+        for b in range(len(which)):
+            if cells.assumed[a, b] and which[a, b, 0] != NEVER:
+                x, y = (which[a, b, 0] + 0.5) * CELL, (which[a, b, 1] + 0.5) * CELL
+                gap = min(gap, disc_clearance(pose, outline, x, y, CELL))  # all of it, and some
+    return max(gap, 0.0)
+
+
 @jit_inline
 def _set_observed(which: Ints, occupied: NDArray[np.bool_], i: int, j: int) -> None:
     a, b = i % len(which), j % len(which)
@@ -310,16 +386,10 @@ class _Ground:
         """Use another outline from the next sweep on."""
         self._outline = outline
         reach = float(np.hypot(*outline.T).max())
-        self._free = max(reach + ASSUMED_FREE, self._least)
-        self._extent = extent(self._lidars, reach, self._free, self._stopping)
+        free = max(reach + ASSUMED_FREE, self._least)
+        self._extent = extent(self._lidars, reach, free, self._stopping)
         if self._cells is not None:
             self._cells = enlarged(self._cells, self._extent.side)
-
-    def _before(self, pose: Pose, free: float) -> ObservedCells:
-        """The cells before a sweep. free: radius assumed free before the first one [m]."""
-        if self._cells is not None:
-            return self._cells
-        return assumed_free(no_cells(self._extent.side), pose.x, pose.y, free)
 
 
 class UnobservedSpace(_Ground):
@@ -330,6 +400,7 @@ class UnobservedSpace(_Ground):
         stops from full speed [m]."""
         super().__init__(outline, lidars, stopping)
         self._stamp = -math.inf
+        self._looked: dict[Pose, Pose] = {}  # where a LiDAR was, by its mount, for its surfaces
 
     def points(
         self, lidar: Lidar, sweep: DeskewedScan, sweeps: list[tuple[Lidar, DeskewedScan]],
@@ -343,11 +414,34 @@ class UnobservedSpace(_Ground):
         kept, seen, far, _ = self._extent
         pose = sweep.pose
         views = tuple(View(its_lidar, its.sensor) for its_lidar, its in sweeps)
-        cells = with_scan(self._before(pose, self._free), lidar, sweep, kept, seen)
+        cells = self._cells
+        if cells is None:
+            free = turning_ground(self._outline, self._lidars)
+            cells = assumed_free(no_cells(self._extent.side), pose, self._outline, free)
+        cells = with_scan(cells, lidar, sweep, kept, seen)
+        if self._moved(lidar.mount, sweep.sensor):
+            surfaces = cut_surfaces(lidar, sweep.ranges, sweep.sensor)
+            cells = without_covered(cells, surfaces, views, pose, self._outline)
         dt, self._stamp = min(max(sweep.stamp - self._stamp, 0.0), 1.0), sweep.stamp
         near = approaching(out_of_view, pose, far)
         self._cells = occupied(cells, views, near, pose, self._outline, fastest, dt, kept)
         return unobserved_border(self._cells, views, pose, self._outline, far)
+
+    def _moved(self, mount: Pose, sensor: Pose) -> bool:
+        """Whether a LiDAR moved since its surfaces were last taken; remembers where it is now."""
+        before = self._looked.get(mount)
+        if (
+            before is not None
+            and math.hypot(sensor.x - before.x, sensor.y - before.y) < _MOVED
+            and abs(math.remainder(sensor.psi - before.psi, 2.0 * math.pi)) < _TURNED
+        ):
+            return False
+        self._looked[mount] = sensor
+        return True
+
+    def assumed_gap(self, pose: Pose) -> float:
+        """Distance from ground that is only assumed free [m], as of the last sweep."""
+        return math.inf if self._cells is None else assumed_gap(self._cells, pose, self._outline)
 
     def possibly_occupied(self, pose: Pose) -> Floats:
         """Places that movers out of view may occupy near a pose, (p, 2), in `odom`, as of the last
@@ -374,7 +468,10 @@ class UnobservedFloor(_Ground):
     def points(self, lidar: Lidar, sweep: DeskewedScan) -> Floats:
         """The border of unobserved floor after a sweep of one of these, (p, 2), in `odom`."""
         kept, seen, far, _ = self._extent
-        before = self._before(sweep.pose, self._least)
+        pose, before = sweep.pose, self._cells
+        if before is None:
+            before = no_cells(self._extent.side)
+            before = assumed_free(before, pose, self._outline, self._least)
         self._cells = with_scan(before, lidar, sweep, kept, seen, True)
         view = (View(lidar, sweep.sensor),)
-        return unobserved_border(self._cells, view, sweep.pose, self._outline, far, True)
+        return unobserved_border(self._cells, view, pose, self._outline, far, True)

@@ -21,6 +21,7 @@ from cohelm.robot.collision_monitor.odometry import placed_at, seen_from
 from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.collision_monitor.surroundings import BESIDE, NOTHING, MonitorSurroundings, joined
 from cohelm.robot.collision_monitor.sweep import Outline, edge_distances
+from cohelm.robot.collision_monitor.switched_on import VOUCHED, surface, turning_radius
 
 CELL = 0.05
 """Side of a cell of the window [m]."""
@@ -36,9 +37,8 @@ ROOM = 1.0 + _MOTION * CELL
 """Ground is remembered at least so far beyond what is vouched for [m], or a long robot could not
 even turn in its own turning circle: as far as the filter is told of, and this much more than by
 it."""
-VOUCHED = 0.2
-"""Margin around the turning circle within which ground counts as free where the robot is switched
-on: the operator has looked; and from there it can turn and look for itself [m]."""
+_BETWEEN = 64
+"""Places looked at between a cell and a surface that may cover it."""
 UNWATCHED = 1e-6
 """Error of unobserved floor [m]: none, as it is exactly there; tells it from obstacles."""
 CORNER = math.sqrt(0.5) * CELL
@@ -84,6 +84,8 @@ class FreeSpace:
         self._known: NDArray[np.bool_] = np.zeros((1, 1), dtype=np.bool_)
         self._cell = (0, 0)
         self._vouched = False
+        self._only_vouched: NDArray[np.bool_] = self._known
+        """Of what is known, that which nothing has seen."""
         self._carried: Carried | None = None
         self._half = 0
         self.returns = 0.0
@@ -101,11 +103,12 @@ class FreeSpace:
         self._at = None  # the unknown ground changes, too
         mount = self._sensor.mount
         self._shape = shape
-        self._vouches = shape.reach + VOUCHED
+        beyond = shape.reach + VOUCHED
+        self._vouches = beyond if self._floor else turning_radius(self._sensor, shape)
         if self._floor:
-            self._vouches = max(self._vouches, self._sensor.vouched)
+            self._vouches = beyond = max(beyond, self._sensor.vouched)
         away = math.hypot(mount.x, mount.y)
-        kept = max(CELL * HALF, away + self._vouches + ROOM)
+        kept = max(CELL * HALF, away + beyond + ROOM)
         self.returns = away + kept + _MOTION * CELL
         # Ground beyond what is kept is unknown: a cell more, which no way out of the window misses.
         self._resize(math.ceil(max(kept, away + shape.reach) / CELL) + 1)
@@ -119,11 +122,9 @@ class FreeSpace:
         self._window = window(half)
         if half == self._half:
             return
-        known = np.zeros((2 * half + 1, 2 * half + 1), dtype=np.bool_)
-        cut, off = max(self._half - half, 0), max(half - self._half, 0)
-        inner = self._known[cut : len(self._known) - cut, cut : len(self._known) - cut]
-        known[off : off + len(inner), off : off + len(inner)] = inner
-        self._known, self._half = known, half
+        self._known = _resized(self._known, half)
+        self._only_vouched = _resized(self._only_vouched, half)
+        self._half = half
         if self._floor:
             self._carried = Carried(self._sensor, self._window.distance, self._window.bearing)
 
@@ -134,7 +135,7 @@ class FreeSpace:
 
     def forget(self) -> None:
         """Forget all of it: as if it were switched on anew."""
-        self._known[:] = False
+        self._known[:] = self._only_vouched[:] = False
         self._at, self._vouched = None, False
         if self._carried is not None:
             self._carried.drives()
@@ -170,7 +171,9 @@ class FreeSpace:
                 carried.drives()
         first = math.remainder(psi + sensor.bearings[0], 2.0 * math.pi)
         span = float(sensor.bearings[-1] - sensor.bearings[0])
-        new = np.flatnonzero(self._matters & ~self._known.ravel())  # what is known stays known
+        vouched = self._only_vouched.ravel()
+        # What was seen stays known.
+        new = np.flatnonzero(self._matters & ~(self._known.ravel() & ~vouched))
         distance = self._window.distance[new]
         along = self._window.bearing[new] - first  # from the first beam
         along[along < 0.0] += 2.0 * math.pi
@@ -186,9 +189,17 @@ class FreeSpace:
             none_seen = new[:0]
             seen_free = looks & (reach[beams] > distance - CELL)
         known = self._known.ravel()
-        known[new[seen_free & self._kept[new]]] = True
+        found = new[seen_free & self._kept[new]]
+        known[found], vouched[found] = True, False
         if not self._vouched:
             self._vouch(pose, none_seen)
+        vouched = self._only_vouched.ravel()
+        if not self._floor and vouched.any() and abs(turned) < TURNED:
+            hidden = new[~looks & vouched[new]]
+            stood_on = self._stood_on(hidden, pose)
+            vouched[hidden[stood_on]] = False
+            hidden = hidden[~stood_on]
+            known[hidden[self._covered(hidden, ranges, pose, Pose(x, y, psi))]] = False
         cells = self._window.cells[new[~(looks | known[new]) & self._near[new]]] + self._cell
         points: Floats = CELL * cells.astype(np.float64)
         at = seen_from(points, pose)
@@ -208,9 +219,44 @@ class FreeSpace:
     def _vouch(self, pose: Pose, excluded: Ints) -> None:
         """Mark the ground about a pose as known, without these cells."""
         self._vouched = True
-        near = self._about(pose)
+        near = self._about(pose) & self._kept & ~self._known.ravel()
         near[excluded] = False
-        self._known |= (near & self._kept).reshape(self._known.shape)
+        self._known |= near.reshape(self._known.shape)
+        self._only_vouched = near.reshape(self._known.shape)
+
+    def _stood_on(self, which: Ints, pose: Pose) -> NDArray[np.bool_]:
+        """On which cells of the window the robot stands."""
+        points: Floats = CELL * (self._window.cells[which] + self._cell).astype(np.float64)
+        return edge_distances(seen_from(points, pose), self._own).max(axis=1) <= -CORNER
+
+    def _covered(self, which: Ints, ranges: Floats, pose: Pose, eye: Pose) -> NDArray[np.bool_]:
+        """Which cells of the window lie beyond a surface that the edge of the view cuts, by a cell
+        at least (the filter takes all of a cell for covered of which any part is), and with no
+        ground between that has been seen free. eye: pose of the sensor."""
+        x, y, psi = eye
+        here, side, bearings = np.array([x, y]), len(self._known), self._sensor.bearings
+        turn = np.array([[math.cos(psi), math.sin(psi)], [-math.sin(psi), math.cos(psi)]])
+        cells: Floats = CELL * (self._window.cells[which] + self._cell).astype(np.float64)
+        seen, covered = self._known & ~self._only_vouched, np.zeros(len(which), dtype=np.bool_)
+        for beams in (slice(None), slice(None, None, -1)):
+            found = surface(ranges[beams], bearings[beams], self._sensor.noise)
+            if found is None:
+                continue
+            at: Floats = here + found.at @ turn
+            if edge_distances(seen_from(at[None], pose), self._shape).max() <= 0.0:
+                continue  # its own body
+            along: Floats = (cells - here) @ (found.normal @ turn)
+            beyond = np.flatnonzero(along > found.offset + CELL)
+            between: Floats = np.linspace(at, cells[beyond], _BETWEEN)
+            i: Ints = np.round(between[..., 0] / CELL).astype(np.int64)
+            j: Ints = np.round(between[..., 1] / CELL).astype(np.int64)
+            angle: Floats = np.arctan2(CELL * j - y, CELL * i - x) - psi - bearings[0]
+            i, j = i - self._cell[0] + self._half, j - self._cell[1] + self._half
+            hidden = angle % (2.0 * math.pi) > bearings[-1] - bearings[0]
+            hidden &= (np.maximum(i, j) < side) & (np.minimum(i, j) >= 0)
+            free = seen[i.clip(0, side - 1), j.clip(0, side - 1)] & hidden
+            covered[beyond[~free.any(axis=0)]] = True
+        return covered
 
     def _about(self, pose: Pose) -> NDArray[np.bool_]:
         """The ground about a pose where a robot is switched on, or put down."""
@@ -222,12 +268,14 @@ class FreeSpace:
         di, dj = i - self._cell[0], j - self._cell[1]
         self._cell = i, j
         side = len(self._known)
-        known = np.zeros_like(self._known)
+        kept = self._kept.reshape(self._known.shape)
+        known, vouched = np.zeros_like(self._known), np.zeros_like(self._known)
         if abs(di) < side and abs(dj) < side:
             to_i, from_i = _overlap(di, side)
             to_j, from_j = _overlap(dj, side)
             known[to_i, to_j] = self._known[from_i, from_j]
-        self._known = known & self._kept.reshape(known.shape)
+            vouched[to_i, to_j] = self._only_vouched[from_i, from_j]
+        self._known, self._only_vouched = known & kept, vouched & kept
 
 
 def unknown_to_all(spaces: Sequence[FreeSpace]) -> MonitorSurroundings:
@@ -251,6 +299,16 @@ def _keys(space: FreeSpace) -> Ints:
     """A number for each of its cells."""
     cells = space.cells
     return (cells[:, 0] << 32) + cells[:, 1]
+
+
+def _resized(cells: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
+    """With so many cells to either side; new ones are False."""
+    made = np.zeros((2 * half + 1, 2 * half + 1), dtype=np.bool_)
+    before = len(cells) // 2
+    cut, off = max(before - half, 0), max(half - before, 0)
+    inner = cells[cut : len(cells) - cut, cut : len(cells) - cut]
+    made[off : off + len(inner), off : off + len(inner)] = inner
+    return made
 
 
 def _overlap(by: int, side: int) -> tuple[slice, slice]:

@@ -1,4 +1,4 @@
-"""The latency speed limit, and that of a lost robot."""
+"""The latency speed limit, and those of a lost robot and over ground never seen."""
 
 import math
 
@@ -7,11 +7,13 @@ import pytest
 from cohelm.core.types import Pose
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.loop.driver import Driver
-from cohelm.loop.latency_limit import (
+from cohelm.loop.speed_caps import (
     MAX_LOST_SPEED,
+    MAX_UNSEEN_SPEED,
     NO_CAP,
     latency_cap,
     lost_cap,
+    unseen_cap,
 )
 from tests.pilot.drives import SETTINGS
 
@@ -52,3 +54,12 @@ def test_a_lost_robot_creeps_with_the_clearance_of_the_scan_alone():
     for c, clear in zip(caps[1:4], (0.02, 0.1, 1.0), strict=True):
         stops_within = c.speed * 0.05 + c.speed**2 / (2.0 * braking)
         assert stops_within <= max(0.5 * clear, 0.05 * 0.05 + 0.05**2 / (2.0 * braking)) + 1e-9
+
+
+def test_a_robot_has_slowed_down_where_ground_that_was_never_seen_begins():
+    braking = min(SETTINGS.limits.acceleration, SETTINGS.limits.wheel_acceleration)
+    assert unseen_cap(0.0, SETTINGS).speed == pytest.approx(MAX_UNSEEN_SPEED)
+    assert unseen_cap(math.inf, SETTINGS) == NO_CAP
+    for gap in (0.005, 0.01, 0.03):
+        way = (unseen_cap(gap, SETTINGS).speed ** 2 - MAX_UNSEEN_SPEED**2) / (2.0 * braking)
+        assert way == pytest.approx(gap)

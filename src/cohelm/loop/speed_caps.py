@@ -1,4 +1,4 @@
-"""Speed caps for a driver with latency, from the clearance, and for a lost robot."""
+"""Speed caps: for a driver with latency, over ground that nobody has seen, for a lost robot."""
 
 from __future__ import annotations
 
@@ -42,6 +42,8 @@ def speed_cap(delay: float, clearance: float, deceleration: float, v_max: float)
     return Cap(speed, f"{delay:.2f} s latency, {room:.1f} m clearance")
 
 
+MAX_UNSEEN_SPEED = 0.3
+"""A robot backs no faster over ground that nobody has seen since it was switched on [m/s]."""
 MAX_LOST_SPEED = 0.2
 """A robot that has lost its pose is never driven faster [m/s]."""
 _MIN_LOST_SPEED = 0.05  # nor slowed below this: it can leave what it stands against [m/s]
@@ -51,6 +53,15 @@ _DECELERATION = 1.0  # of a robot that has no limit [m/s^2]
 def latency_cap(delay: float, clearance: float, settings: Settings) -> Cap:
     """The speed cap by the operator's delay [s]. clearance: to the nearest obstacle [m]."""
     return speed_cap(delay, clearance, _braking(settings), settings.gains.u_d)
+
+
+def unseen_cap(gap: float, settings: Settings) -> Cap:
+    """The speed cap of a robot that backs where ground is only assumed free, at this distance from
+    its outline [m]: on it, it has come down to MAX_UNSEEN_SPEED."""
+    speed = math.sqrt(MAX_UNSEEN_SPEED**2 + 2.0 * _braking(settings) * max(gap, 0.0))
+    if speed >= settings.gains.u_d:
+        return NO_CAP
+    return Cap(speed, "backing over ground never seen")
 
 
 def lost_cap(clearance: float, delay: float, settings: Settings) -> Cap:
