@@ -31,6 +31,11 @@ OWN_SITE = "open"
 """... and a real one: without map, as that of a shipped scenario would be wrong."""
 
 
+def site_of(name: str | Path | None, unnamed: str, changes: list[str] | None) -> Scenario:
+    """The scenario where a robot is driven. unnamed: the one where no name is given."""
+    return load.scenario(unnamed if name is None else name, changes or [])
+
+
 @dataclass(frozen=True)
 class _AtSite:
     """Makes a robot in the process that calls it, and has its site. Can be pickled."""
@@ -98,11 +103,7 @@ def own_robot(
         model = load.load_robot(model)
     if model is None and isinstance(make, Robot):
         model = RobotAdapter(make).model
-    made = (
-        site
-        if isinstance(site, Scenario)
-        else load.scenario(OWN_SITE if site is None else site, changes or [])
-    )
+    made = site if isinstance(site, Scenario) else site_of(site, OWN_SITE, changes)
     if model is not None:
         made = made.model_copy(update={"robot": model})
     try:
@@ -150,11 +151,12 @@ RobotFactory = OwnRobot | Simulated
 
 
 def simulated(
-    name: str | Path, kind: Kind = "kinematic", *, real_time: bool = True, seed: int | None = None,
-    changes: list[str] | None = None,
+    name: str | Path | None, kind: Kind = "kinematic", *, real_time: bool = True,
+    seed: int | None = None, changes: list[str] | None = None,
 ) -> Simulated:  # fmt: skip
-    """A factory by a scenario's file or name. Raises CohelmError if that can not be used."""
-    made = load.scenario(name, changes or [])
+    """A factory by a scenario's file or name; None: `SITE`. Raises CohelmError if that can not be
+    used."""
+    made = site_of(name, SITE, changes)
     alone = load.standing_alone(made, Path())
     return Simulated(alone, kind, real_time, alone.simulation.seed if seed is None else seed)
 

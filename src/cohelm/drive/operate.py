@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from cohelm.core.errors import CohelmError
 from cohelm.drive.factory import (
     OWN_SITE,
-    SITE,
     OwnRobot,
     RobotFactory,
     mapped,
     own_robot,
     simulated,
+    site_of,
 )
 from cohelm.link.messages import Mode
 from cohelm.link.operator import NullOperator, Scripted
@@ -61,7 +61,7 @@ class DriveOptions(NamedTuple):
     name: str | None
     """A robot or a scenario; None: the site's robot."""
     scenario: str | None
-    """Where a robot is driven; None: in `SITE`, a real one in `OWN_SITE`."""
+    """Where a robot is driven; None: in `factory.SITE`, a real one in `OWN_SITE`."""
     kind: Kind
     real_time: bool
     seed: int | None
@@ -103,9 +103,8 @@ def robot_factory(options: DriveOptions) -> RobotFactory:
         return _on_ros2(options.ros2 or Ros2Config(), site, model, changes)
     if model is not None:
         changes.append(f"robot={model if model in SHIPPED else Path(model).absolute()}")
-    kind, real_time, seed = options.kind, options.real_time, options.seed
     return simulated(
-        SITE if site is None else site, kind, real_time=real_time, seed=seed, changes=changes
+        site, options.kind, real_time=options.real_time, seed=options.seed, changes=changes
     )
 
 
@@ -161,11 +160,7 @@ def _on_ros2(
     from cohelm.ros.robot import Ros2Make, topics_of
 
     named = topics_of(where.topics)
-    described = (
-        load.scenario(OWN_SITE if site is None else site, changes).robot
-        if model is None
-        else load.load_robot(model)
-    )
+    described = site_of(site, OWN_SITE, changes).robot if model is None else load.load_robot(model)
     if isinstance(described, str):
         raise TypeError("the robot is still a name")
     way = connection(where.transport, where.url)
