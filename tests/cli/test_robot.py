@@ -51,6 +51,26 @@ def test_an_unknown_mode_is_refused_before_anything_starts(cohelm):
     assert "starting" not in said.err
 
 
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        (("--goals-from", "/goal"), "are of a ROS 2 robot: add --ros2"),
+        (("--no-tf",), "are of a ROS 2 robot: add --ros2"),
+        (("--dock", "nowhere"), "no dock is called 'nowhere'"),
+        (("--mode", "hold", "--arrive"), "in hold mode the robot stands, and does not arrive"),
+        (("--listen", "127.0.0.1:x"), "'127.0.0.1:x' is no HOST[:PORT]"),
+    ],
+)
+def test_what_can_be_seen_to_be_wrong_is_refused_before_anything_starts(
+    cohelm, monkeypatch, tmp_path, options, why
+):
+    monkeypatch.setenv("COHELM_KEYS", str(tmp_path / "keys"))
+    said = cohelm("robot", "lab-guard", *options)
+    assert said.code == 2
+    assert why in said.err
+    assert said.err.count("\n") == 1, said.err
+
+
 def test_simulation_options_are_refused_for_a_custom_robot(cohelm):
     said = cohelm("robot", "--driver", "tests.api.carts:Cart", "--fast")
     assert said.code == 2

@@ -161,9 +161,10 @@ def robot(
     )
     from cohelm.drive.reset_here import ResetHere
     from cohelm.drive.session import SessionConfig
-    from cohelm.drive.until_ended import drive_for_stations, drive_here
+    from cohelm.drive.until_ended import drive_for_stations, drive_here, goal_of
     from cohelm.link import keys
     from cohelm.link.messages import Mode
+    from cohelm.link.udp import PORT, address
     from cohelm.loop.loop import LoopParams
     from cohelm.ros.joy import joy_params
     from cohelm.ros.names import resolved
@@ -197,6 +198,8 @@ def robot(
             resolved(topic)  # report a malformed name before looking for a robot
     if dock and (mode or arrive):
         raise CohelmError("--dock is how to drive: leave out --mode and --arrive")
+    if listen is not None:
+        address(listen, PORT)
     made = robot_factory(options)
     masks = masks_on_topics(options, made)
     chosen_map, zones = map_and_zones(options, made, masks)
@@ -223,6 +226,7 @@ def robot(
     chosen = None
     if listen is None:
         chosen = mode_and_stick(made, mode, bool(joy and not dock), bool(goals_from))
+        goal_of(plan, chosen[0], arrive, dock)
     reset = ResetHere(Mode.HOLD if chosen is None else chosen[0], lambda text: say(plain(text)))
     topics_too = on_topics(made, config, lambda text: say(plain(text)), reset.ask)
     say(begins)

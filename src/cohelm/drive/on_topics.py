@@ -7,7 +7,7 @@ checks as one from the page, and an initial pose is accepted while the robot sta
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from typing import NamedTuple
 
@@ -25,6 +25,7 @@ from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap, gap_at
 from cohelm.ros.camera import Camera
 from cohelm.ros.clock import SimulatedClock
+from cohelm.ros.found import Found
 from cohelm.ros.goals import GOAL, ONCE, Goals, Placed
 from cohelm.ros.joy import JOY, JoyOperator, JoyParams
 from cohelm.ros.localized import MAP, NODE, PATH, POSE, Localized
@@ -189,16 +190,15 @@ class OnTopics:
         return ""
 
 
-@contextmanager
 def on_topics(
     robot: RobotFactory, config: TopicsConfig, say: Callable[[str], None],
     reset: Callable[[str, float], None] = lambda _name, _stamp: None,
-) -> Generator[OnTopics]:  # fmt: skip
+) -> AbstractContextManager[OnTopics]:  # fmt: skip
     """The topics of a robot as long as it is driven; nothing for a robot without ROS 2.
 
     say: shows a sentence to a person. reset: called with the topic of a reset request, and its time
-    by this machine's monotonic clock [s]. Raises CohelmError for options that need a ROS 2 robot,
-    or where the network can not be joined.
+    by this machine's monotonic clock [s]. Raises CohelmError at once for options that need a ROS 2
+    robot; entering it, where the network can not be joined.
     """
     make = robot.make if isinstance(robot, OwnRobot) else None
     if not isinstance(make, Ros2Make):
@@ -207,14 +207,22 @@ def on_topics(
                 "--map-frame, --no-tf, --goals-from, --initial-pose-from, --reset-from and --joy "
                 "are of a ROS 2 robot: add --ros2"
             )
-        yield OnTopics(None, None)
-        return
+        return nullcontext(OnTopics(None, None))
     found = make.found
     if config.frame in ("", found.odom, found.body):
         raise CohelmError(
             f"--map-frame {config.frame!r}: give a frame of its own, such as {MAP}, beside "
             f"{found.odom} and {found.body}"
         )
+    return _joined(found, config, say, reset)
+
+
+@contextmanager
+def _joined(
+    found: Found, config: TopicsConfig, say: Callable[[str], None],
+    reset: Callable[[str, float], None],
+) -> Generator[OnTopics]:  # fmt: skip
+    """The topics of a robot that was found, on its network."""
     for note in found.notes:
         say(note)
     space = found.topics.namespace

@@ -36,11 +36,7 @@ def drive_here(
 
     Raises CohelmError if something can not be started.
     """
-    number = dock_of(plan, dock)
-    if arrive and mode is Mode.HOLD:
-        raise CohelmError(
-            "in hold mode the robot stands, and does not arrive: name a site or another mode"
-        )
+    number = goal_of(plan, mode, arrive, dock)
     with Session(plan, operator, None if topics is None else topics.camera) as session:
         stop.handle_signals()
         clock = session.loop.gated.now
@@ -64,6 +60,15 @@ def drive_here(
             session.end(stop.reason or "the drive is over")
         summary = session.summary()
     return summary | session.record_summary()
+
+
+def goal_of(plan: SessionConfig, mode: Mode, arrive: bool, dock: str) -> int:
+    """The number of the dock to drive to; 0: none. CohelmError for a goal that is never reached."""
+    if arrive and mode is Mode.HOLD:
+        raise CohelmError(
+            "in hold mode the robot stands, and does not arrive: name a site or another mode"
+        )
+    return dock_of(plan, dock)
 
 
 def dock_of(plan: SessionConfig, name: str) -> int:
