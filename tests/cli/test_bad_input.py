@@ -310,6 +310,38 @@ def test_two_that_contradict_and_one_that_is_missing_are_named(cohelm, words, me
     refused(cohelm(*words), mend)
 
 
+BESIDE = "has no effect beside"
+WITHOUT = "has no effect without"
+
+
+@pytest.mark.parametrize(
+    ("words", "idle"),
+    [
+        (("stick", "--list", "--drive"), f"--drive {BESIDE} --list"),
+        (("stick", "--list", "--device", "s.csv", "--trial"), "--device and --trial have no"),
+        (("stick", "--drive", "--name", "sally"), f"--name {BESIDE} --drive"),
+        (("stick", "--drive", "--strongest", "20"), f"--strongest {WITHOUT} --trial"),
+        (("stick", "--trial", "--device", "brunner://a", "--k-s", "5"), f"--k-s {BESIDE} --trial"),
+        (("stick", "--trial", "--device", "brunner://a", "--drive"), f"--drive {BESIDE} --trial"),
+        (("station", "--replay", "r.mcap", "--name", "sally"), f"--name {BESIDE} --replay"),
+        (("drive", "sally", "--driver", "x:Y", "--twin"), f"--twin {BESIDE} --driver"),
+        (("drive", "sally", "--ros2", "--kinematic"), f"--kinematic {BESIDE} --ros2"),
+        (("robot", "--driver", "x:Y", "--kinematic"), f"--kinematic {BESIDE} --driver"),
+        (("calibrate", "sally", "--driver", "x:Y", "--scenario", "open"), f"--scenario {BESIDE}"),
+        (("robot", "--pictures", "9"), f"--pictures {WITHOUT} --record, --listen or --fox"),
+        (("filter", "--robot", "sally", "--json"), f"--json {WITHOUT} --print-config"),
+        (("map", "folder", "--scan-topic", "/scan"), "--scan-topic, --odom-topic and --robot are"),
+        (("campaign", "folder", "--replay", "1", "--jobs", "2"), f"--jobs {BESIDE} --replay"),
+        (("campaign", "random", "--cluster", "a:1", "--jobs", "2"), f"--jobs {BESIDE} --cluster"),
+    ],
+)  # fmt: skip
+def test_no_option_is_passed_over_in_silence(cohelm, tmp_path, words, idle):
+    (tmp_path / "folder").mkdir()
+    said = cohelm(*words)
+    refused(said, idle)
+    assert said.err.count("\n") == 1
+
+
 @pytest.mark.parametrize("wrong", ["footprint", "footprint_mm"])
 def test_a_mistyped_key_of_a_robot_file_is_named(cohelm, tmp_path, wrong):
     (tmp_path / "cart.yaml").write_text(ROBOT.replace("footprint_m", wrong))

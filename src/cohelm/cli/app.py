@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import sys
+from collections.abc import Iterable
 from types import FrameType
 from typing import Annotated, Any
 
@@ -51,6 +52,51 @@ class CommandLine(typer.Typer):
     def command(self, name: str | None = None, **options: Any) -> Any:
         """As of typer."""
         return super().command(name, cls=_Command, **options)
+
+
+def given(context: typer.Context) -> list[str]:
+    """The options on the command line, or in its parameter file, as they are typed."""
+    command: Any = context.command
+    found: list[str] = []
+    for one in command.params:
+        source: Any = context.get_parameter_source(one.name)
+        if one.param_type_name == "option" and source.name != "DEFAULT":
+            off = context.params[one.name] is False and one.secondary_opts
+            found.append((one.secondary_opts if off else one.opts)[0])
+    return found
+
+
+def idle_beside(context: typer.Context, option: str, *used: str) -> None:
+    """Raise CohelmError for other options than those in use beside this one: what is typed and has
+    no effect was meant otherwise."""
+    idle = [name for name in given(context) if name not in (option, *used)]
+    if idle:
+        raise CohelmError(f"{_listed(idle)} {_has(idle)} beside {option}: leave one of them out")
+
+
+def idle_together(context: typer.Context, beside: Iterable[str], *idle: str) -> None:
+    """Raise CohelmError for one of these options with which another has no effect."""
+    names = given(context)
+    for option in beside:
+        if option in names:
+            idle_beside(context, option, *(name for name in names if name not in idle))
+
+
+def idle_without(context: typer.Context, option: str, *needed: str) -> None:
+    """Raise CohelmError for an option that has an effect only with one of the others."""
+    names = given(context)
+    if option in names and not any(one in names for one in needed):
+        *others, last = needed
+        which = f"{', '.join(others)} or {last}" if others else last
+        raise CohelmError(f"{option} {_has([option])} without {which}: add that, or leave it out")
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join(names)
+
+
+def _has(names: list[str]) -> str:
+    return "has no effect" if len(names) == 1 else "have no effect"
 
 
 app = CommandLine(

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cohelm.cli.app import app, examples
+from cohelm.cli.app import app, examples, idle_together
 from cohelm.cli.drive_options import Twin
 from cohelm.cli.output import Json, named, plain, print_json, print_table, progress, say, starting
 from cohelm.cli.ros import Bridge, LockTimeout, TopicNames, Transports, on_ros
@@ -18,6 +18,7 @@ from cohelm.cli.ros import Bridge, LockTimeout, TopicNames, Transports, on_ros
     epilog=examples("cohelm calibrate sally", "cohelm calibrate my-robot.yaml --ros2 --floor 3")
 )
 def calibrate(
+    context: typer.Context,
     name: Annotated[str, typer.Argument(metavar="ROBOT", help="A shipped robot, or its file.")],
     scenario: Annotated[
         str, typer.Option(metavar="SCENARIO", help="Where a simulated robot stands.")
@@ -71,6 +72,7 @@ def calibrate(
     from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
     from cohelm.scenario.load import load_robot, parse
 
+    idle_together(context, ("--driver", "--ros2"), "--scenario", "--kinematic")
     file = Path(shipped_path(name) if name in SHIPPED else name)
     model = load_robot(name)
     before = out / "calibration.json"

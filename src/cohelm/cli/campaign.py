@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cohelm.cli.app import app, examples
+from cohelm.cli.app import app, examples, idle_together
 from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, progress, say
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     )
 )
 def campaign(
+    context: typer.Context,
     suite: Annotated[
         str,
         typer.Argument(
@@ -107,6 +108,8 @@ def campaign(
     """
     if importlib.util.find_spec("pyarrow") is None:
         raise missing("a campaign", "campaign")
+    idle_together(context, ("--replay", "--cluster"), "--jobs")
+    idle_together(context, ("--replay",), "--cluster")
     if replay is not None:
         _check_own(Path(suite), (law, compare, n, seed, data, plant, robot))
         _again(Path(suite), replay, out, as_json)

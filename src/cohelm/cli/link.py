@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cohelm.cli.app import CommandLine, app, examples
+from cohelm.cli.app import CommandLine, app, examples, idle_beside, idle_without
 from cohelm.cli.output import Json, plain, print_json, print_table, say
 
 pair = CommandLine(
@@ -105,6 +105,7 @@ def remove(
     )
 )
 def stick(
+    context: typer.Context,
     robot: Annotated[
         str | None,
         typer.Option(metavar="HOST[:PORT]", help="The robot to drive; it must be paired."),
@@ -152,13 +153,16 @@ def stick(
     from cohelm.link.sticks import choose
 
     if listing:
+        idle_beside(context, "--list")
         found = choose.listed()
         for line in found:
             print(line)
         if not found:
             say("no stick is here: plug one in, or name a Brunner stick or a file with --device")
         return
+    idle_without(context, "--strongest", "--trial")
     if trial:
+        idle_beside(context, "--trial", "--device", "--strongest")
         if device is None:
             raise CohelmError("--trial is of a Brunner stick: name it with --device brunner://HOST")
         from cohelm.link.sticks import trial as trials
@@ -174,6 +178,7 @@ def stick(
     from cohelm.link.udp import PORT, address
 
     if drive:
+        idle_beside(context, "--drive", "--robot", "--device", "--k-s")
         own, to = credentials_of_drive(robot)
     elif robot is None:
         raise CohelmError(

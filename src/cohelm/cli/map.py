@@ -124,9 +124,10 @@ def map_(
             "--remove-loop, --cut, --crop and --undo mark what an earlier mapping made: name its "
             "folder instead of a record"
         )
-    if earlier and (live or resume or localise or robot is not None):
+    if earlier and (live or resume or localise or robot is not None or topics != BagTopics()):
         raise CohelmError(
-            f"{record} is a folder: --live, --resume, --localise and --robot are for a record"
+            f"{record} is a folder: --live, --resume, --localise, --scan-topic, --odom-topic and "
+            "--robot are for a record"
         )
     folder = out or (record if earlier else Path("out/map"))
     with progress("starting") as bar:

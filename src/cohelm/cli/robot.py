@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cohelm.cli.app import app, examples
+from cohelm.cli.app import app, examples, idle_together, idle_without
 from cohelm.cli.drive_options import (
     CarryOn,
     Changes,
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     )
 )
 def robot(
+    context: typer.Context,
     name: RobotOrScenario = None,
     scenario: Site = None,
     driver: OwnDriver = None,
@@ -169,6 +170,8 @@ def robot(
     from cohelm.ros.joy import joy_params
     from cohelm.ros.names import resolved
 
+    idle_together(context, ("--driver", "--ros2"), "--kinematic")
+    idle_without(context, "--pictures", "--record", "--listen", "--foxglove")
     options = DriveOptions(
         name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver,
         on_ros(ros2, topics, transport, url, lock_timeout, masks_from, map_frame),
@@ -196,8 +199,10 @@ def robot(
     for topic in (*(goals_from or ()), initial_pose_from, joy, reset_from, *(masks_from or ())):
         if topic:
             resolved(topic)  # report a malformed name before looking for a robot
-    if dock and (mode or arrive):
-        raise CohelmError("--dock is how to drive: leave out --mode and --arrive")
+    if dock and (mode or arrive or goals_from):
+        raise CohelmError(
+            "--dock is how and where to drive: leave out --mode, --arrive and --goals-from"
+        )
     if listen is not None:
         address(listen, PORT)
     made = robot_factory(options)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cohelm.cli.app import app, examples
+from cohelm.cli.app import app, examples, idle_without
 from cohelm.cli.drive_options import RobotOrScenario, Seconds, Seed, Twin
 from cohelm.cli.output import Json, plain, print_json, say, starting
 from cohelm.cli.parameters import from_file
@@ -94,6 +94,7 @@ def on_ros(
     ),
 )
 def filter_(
+    context: typer.Context,
     robot: Annotated[
         str, typer.Option("--robot", metavar="MODEL", help="A shipped robot, or its YAML file.")
     ],
@@ -184,6 +185,7 @@ def filter_(
     from cohelm.ros.topics import Topics
     from cohelm.scenario.load import load_robot
 
+    idle_without(context, "--json", "--print-config")
     model = load_robot(robot)
     topics = Topics.named(
         namespace,

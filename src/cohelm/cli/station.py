@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cohelm.cli.app import app, examples
+from cohelm.cli.app import app, examples, idle_beside, idle_together
 from cohelm.cli.drive_options import (
     CarryOn,
     Changes,
@@ -65,6 +65,7 @@ InClear = Annotated[
     )
 )
 def station(
+    context: typer.Context,
     robot: Annotated[
         str | None,
         typer.Option(metavar="HOST[:PORT]", help="The robot to drive; it must be paired."),
@@ -99,6 +100,11 @@ def station(
             "name a robot (--robot HOST) or a record (--replay FILE); "
             "for a simulated robot on this machine: cohelm drive"
         )
+    if replay is not None:
+        idle_beside(
+            context, "--replay", "--host", "--port", "--tls", "--tls-cert", "--tls-key",
+            "--without-tls",
+        )  # fmt: skip
     files = _encryption(host, tls, tls_cert, tls_key, without_tls)
     connect = _recorded(replay) if replay is not None else _linked(robot or "", name)
     serve(connect, host, port, files)
@@ -113,6 +119,7 @@ def station(
     )
 )
 def drive(
+    context: typer.Context,
     name: RobotOrScenario = None,
     scenario: Site = None,
     twin: Annotated[
@@ -164,6 +171,7 @@ def drive(
     from cohelm.station.app import pages
     from cohelm.station.robot_link import Linked, RobotLink, StartingLink
 
+    idle_together(context, ("--driver", "--ros2"), "--twin", "--kinematic")
     files = _encryption(host, tls, tls_cert, tls_key, without_tls)
     if records.exists() and not records.is_dir():
         raise CohelmError(f"{records} is no folder: choose another with --records")
