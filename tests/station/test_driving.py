@@ -441,7 +441,8 @@ def test_on_a_phone_in_landscape_reset_and_route_are_not_covered(
     who(phone).get_by_role("button", name="Take over").wait_for()
     take(phone)
     phone.get_by_role("button", name="Stop the robot").tap()
-    expect(stopped(phone)).to_contain_text("stop by operator")  # by whom, as the page calls it
+    expect(stopped(phone)).to_contain_text("stop by you")
+    expect(stopped(page)).to_contain_text("stop by operator")  # as the page calls it
     who(page).get_by_role("button", name="Request control").click()
     names = ("Reset", "Hand over", "Keep", "Stop the robot")
     phone.get_by_role("button", name="Keep").wait_for()

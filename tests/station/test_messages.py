@@ -9,7 +9,15 @@ from pydantic import ValidationError
 
 from cohelm.core.types import Pose, Stick
 from cohelm.link.bulk_messages import LineKind, Polyline
-from cohelm.link.messages import Command, Device, Localised, Mode, RequestKind
+from cohelm.link.messages import (
+    Alarm,
+    Command,
+    Device,
+    Localised,
+    Mode,
+    RequestKind,
+    Severity,
+)
 from cohelm.station import typescript, view
 from cohelm.station.messages import Do, Request, Steer, from_page
 from tests.link.ends import STATUS
@@ -64,6 +72,22 @@ def test_a_command_that_the_link_does_not_have_is_refused(good: str, bad: str) -
     assert good in STEER
     with pytest.raises(ValidationError):
         from_page(STEER.replace(good, bad))
+
+
+def test_who_pressed_stop_is_named_as_the_page_calls_it_and_you_to_the_one_who_did() -> None:
+    names, lease = {2: "operator 1", 3: "operator 2"}, STATUS.lease
+    for number, by in ((2, "you"), (3, "operator 2"), (4, "desk (4)")):
+        said = f"reset first: stop by desk ({number})"
+        alarm = Alarm(1, Severity.ALARM, True, False, said)
+        status = STATUS._replace(
+            lease=lease._replace(you=2), stopped=said, why=said, alarms=(alarm,)
+        )  # fmt: skip
+        shown = view.named(status, names)
+        told = {shown.stopped, shown.why, shown.alarms[0].text}
+        assert told == {f"reset first: stop by {by}"}
+        assert view.persons(f"desk ({number}) pressed stop", 2, names) == f"{by} pressed stop"
+    replayed = STATUS._replace(lease=lease._replace(you=0, driver=0), stopped="stop by desk (2)")
+    assert view.named(replayed, {}).stopped == "stop by desk (2)"
 
 
 def test_what_is_not_known_is_null_for_the_page() -> None:

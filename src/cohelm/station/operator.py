@@ -89,7 +89,8 @@ class PageOperator:
                 continue
             del self._requested[number]
             if not answer.granted:
-                refused = page.Refused(what=what.replace("_", " "), why=answer.reason)
+                why = view.persons(answer.reason, self.client, self.names)
+                refused = page.Refused(what=what.replace("_", " "), why=why)
                 self._send(refused, number)
         for number, (only_check, sent) in list(self._proposed.items()):
             if not only_check and time.monotonic() - sent > ROUTE_WITHIN:

@@ -20,7 +20,8 @@ from cohelm.link.scans import WholeScan
 from cohelm.station import messages as page
 from cohelm.station.robot_link import ReplayLink
 
-_STOPPED_BY = re.compile(r"\bstop by [^()]* \((\d+)\)")
+_PERSON = re.compile(r"(?<=\bstop by )[^()]* \((\d+)\)|^[^()]* \((\d+)\)(?= pressed stop$)")
+"""Who pressed stop, as the robot has it: the certificate's name, and the client's number."""
 MOST_POINTS = 2000
 """Most rows of one array sent to a page; a longer line is thinned out."""
 
@@ -88,12 +89,22 @@ def who(lease: robot.Lease, names: dict[int, str], operators: list[str]) -> page
     )  # fmt: skip
 
 
+def persons(text: str, you: int, names: dict[int, str]) -> str:
+    """A text of the robot with the page's name of who pressed stop, in place of the certificate's
+    and the number. you: the number of the one who reads it. names: as `who` has them."""
+
+    def called(match: re.Match[str]) -> str:
+        number = int(match[1] or match[2])
+        return "you" if number == you else names.get(number) or match[0]
+
+    return _PERSON.sub(called, text)
+
+
 def named(status: robot.Status, names: dict[int, str]) -> robot.Status:
-    """With the page's name of who pressed stop, in place of the certificate's and the number.
-    names: as `who` has them."""
+    """With `persons` in its texts."""
 
     def shown(text: str) -> str:
-        return _STOPPED_BY.sub(lambda by: f"stop by {names.get(int(by[1])) or by[0][8:]}", text)
+        return persons(text, status.lease.you, names)
 
     alarms = tuple(alarm._replace(text=shown(alarm.text)) for alarm in status.alarms)
     return status._replace(stopped=shown(status.stopped), why=shown(status.why), alarms=alarms)
