@@ -10,7 +10,7 @@ from cohelm.drive.factory import simulated
 from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.shown import recordable
-from cohelm.link.bulk_messages import HealthReport, LineKind, Map, Polyline, Zone, ZoneMap
+from cohelm.link.bulk_messages import Alarms, HealthReport, LineKind, Map, Polyline, Zone, ZoneMap
 from cohelm.link.messages import Mode, RequestKind
 from cohelm.link.operator import Scripted
 from cohelm.link.rasters import drawable
@@ -75,6 +75,25 @@ def test_faults_reported_by_the_robot_reach_the_station(tmp_path):
     with Drive(tmp_path) as drive:
         drive.run(script())
     assert said[-1].faults == ("the bumper is pressed",)
+
+
+def test_every_alarm_reaches_the_station_whole(tmp_path):
+    said = []
+
+    def script():
+        anna = drive.station("anna")
+        yield from range(5)
+        for number in range(6):
+            drive.loop.alarms.on(f"trouble {number}", f"{number} " + 30 * "so long ")
+        for _ in range(10):
+            said.extend(m for m in anna.bulk.slots.values() if isinstance(m, Alarms))
+            yield
+
+    with Drive(tmp_path) as drive:
+        drive.run(script())
+    assert [one.text for one in said[-1].all][:6] == [
+        f"{number} " + 30 * "so long " for number in range(5, -1, -1)
+    ]
 
 
 @pytest.mark.parametrize("mode", [Mode.HOLD, Mode.AUTOMATIC])

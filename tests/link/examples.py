@@ -105,6 +105,7 @@ bulk_down = st.one_of(
     ),
     st.builds(b.Docks, listed(st.builds(b.DockPlace, texts(24), poses, single), 50)),
     st.builds(b.HealthReport, single, listed(texts(120), 16)),
+    st.builds(b.Alarms, listed(st.builds(b.WholeAlarm, of(m.Alarm), texts(400)), 32)),
     st.builds(b.Picture, long, clock, poses, st.binary(max_size=99)),
     st.builds(b.Records, listed(st.builds(b.RecordInfo, texts(128), huge, st.floats()), 9)),
     st.builds(b.Piece, texts(128), huge, st.binary(max_size=99)),

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Pose, Stick
+from cohelm.link import robot_end
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Command, Device, Discs, Mode, RequestKind, ScanPart
 from cohelm.link.robot_end import OperatorInput, RobotEnd
@@ -291,3 +292,19 @@ def test_the_latency_from_stick_to_loop_is_that_of_the_network(both):
         took.append(time.perf_counter() - began)
         both.robot.send_status(STATUS)
     assert sorted(took)[50] < 0.015
+
+
+def test_a_robot_of_another_version_is_refused_and_the_station_says_why(keys, monkeypatch):
+    robot_keys, station_keys = keys
+    written = robot_end.encode
+    monkeypatch.setattr(robot_end, "encode", lambda *of: b"\x08" + written(*of)[1:])
+    with (
+        RobotEnd(robot_keys, HERE, 0) as robot,
+        StationEnd(station_keys, HERE, robot.address[1]) as station,
+    ):
+        both = Both(robot, station)
+        until(lambda: "version 8" in station.state().why, turn=both.turn)
+        told = station.state()
+        assert not told.connected
+        assert "install the same cohelm on robot and station" in told.why
+        assert station.status() is None

@@ -110,8 +110,8 @@ def test_each_direction_accepts_only_its_own_messages():
 
 
 def test_another_protocol_version_is_reported():
-    with pytest.raises(Malformed, match="version 9"):
-        from_operator(b"\x09" + encode(HEADER, UPLINK)[1:])
+    with pytest.raises(Malformed, match="version 3 of the link's protocol, and 9 here: install"):
+        from_operator(b"\x03" + encode(HEADER, UPLINK)[1:])
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf"), 1.0001, -2.0])

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from cohelm.core.types import Pose, Stick
 from cohelm.link.bulk_messages import LineKind, Polyline
 from cohelm.link.messages import (
+    MOST_ALARMS,
     Alarm,
     Command,
     Device,
@@ -17,11 +18,14 @@ from cohelm.link.messages import (
     Mode,
     RequestKind,
     Severity,
+    Status,
 )
+from cohelm.link.wire import Header, encode, from_robot
 from cohelm.station import typescript, view
 from cohelm.station.messages import Do, Request, Steer, from_page
 from tests.link.ends import STATUS
 
+HEADER = Header(1, 1, 0.0, math.nan, 0.0)
 WEB = Path(__file__).parents[2] / "src" / "cohelm" / "station" / "web" / "src"
 
 
@@ -88,6 +92,36 @@ def test_who_pressed_stop_is_named_as_the_page_calls_it_and_you_to_the_one_who_d
         assert view.persons(f"desk ({number}) pressed stop", 2, names) == f"{by} pressed stop"
     replayed = STATUS._replace(lease=lease._replace(you=0, driver=0), stopped="stop by desk (2)")
     assert view.named(replayed, {}).stopped == "stop by desk (2)"
+
+
+LONG = "what an alarm says may take more than the sixty-four bytes of a status, " * 3
+
+
+def alarm(number: int, text: str = LONG) -> Alarm:
+    return Alarm(number, Severity.ALARM, True, False, text)
+
+
+def received(status: Status) -> Status:
+    """As it comes over the link."""
+    message = from_robot(encode(HEADER, status))[1]
+    assert isinstance(message, Status)
+    return message
+
+
+def test_alarms_are_shown_whole_and_all() -> None:
+    every = tuple(alarm(number, f"{number}: {LONG}") for number in range(9, 0, -1))
+    status = received(STATUS._replace(alarms=every))
+    assert len(status.alarms) == MOST_ALARMS
+    assert all(len(one.text.encode()) <= 64 for one in status.alarms)
+    assert view.whole(status, every).alarms == every
+
+
+def test_of_two_tidings_of_an_alarm_the_newer_is_shown() -> None:
+    """The status is: what is told of all alarms may have waited behind a picture."""
+    before = (alarm(3), alarm(2, "lost: no scan"), alarm(1, LONG))
+    status = received(STATUS._replace(alarms=(alarm(2, "lost"), alarm(3, f"now {LONG}"))))
+    assert view.whole(status, before).alarms == status.alarms
+    assert view.whole(status, ()).alarms == status.alarms
 
 
 def test_what_is_not_known_is_null_for_the_page() -> None:

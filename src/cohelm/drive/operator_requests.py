@@ -18,7 +18,8 @@ from cohelm.drive.rerouting import PathRequests, Rerouting, checker_of
 from cohelm.drive.session import Session
 from cohelm.drive.shown import NO_ZONES, detour, docks_message, map_message, reference_lines
 from cohelm.drive.station_publisher import StationPublisher
-from cohelm.link.bulk_messages import HealthReport, Map, Polyline, ZoneMap
+from cohelm.link.bulk_messages import Alarms, HealthReport, Map, Polyline, WholeAlarm, ZoneMap
+from cohelm.link.messages import Alarm
 from cohelm.link.rasters import drawable
 from cohelm.loop.loop import Loop
 from cohelm.plan.course import Course
@@ -60,6 +61,7 @@ class OperatorRequests:
         self._course: Course | None = None
         self._detour = detour(None)
         self._health: HealthReport | None = None
+        self._alarms: tuple[Alarm, ...] | None = None
         session.shown, session.watched = publisher.picture, lambda: publisher.watched
         for none in NO_ZONES:
             publisher.publish(none)
@@ -89,7 +91,11 @@ class OperatorRequests:
         self._records.close()
 
     def _publish_news(self, loop: Loop) -> None:
-        """Publish changes of the detour and of the robot's health."""
+        """Publish changes of the alarms, of the detour and of the robot's health."""
+        alarms = loop.alarms.worst()
+        if alarms != self._alarms:
+            self._alarms = alarms
+            self._publisher.publish(Alarms(tuple(WholeAlarm(one, one.text) for one in alarms)))
         pilot = loop.driver.pilot
         course = None if pilot is None else pilot.course
         if course is not self._course:

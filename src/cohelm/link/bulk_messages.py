@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cohelm.core.types import Pose
 from cohelm.link.codec import UpTo, array, blob, checked, reported, text, whole
 from cohelm.link.messages import (
+    Alarm,
     Answer,
     Discs,
     Long,
@@ -30,6 +31,8 @@ MOST_DOCKS = 50
 
 Huge = Annotated[int, whole("Q")]
 FileName = Annotated[str, text(128)]
+Whole = Annotated[str, text(400)]
+"""A text that no datagram has room for."""
 
 
 def _finite(points: NDArray[np.float64]) -> str:
@@ -137,6 +140,19 @@ class HealthReport(NamedTuple):
     faults: Annotated[tuple[Annotated[str, text(120)], ...], UpTo(16)]
 
 
+class WholeAlarm(NamedTuple):
+    """An alarm, and its text, of which a status has only the beginning."""
+
+    alarm: Alarm
+    text: Whole
+
+
+class Alarms(NamedTuple):
+    """Bulk: all alarms, the worst first; sent at every change."""
+
+    all: Annotated[tuple[WholeAlarm, ...], UpTo(32)]
+
+
 class Picture(NamedTuple):
     """Bulk: one picture of the camera; a newer one replaces one not sent yet."""
 
@@ -215,8 +231,8 @@ class Fetch(NamedTuple):
 
 FromOperator: TypeAlias = Uplink | Waypoints | Fetch
 FromRobot: TypeAlias = (
-    Status | ScanPart | Discs | Hello | Polyline | Map | ZoneMap | Docks | HealthReport | Picture
-    | Records | Piece | Digest | Checked
+    Status | ScanPart | Discs | Hello | Polyline | Map | ZoneMap | Docks | HealthReport | Alarms
+    | Picture | Records | Piece | Digest | Checked
 )  # fmt: skip
 Message: TypeAlias = FromOperator | FromRobot
 """What may go either way."""

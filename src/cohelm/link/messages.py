@@ -27,6 +27,8 @@ MOST_BEAMS = 500
 """Beams in one ScanPart."""
 MOST_ANSWERS = 3
 """Answers in one Status."""
+MOST_ALARMS = 4
+"""Alarms in one Status."""
 
 Byte = Annotated[int, whole("B")]
 Short = Annotated[int, whole("H")]
@@ -299,8 +301,8 @@ class Status(NamedTuple):
     dock: Byte
     """At which dock, as `Docks` has them, from 1; 0: at none."""
     timing: TimingReport
-    alarms: Annotated[tuple[Alarm, ...], UpTo(4)]
-    """The worst first, at most 4."""
+    alarms: Annotated[tuple[Alarm, ...], UpTo(MOST_ALARMS)]
+    """The worst first, at most `MOST_ALARMS` and cut; the station adds the others, whole."""
     answers: Annotated[tuple[Answer, ...], UpTo(MOST_ANSWERS)]
     """To requests that this client repeats, at most 3, by turns where there are more; without any,
     to the newest. A stop up to the largest number is done."""

@@ -7,6 +7,7 @@ from typing import Annotated, Any, NamedTuple
 
 from cohelm.link.bulk_messages import (
     LARGEST_BULK,
+    Alarms,
     Checked,
     Digest,
     Docks,
@@ -28,7 +29,7 @@ from cohelm.link.bulk_messages import (
 from cohelm.link.codec import Malformed, Reader, WireField, layout, reported
 from cohelm.link.messages import Discs, Long, RequestKind, ScanPart, Status, Time, Uplink
 
-VERSION = 8
+VERSION = 9
 LARGEST = 1150
 """Bytes of a datagram's message; with DTLS, UDP and IPv6 around it, below 1280 (RFC 8200)."""
 _REQUESTS_AT, _REQUEST_SIZE, _WHAT_AT = 50, 15, 4
@@ -55,7 +56,7 @@ UP: Mapping[int, type[Any]] = {1: Uplink, 2: Waypoints, 4: Fetch}
 _DOWN: Mapping[int, type[Any]] = {
     64: Status, 65: ScanPart, 66: Discs,
     96: Hello, 97: Polyline, 98: Map, 99: HealthReport, 100: Picture, 102: Records, 103: Piece,
-    104: Checked, 105: Digest, 106: ZoneMap, 107: Docks,
+    104: Checked, 105: Digest, 106: ZoneMap, 107: Docks, 108: Alarms,
 }  # fmt: skip
 LAYOUTS: Mapping[int, tuple[type[Any], WireField[Any]]] = {
     kind: (of, layout(of)) for kind, of in {**UP, **_DOWN}.items()
@@ -108,7 +109,10 @@ def _decoded(data: bytes, up: bool, bulk: bool) -> tuple[Header, Any]:
     reader = Reader(bytes(data))
     version, kind = reader.take(2)
     if version != VERSION:
-        raise Malformed(f"version {version} of the protocol; this end speaks {VERSION}")
+        raise Malformed(
+            f"version {version} of the link's protocol, and {VERSION} here: install the same "
+            "cohelm on robot and station"
+        )
     if kind not in LAYOUTS or (kind in UP) != up or (kind in _DATAGRAM_KINDS) == bulk:
         raise Malformed(f"a message of kind {kind} does not belong here")
     header = _HEADER.read(reader)

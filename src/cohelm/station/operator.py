@@ -65,6 +65,8 @@ class PageOperator:
         self._outbox = Outbox()
         self._published: dict[object, str | bytes] = {}
         self._status: robot.Status | None = None
+        self._alarms: tuple[robot.Alarm, ...] = ()
+        """All alarms, whole, as they were told last."""
         self._stamp = self._status_at = 0.0
         """The robot's clock, and ours, when the newest status was true [s]."""
         self._shown: object = None
@@ -118,6 +120,9 @@ class PageOperator:
                 self._publish(message, view.zones(message))
             case bulk.Checked():
                 self._checked(message)
+            case bulk.Alarms():
+                self._alarms = tuple(one.alarm._replace(text=one.text) for one in message.all)
+                self._shown = None
             case _:
                 if isinstance(message, page.FROM_ROBOT):
                     self._publish(message, view.shown(message))
@@ -280,7 +285,7 @@ class PageOperator:
         if status is not self._shown:
             self._shown, self._state_at = status, now
             age = now - self._status_at
-            named = view.named(status, self.names)
+            named = view.named(view.whole(status, self._alarms), self.names)
             self._outbox.put("state", view.shown(named, stamp=self._stamp, age=age))
         everybody = view.who(status.lease, self.names, self.others)
         self._outbox.put("who", everybody.model_dump_json(), changed_only=True)

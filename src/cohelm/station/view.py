@@ -89,6 +89,24 @@ def who(lease: robot.Lease, names: dict[int, str], operators: list[str]) -> page
     )  # fmt: skip
 
 
+def whole(status: robot.Status, alarms: tuple[robot.Alarm, ...]) -> robot.Status:
+    """With its alarms' whole texts, and with those for which it has no room. alarms: all of them,
+    as they were told last; what the status says is newer."""
+    told = {alarm.number: alarm for alarm in alarms}
+
+    def text(alarm: robot.Alarm) -> str:
+        known = told.get(alarm.number, alarm).text
+        cut = alarm.text.endswith("…") and known.startswith(alarm.text[:-1])
+        return known if cut else alarm.text
+
+    worst = tuple(alarm._replace(text=text(alarm)) for alarm in status.alarms)
+    if len(worst) < robot.MOST_ALARMS:
+        return status._replace(alarms=worst)
+    numbers = {alarm.number for alarm in worst}
+    more = tuple(alarm for alarm in alarms if alarm.number not in numbers)
+    return status._replace(alarms=worst + more)
+
+
 def persons(text: str, you: int, names: dict[int, str]) -> str:
     """A text of the robot with the page's name of who pressed stop, in place of the certificate's
     and the number. you: the number of the one who reads it. names: as `who` has them."""

@@ -243,7 +243,7 @@ export interface StatusFields {
   /** At which dock, as `Docks` has them, from 1; 0: at none. */
   dock: number
   timing: TimingReport
-  /** The worst first, at most 4. */
+  /** The worst first, at most `MOST_ALARMS` and cut; the station adds the others, whole. */
   alarms: Array<Alarm>
   /** To requests that this client repeats, at most 3, by turns where there are more; without any, to the newest. A stop up to the largest number is done. */
   answers: Array<Answer>
