@@ -1,7 +1,9 @@
 // The alarms, the worst first, each with a button to acknowledge it.
+import { signal } from '@preact/signals'
 import type { Alarm } from '../messages'
 import { send } from '../socket'
 import * as s from '../state'
+import { useEscape } from './escape'
 import { mergeAlarms, type ShownAlarm } from './mergeAlarms'
 import { resumeHint, notArmedReason, noEffectReason } from '../input/drive'
 
@@ -43,27 +45,78 @@ function localAlarms(): ShownAlarm[] {
   return out
 }
 
+/** Whether all alarms are shown, over what is below. */
+const open = signal(false)
+const SMALL = matchMedia('(max-width: 820px), (max-height: 500px)')
+const LOW = matchMedia('(max-height: 600px)')
+/** On a small screen a longer text is cut. */
+const LONG = 60
+
+/** How many alarms there is room for, so that what drives the robot keeps its place. */
+function room(): number {
+  return !SMALL.matches ? 4 : LOW.matches ? 1 : 2
+}
+
 export function Alarms() {
+  void s.clock.value // the screen may have been turned
   const all: ShownAlarm[] = [...localAlarms(), ...mergeAlarms(s.state.value?.alarms ?? [])]
   const order = { alarm: 0, warning: 1, notice: 2 }
   all.sort((a, b) => order[a.severity] - order[b.severity])
   if (all.length === 0) return <div class="alarms" role="status" aria-label="Alarms">No alarms</div>
+  const shown = all.slice(0, room())
+  const hidden = all.length - shown.length
+  const cut = SMALL.matches && shown.some((alarm) => alarm.text.length > LONG)
   return (
     <div class="alarms" role="alert" aria-label="Alarms">
-      {all.map((alarm) => (
-        <div key={alarm.number} class={`alarm ${alarm.severity} ${alarm.active ? '' : 'gone'}`}>
-          <span aria-hidden="true">{MARK[alarm.severity]}</span>
-          <span>
-            {alarm.text}
-            {!alarm.active && ' (cleared)'}
-          </span>
-          {!alarm.local && !alarm.acknowledged && (
-            <button type="button" onClick={() => alarm.all.forEach((value) => send({ type: 'do', what: 'acknowledge', value }))}>
-              Acknowledge
-            </button>
-          )}
-        </div>
-      ))}
+      {shown.map((alarm) => <Row key={alarm.number} alarm={alarm} />)}
+      {(hidden > 0 || cut) && (
+        <button type="button" class="more" aria-expanded={open.value} onClick={() => (open.value = true)}>
+          {hidden > 0 ? `${hidden} more` : 'In full'}
+        </button>
+      )}
+      {open.value && (hidden > 0 || cut) && <All alarms={all} />}
     </div>
   )
+}
+
+function Row({ alarm }: { alarm: ShownAlarm }) {
+  return (
+    <div class={`alarm ${alarm.severity} ${alarm.active ? '' : 'gone'}`}>
+      <span aria-hidden="true">{MARK[alarm.severity]}</span>
+      <span>
+        {alarm.text}
+        {!alarm.active && ' (cleared)'}
+      </span>
+      {toAcknowledge(alarm) && <button type="button" onClick={() => acknowledge([alarm])}>Acknowledge</button>}
+    </div>
+  )
+}
+
+/** All of them, whole; STOP stays free above. */
+function All({ alarms }: { alarms: ShownAlarm[] }) {
+  const close = () => (open.value = false)
+  useEscape(close)
+  const unseen = alarms.filter(toAcknowledge)
+  return (
+    <div class="all-alarms" role="dialog" aria-label="All alarms">
+      <div class="row">
+        <button type="button" onClick={close}>Close</button>
+        {unseen.length > 1 && <button type="button" onClick={() => acknowledge(unseen)}>Acknowledge all</button>}
+      </div>
+      {alarms.map((alarm) => <Row key={alarm.number} alarm={alarm} />)}
+    </div>
+  )
+}
+
+function toAcknowledge(alarm: ShownAlarm): boolean {
+  return !alarm.local && !alarm.acknowledged
+}
+
+/** The link carries so many requests at once. */
+const AT_ONCE = 8
+
+/** Those alone, and not one that comes meanwhile. */
+function acknowledge(alarms: ShownAlarm[]): void {
+  const numbers = alarms.flatMap((alarm) => alarm.all).slice(0, AT_ONCE)
+  numbers.forEach((value) => send({ type: 'do', what: 'acknowledge', value }))
 }

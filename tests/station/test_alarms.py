@@ -1,0 +1,93 @@
+"""Alarms on the page: all of them, whole, and none over what drives the robot."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from cohelm.link.bulk_messages import Alarms, WholeAlarm
+from cohelm.link.messages import Alarm, Mode, RequestKind, Severity
+from tests.link.ends import STATUS, until
+from tests.station.bare import Bare
+from tests.station.person import alarms, take
+from tests.station.servers import served
+
+LONG = (
+    "the odometry comes 5.0 s from the future: a clock jumped; if it stays so, set both clocks "
+    "(chrony, ntp) and start again"
+)
+ALL = tuple(
+    Alarm(number, Severity.ALARM, True, False, f"{number}. {LONG}") for number in range(7, 0, -1)
+)
+
+
+def troubled(folder: Path, count: int) -> Bare:
+    told = ALL[:count]
+    robot = Bare(folder, STATUS._replace(mode=Mode.SHARED, alarms=told))
+    robot.bulk.publish(Alarms(tuple(WholeAlarm(one, one.text) for one in told)))
+    return robot
+
+
+@pytest.fixture
+def phones(browser: Browser) -> Iterator[BrowserContext]:
+    made = browser.new_context(is_mobile=True, has_touch=True)
+    yield made
+    made.close()
+
+
+def overlap(page: Page, one: str, other: str) -> bool:
+    a, b = page.locator(one).bounding_box(), page.locator(other).bounding_box()
+    assert a is not None
+    assert b is not None
+    apart_x = a["x"] + a["width"] <= b["x"] or b["x"] + b["width"] <= a["x"]
+    apart_y = a["y"] + a["height"] <= b["y"] or b["y"] + b["height"] <= a["y"]
+    return not (apart_x or apart_y)
+
+
+PADS = (".pad.x", ".pad.psi")
+
+
+def test_on_small_phones_long_alarms_do_not_push_the_modes_under_the_pads(
+    tmp_path: Path, phones: BrowserContext
+) -> None:
+    with troubled(tmp_path, 2) as robot, served(robot.connect) as server:
+        page = phones.new_page()
+        page.set_viewport_size({"width": 320, "height": 568})
+        page.goto(server.address)
+        take(page)
+        for width, height in ((320, 568), (740, 330), (667, 330), (390, 780)):
+            page.set_viewport_size({"width": width, "height": height})
+            expect(alarms(page).get_by_role("button", name="more")).to_be_visible()
+            for under in (".segments", ".modes input", ".station nav", ".stop-button", ".alarms"):
+                for pad in PADS:
+                    assert not overlap(page, pad, under), (width, height, pad, under)
+            room = page.locator("#map").bounding_box()
+            assert room is not None
+            assert room["height"] > 80, (width, height)
+            alarms(page).get_by_role("button", name="more").tap()
+            every = page.get_by_role("dialog", name="All alarms")
+            expect(every).to_contain_text(f"7. {LONG}")
+            expect(every).to_contain_text(f"6. {LONG}")
+            for free in (*PADS, ".stop-button"):
+                assert not overlap(page, ".all-alarms", free), (width, height, free)
+            every.get_by_role("button", name="Close").tap()
+            expect(every).to_be_hidden()
+
+
+def test_more_alarms_than_there_is_room_for_are_counted_and_can_be_seen_and_acknowledged(
+    tmp_path: Path, context: BrowserContext
+) -> None:
+    with troubled(tmp_path, 7) as robot, served(robot.connect) as server:
+        page = context.new_page()
+        page.goto(server.address)
+        expect(alarms(page)).to_contain_text(f"7. {LONG}")
+        expect(alarms(page)).not_to_contain_text("3. ")
+        alarms(page).get_by_role("button", name="3 more").click()
+        every = page.get_by_role("dialog", name="All alarms")
+        for alarm in ALL:
+            expect(every).to_contain_text(alarm.text)
+        every.get_by_role("button", name="Acknowledge all").click()
+        page.keyboard.press("Escape")
+        expect(every).to_be_hidden()
+        until(lambda: robot.requests.count(RequestKind.ACKNOWLEDGE) == 7)
