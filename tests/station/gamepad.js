@@ -46,5 +46,11 @@
       pad = null
     },
   }
-  navigator.getGamepads = () => [null, pad, null, null]
+  // another gamepad: window.otherPad, with axes and buttons as they lie; it was there before
+  window.otherPad = null
+  window.layOther = (axes, pressed = []) => {
+    const buttons = Array.from({ length: 17 }, (_, i) => ({ pressed: pressed.includes(i), touched: false, value: 0 }))
+    window.otherPad = { id: 'Other pad', index: 1, connected: true, mapping: '', timestamp: performance.now(), axes, buttons }
+  }
+  navigator.getGamepads = () => [null, pad, window.otherPad, null]
 })()

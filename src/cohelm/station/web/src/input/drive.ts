@@ -3,7 +3,7 @@ import { computed, effect, signal } from '@preact/signals'
 import { keep, kept } from '../kept'
 import { newestBeatMs, send, stop } from '../socket'
 import * as s from '../state'
-import { padResumes, padStops, readPad, resumeButtonName, rumble } from './gamepad'
+import { padResumes, padStops, readPad, resumeButtonName, rumble, takeUp } from './gamepad'
 import { due, hint, next, NO_PRESS, pressed } from './resume'
 import { keysHeld, listenToKeys, readKeys, releaseKeys, takesSpace } from './keyboard'
 import type { Command, Do } from '../messages'
@@ -52,6 +52,8 @@ export const resumeHint = signal('')
 let n = 0
 let arming: Arming = 'absent'
 let drove = false
+/** Whether the gamepad was centred since it is there: else nobody's hand deflects it. */
+let padRested = false
 let press = NO_PRESS
 /** The mode the person last drove in. */
 let lastMode = ''
@@ -68,8 +70,10 @@ export function startDriving(): void {
     if (event.code === 'Space' && !takesSpace(event.target)) event.preventDefault()
   })
   // a browser reports a gamepad when one of its buttons is pressed: the operator wants to use it
-  addEventListener('gamepadconnected', () => {
-    if (command.value.valid && deflected(stick.value)) return
+  addEventListener('gamepadconnected', ({ gamepad }) => {
+    if (steering(stick.value)) return
+    takeUp(gamepad.index)
+    padRested = false
     choose('gamepad')
   })
   setInterval(() => poll(performance.now()), PERIOD_MS)
@@ -149,12 +153,20 @@ function inactiveReason(): string {
   return ''
 }
 
-/** Select the device that the operator began to use; the present one is kept while deflected. */
+/** Whether the device in use steers by this reading; one that lies on its side and was not centred does not. */
+function steering(reading: Reading): boolean {
+  return arming === 'armed' && deflected(reading)
+}
+
+/** Select the device that the operator began to use; the present one is kept while it steers. */
 function pick(readings: Record<Device, Reading>): void {
-  if (deflected(readings[device.value])) return
+  const { gamepad } = readings
+  if (typeof gamepad === 'string') padRested = false
+  else padRested ||= centred(gamepad, IN_USE)
+  if (steering(readings[device.value])) return
   if (keysHeld()) begin('keyboard')
   else if (deflected(touched.value)) begin('touch')
-  else if (deflected(readings.gamepad)) begin('gamepad')
+  else if (padRested && deflected(gamepad)) begin('gamepad')
   else if (device.value === 'none') begin(first(readings))
 }
 

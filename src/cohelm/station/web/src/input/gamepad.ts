@@ -6,25 +6,53 @@ import { lastChange, NO_CHANGE, shaped, silentFor, type LastChange, type Reading
 let stopHeld = new Set<number>()
 let changed: LastChange = NO_CHANGE
 
-/** The first pad that is plugged in, or null. */
-export function pad(): Gamepad | null {
-  for (const one of navigator.getGamepads()) if (one?.connected) return one
-  return null
+/** Index of the pad that is used; null: none was yet. */
+let inUse: number | null = null
+/** The pads of which a button is held. */
+let pressing = new Set<number>()
+
+export function pads(): Gamepad[] {
+  return navigator.getGamepads().filter((one): one is Gamepad => one?.connected === true)
 }
+
+/** Use this pad, and no other until it is taken up. */
+export function takeUp(index: number): void {
+  inUse = index
+}
+
+/** The pad that is used, at first the first one; null: it is unplugged. No other takes its place by itself: in the
+ * middle of a drive it would steer as it lies. */
+export function pad(): Gamepad | null {
+  const all = pads()
+  inUse ??= all[0]?.index ?? null
+  return all.find((one) => one.index === inUse) ?? null
+}
+
+/** In place of one that is unplugged, the pad of which a button is pressed. */
+function takeUpPressed(): void {
+  const held = new Set(pads().filter((one) => one.buttons.some((button) => button.pressed)).map((one) => one.index))
+  const fresh = [...held].find((index) => !pressing.has(index))
+  if (fresh !== undefined && pad() === null) inUse = fresh
+  pressing = held
+}
+
+const GONE = 'the gamepad is disconnected'
 
 /** now: [ms]. A gamepad that stays deflected without any change counts as disconnected. */
 export function readPad(now: number): Reading {
   const one = pad()
+  takeUpPressed() // read from the next time on: it is not armed before
   const set = settings.value
   const fore = one?.axes[set.foreAft]
   const left = one?.axes[set.leftRight]
   changed = lastChange(changed, one, now)
-  if (one === null || fore === undefined || left === undefined) return 'the gamepad is disconnected'
+  if (one === null) return pads().length === 0 ? GONE : `${GONE}; press a button of the one that you take up`
+  if (fore === undefined || left === undefined) return 'the gamepad has no such axis: see Stick settings'
   const x = shaped(set.foreAftTurned ? -fore : fore, set)
   const psi = shaped(set.leftRightTurned ? -left : left, set)
   const silent = silentFor(changed, x !== 0 ? fore : 0, psi !== 0 ? left : 0, now)
   if (silent > 0) return `the gamepad has sent nothing new for ${silent} s: centre its stick`
-  return Number.isFinite(fore) && Number.isFinite(left) ? [x, psi] : 'the gamepad is disconnected'
+  return Number.isFinite(fore) && Number.isFinite(left) ? [x, psi] : GONE
 }
 
 /** Whether the stop button of any gamepad was pressed since the last call. */

@@ -1,7 +1,7 @@
 // Mode, speed and stick settings.
 import { signal } from '@preact/signals'
 import { choose, device, speedScale } from '../input/drive'
-import { pad } from '../input/gamepad'
+import { pad, pads, takeUp } from '../input/gamepad'
 import { change, DEFAULTS, settings } from '../input/settings'
 import { DEVICE_NAMES, type Device } from '../input/stick'
 import { routeTo } from '../map/view'
@@ -95,6 +95,17 @@ function RoutesToDocks() {
   )
 }
 
+function WhichPad() {
+  const take = (index: number) => { takeUp(index); choose('gamepad') }
+  return (
+    <label>gamepad
+      <select value={pad()?.index} onChange={(e) => take(Number(e.currentTarget.value))}>
+        {pads().map((one) => <option key={one.index} value={one.index}>{one.index + 1}: {one.id}</option>)}
+      </select>
+    </label>
+  )
+}
+
 function StickSettings() {
   useEscape(() => (open.value = false))
   const set = settings.value
@@ -122,7 +133,7 @@ function StickSettings() {
           {(['keyboard', 'gamepad', 'touch'] as const).map((d) => <option key={d} value={d}>{DEVICE_NAMES[d]}</option>)}
         </select>
       </label>
-      <p>{pad()?.id ?? 'No gamepad; plug one in and press a button on it.'}</p>
+      {pads().length > 1 ? <WhichPad /> : <p>{pad()?.id ?? 'No gamepad; plug one in and press a button on it.'}</p>}
       {axis('foreAft', 'fore-aft')}{tick('foreAftTurned', 'inverted')}
       {axis('leftRight', 'left-right')}{tick('leftRightTurned', 'inverted')}
       {slide('deadBand', 'dead band', 0, 0.5)}{slide('curve', 'expo (fine near the centre)', 0, 1)}

@@ -1,0 +1,100 @@
+"""What the page makes of gamepads, keys and fingers, and sends; no robot drives."""
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import BrowserContext, Page, expect
+
+from cohelm.link.messages import Arming, Command
+from cohelm.station.serve import Server
+from tests.link.ends import STATUS, until
+from tests.station.bare import Bare
+from tests.station.person import device, release, take
+from tests.station.servers import served
+
+PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bare]:
+    """A robot that always says that it has the stick."""
+    with Bare(tmp_path_factory.mktemp("records"), STATUS._replace(arming=Arming.ARMED)) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def server(bare: Bare) -> Iterator[Server]:
+    with served(bare.connect) as made:
+        yield made
+
+
+def sent(bare: Bare) -> Command:
+    """The driver's newest command."""
+    command = bare.end.receive().command
+    assert command is not None
+    return command
+
+
+def commanded(bare: Bare, right: Callable[[Command], bool]) -> None:
+    until(lambda: bare.end.receive().command is not None and right(sent(bare)))
+
+
+@pytest.fixture
+def driver(context: BrowserContext, server: Server) -> Iterator[Page]:
+    """The page of a driver, with a gamepad to plug in."""
+    page = context.new_page()
+    page.add_init_script(PAD)
+    page.goto(server.address)
+    take(page)
+    yield page
+    release(page)
+
+
+def test_of_two_gamepads_the_other_does_not_steer_when_one_is_unplugged(
+    bare: Bare, driver: Page
+) -> None:
+    driver.evaluate("layOther([-1, 0, 0, 0])")  # on the table, on its side
+    driver.evaluate("testPad.plug()")
+    expect(device(driver)).to_contain_text("gamepad: ready")
+    driver.evaluate("testPad.unplug()")
+    expect(device(driver)).to_contain_text("the gamepad is disconnected")
+    assert sent(bare).stick == (0.0, 0.0)
+    assert not sent(bare).valid
+    # it is taken up by a button, and steers once it was centred
+    driver.evaluate("layOther([-1, 0, 0, 0], [3])")
+    expect(device(driver)).to_contain_text("release it to the centre")
+    driver.evaluate("layOther([0, 0, 0, 0])")
+    expect(device(driver)).to_contain_text("gamepad: ready")
+    driver.evaluate("layOther([-1, 0, 0, 0])")
+    commanded(bare, lambda one: one.armed and one.stick.psi == 1.0)
+    driver.evaluate("layOther([0, 0, 0, 0])")
+
+
+def test_a_gamepad_that_lies_on_its_side_does_not_keep_keys_and_another_gamepad_from_steering(
+    bare: Bare, driver: Page
+) -> None:
+    """Its stick trembles as under a hand, so that it does not count as silent."""
+    lie = "setInterval(lie = () => layOther([-1 + 0.01 * Math.random(), 0, 0, 0]), 50); lie()"
+    driver.add_init_script(lie)
+    driver.reload()
+    expect(device(driver)).to_contain_text("gamepad: release it to the centre first")
+    driver.keyboard.down("ArrowUp")
+    commanded(bare, lambda one: one.armed and one.stick == (1.0, 0.0))
+    driver.keyboard.up("ArrowUp")
+    commanded(bare, lambda one: one.armed and one.valid and one.stick == (0.0, 0.0))
+    driver.wait_for_timeout(200)
+    assert sent(bare).armed
+    driver.evaluate("testPad.plug()")
+    expect(device(driver)).to_contain_text("gamepad: ready")
+    # in the settings it can be given back, and is waited for again
+    driver.get_by_role("button", name="Stick settings").click()
+    which = driver.locator("label", has_text=re.compile("^gamepad")).get_by_role("combobox")
+    which.select_option("2: Other pad")
+    expect(device(driver)).to_contain_text("gamepad: release it to the centre first")
+    which.select_option("1: Test pad")
+    expect(device(driver)).to_contain_text("gamepad: ready")
+    driver.evaluate("testPad.hold(1, 0)")
+    commanded(bare, lambda one: one.armed and one.stick.x > 0.9 and one.stick.psi == 0.0)
+    driver.evaluate("testPad.deflect(0, 0)")
