@@ -98,3 +98,44 @@ def test_a_gamepad_that_lies_on_its_side_does_not_keep_keys_and_another_gamepad_
     driver.evaluate("testPad.hold(1, 0)")
     commanded(bare, lambda one: one.armed and one.stick.x > 0.9 and one.stick.psi == 0.0)
     driver.evaluate("testPad.deflect(0, 0)")
+
+
+def finger(number: int, x: float, y: float) -> dict[str, float]:
+    return {"id": number, "x": x, "y": y}
+
+
+def test_a_second_finger_on_a_pad_neither_moves_nor_releases_it(
+    bare: Bare, browser_phone: BrowserContext, server: Server
+) -> None:
+    phone = browser_phone.new_page()
+    phone.goto(server.address)
+    take(phone)
+    box = phone.get_by_label("Left and right").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    touch = browser_phone.new_cdp_session(phone)
+
+    def fingers(what: str, *points: dict[str, float]) -> None:
+        touch.send("Input.dispatchTouchEvent", {"type": what, "touchPoints": list(points)})
+
+    fingers("touchStart", finger(1, x - 42, y))
+    commanded(bare, lambda one: one.armed and one.stick.psi == 1.0)
+    fingers("touchStart", finger(1, x - 42, y), finger(2, x + 42, y))
+    fingers("touchMove", finger(1, x - 42, y), finger(2, x + 45, y))
+    phone.wait_for_timeout(200)
+    assert sent(bare).stick.psi == 1.0
+    fingers("touchMove", finger(1, x - 42, y))
+    phone.wait_for_timeout(200)
+    assert sent(bare).stick.psi == 1.0
+    fingers("touchEnd")
+    commanded(bare, lambda one: one.stick.psi == 0.0)
+    release(phone)
+
+
+def test_a_menu_over_the_page_lets_go_of_the_keys(bare: Bare, driver: Page) -> None:
+    """While it is open, the page does not hear that a key is released."""
+    driver.keyboard.down("ArrowUp")
+    commanded(bare, lambda one: one.stick.x == 1.0)
+    driver.evaluate("dispatchEvent(new MouseEvent('contextmenu'))")
+    commanded(bare, lambda one: one.stick.x == 0.0)
+    driver.keyboard.up("ArrowUp")

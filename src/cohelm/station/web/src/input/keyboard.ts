@@ -55,6 +55,11 @@ export function listenToKeys(): void {
   })
   addEventListener('keyup', (event) => held.delete(event.code))
   addEventListener('blur', releaseKeys)
+  // an open menu or list keeps to itself that a key is released
+  addEventListener('contextmenu', releaseKeys)
+  addEventListener('focusin', ({ target }) => {
+    if (target instanceof HTMLSelectElement) releaseKeys()
+  })
 }
 
 /** As if no key were down. */

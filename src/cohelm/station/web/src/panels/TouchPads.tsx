@@ -31,25 +31,36 @@ function Pad({ axis, label }: { axis: 0 | 1; label: string }) {
   const upright = axis === 0
   const value = touched.value[axis]
   const since = useRef(releases)
+  /** The finger that moves it: the first one. */
+  const finger = useRef<number | null>(null)
   const drag = (event: PointerEvent) => {
     const pad = event.currentTarget as HTMLElement
-    if (!pad.hasPointerCapture(event.pointerId) || since.current !== releases) return
+    const { pointerId } = event
+    if (pointerId !== finger.current || !pad.hasPointerCapture(pointerId) || since.current !== releases) return
     const box = pad.getBoundingClientRect()
     const half = (upright ? box.height : box.width) / 2 - 24
     const from = upright ? box.top + box.height / 2 - event.clientY : box.left + box.width / 2 - event.clientX
     touch(axis, clamp(from / half, -1, 1))
   }
-  const release = () => touch(axis, 0)
+  const release = (event: PointerEvent) => {
+    if (event.pointerId !== finger.current) return
+    finger.current = null
+    touch(axis, 0)
+  }
   const shift = upright ? `translateY(${-value * 42}px)` : `translateX(${-value * 42}px)`
   return (
     <div
       class={`pad ${upright ? 'x' : 'psi'}`} role="slider" aria-label={label} aria-valuemin={-100} aria-valuemax={100}
       aria-valuenow={Math.round(value * 100)}
       onPointerDown={(event) => {
+        const first = finger.current
+        if (event.button !== 0 || (first !== null && event.currentTarget.hasPointerCapture(first))) return
         event.currentTarget.setPointerCapture(event.pointerId)
+        finger.current = event.pointerId
         since.current = releases
         drag(event)
       }}
+      onContextMenu={(event) => event.preventDefault()}
       onPointerMove={drag} onPointerUp={release} onPointerCancel={release} onLostPointerCapture={release}
     >
       <i style={{ transform: shift }}>{upright ? '▲ ▼' : '◀ ▶'}</i>
