@@ -28,11 +28,12 @@ def _usage(signs: bool) -> x509.KeyUsage:
     return x509.KeyUsage(not signs, False, False, False, False, signs, signs, False, False)
 
 
-def signed(folder: Path, password: bytes | None = None) -> tuple[Path, Path, Path]:
+def signed(folder: Path, password: bytes | None = None, days: int = 1) -> tuple[Path, Path, Path]:
     """An authority's certificate, and a certificate and key it signed for `NAME` and loopback; with
-    all that RFC 5280 requires, as Python 3.13 checks by default."""
+    all that RFC 5280 requires, as Python 3.13 checks by default. days: until they end."""
     now = datetime.datetime.now(datetime.UTC)
     day = datetime.timedelta(days=1)
+    begin, end = now - 9 * day, now + days * day
 
     def made(name: str, issuer: str, key, by, names) -> bytes:
         builder = (
@@ -40,7 +41,7 @@ def signed(folder: Path, password: bytes | None = None) -> tuple[Path, Path, Pat
             .subject_name(x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)]))
             .issuer_name(x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, issuer)]))
             .public_key(key).serial_number(x509.random_serial_number())
-            .not_valid_before(now - day).not_valid_after(now + day)
+            .not_valid_before(begin).not_valid_after(end)
             .add_extension(x509.BasicConstraints(ca=not names, path_length=None), critical=True)
             .add_extension(x509.SubjectKeyIdentifier.from_public_key(key), critical=False)
             .add_extension(
@@ -150,6 +151,20 @@ def test_errors_in_a_certificate_are_reported_before_anything_starts(cohelm, tmp
     refused(cohelm(*replay, "--tls", "--without-tls"), "leave one of them out")
     key.chmod(0o644)
     refused(cohelm(*replay, "--tls-cert", certificate, "--tls-key", key), "chmod 600")
+
+
+@pytest.mark.parametrize("days", [-3, 3])
+def test_a_certificate_that_is_over_is_said_to_be(cohelm, monkeypatch, tmp_path, days):
+    from cohelm.cli import station as told
+
+    monkeypatch.setattr(told, "_recorded", lambda path: None)
+    monkeypatch.setattr(told, "serve", lambda *_: None)
+    _, certificate, key = signed(tmp_path, days=days)
+    said = cohelm(
+        "station", "--replay", "x.mcap", "--tls-cert", certificate, "--tls-key", key
+    )  # fmt: skip
+    assert said.code == 0, said.err
+    assert ("was valid until" in said.err) is (days < 0)
 
 
 def test_a_second_ctrl_c_has_no_further_effect():

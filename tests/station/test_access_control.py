@@ -1,6 +1,7 @@
 """Access control of the web server."""
 
 import asyncio
+import datetime
 import http.client
 import json
 import socket
@@ -10,6 +11,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from websockets.asyncio.client import connect
@@ -19,7 +21,7 @@ from websockets.typing import Origin, Subprotocol
 
 from cohelm.core.errors import CohelmError
 from cohelm.link.udp import address
-from cohelm.station import serve
+from cohelm.station import serve, tls
 from cohelm.station.access_control import is_loopback, is_own_host
 from cohelm.station.serve import Server
 from cohelm.station.tls import certificate
@@ -247,6 +249,23 @@ def test_the_tls_certificate_is_kept(tmp_path: Path, bare: Bare) -> None:
             said(f"http://{here}")
         assert refused.value.response.status_code == 403
         link.close()
+
+
+@pytest.mark.parametrize(("years", "kept"), [(0, True), (-3, False), (10, False)])
+def test_a_made_certificate_is_made_anew_where_a_browser_would_find_it_over_or_not_begun(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, years: int, kept: bool
+) -> None:
+    """As after a start with a clock that was wrong."""
+
+    class Wrong(datetime.datetime):
+        @classmethod
+        def now(cls, tz: datetime.tzinfo | None = None) -> datetime.datetime:
+            return datetime.datetime.now(tz) + datetime.timedelta(days=365 * years)
+
+    with monkeypatch.context() as then:
+        then.setattr(tls, "datetime", SimpleNamespace(**(vars(datetime) | {"datetime": Wrong})))
+        shown = certificate(tmp_path, "127.0.0.1")[2]
+    assert (certificate(tmp_path, "127.0.0.1")[2] == shown) is kept
 
 
 @pytest.mark.parametrize(

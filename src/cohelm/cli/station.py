@@ -261,7 +261,13 @@ def _encryption(
     if in_clear and (made or certificate is not None):
         raise CohelmError("--without-tls and a certificate: leave one of them out")
     if certificate is not None:
-        return tls.own(certificate, key or certificate)
+        own = tls.own(certificate, key or certificate)
+        if day := tls.over_since(certificate):
+            say(
+                f"[yellow]warning:[/yellow] {plain(str(certificate))} was valid until {day}: "
+                "browsers will warn, or refuse it; renew it"
+            )
+        return own
     if made:
         path, key, shown = tls.certificate(keys.home(), host)
         say(f"the browser will warn once, and must show this SHA-256 fingerprint:\n{shown}")

@@ -58,6 +58,12 @@ def certified(path: Path) -> frozenset[str]:
     return frozenset(name.lower() for name in there.get_values_for_type(x509.DNSName))
 
 
+def over_since(path: Path) -> str:
+    """The day until which a certificate was valid; empty: it still is, by this machine's clock."""
+    until = x509.load_pem_x509_certificate(read(path)).not_valid_after_utc
+    return f"{until:%Y-%m-%d}" if until < datetime.datetime.now(datetime.UTC) else ""
+
+
 def own(path: Path, key: Path) -> tuple[Path, Path]:
     """Check the user's own certificate and key before they are used.
 
@@ -113,7 +119,8 @@ def _valid(path: Path, key: Path, names: list[x509.GeneralName]) -> bool:
     except (ValueError, x509.ExtensionNotFound):
         return False
     now = datetime.datetime.now(datetime.UTC)
-    return kept.not_valid_after_utc - now > _RENEW and set(names) <= set(there)
+    lasts = kept.not_valid_before_utc <= now < kept.not_valid_after_utc - _RENEW
+    return lasts and set(names) <= set(there)
 
 
 def _make(path: Path, key_path: Path, names: list[x509.GeneralName]) -> None:
