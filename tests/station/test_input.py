@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
@@ -113,7 +114,7 @@ def test_a_second_finger_on_a_pad_neither_moves_nor_releases_it(
     box = phone.get_by_label("Left and right").bounding_box()
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    touch = browser_phone.new_cdp_session(phone)
+    touch: Any = browser_phone.new_cdp_session(phone)
 
     def fingers(what: str, *points: dict[str, float]) -> None:
         touch.send("Input.dispatchTouchEvent", {"type": what, "touchPoints": list(points)})

@@ -1,6 +1,7 @@
 """Pure functions of the page, run by Node."""
 
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -329,3 +330,20 @@ def test_the_route_to_a_dock_arrives_along_its_axis(asked) -> None:
     (way,) = asked("map/view.ts", "m.routeTo({pose: [4, 1, Math.PI / 2], approach: 1.3})")
     assert way[0] == pytest.approx([4.0, -1.0])
     assert way[1] == pytest.approx([4.0, -0.3])
+
+
+def luminance(colour: str) -> float:
+    """Of WCAG 2."""
+    parts = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    red, green, blue = (p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+@pytest.mark.parametrize("text", ["ink", "faint", "warning", "danger", "person"])
+@pytest.mark.parametrize("ground", ["ground", "panel"])
+def test_every_text_can_be_read_in_sunlight(text: str, ground: str) -> None:
+    """A contrast of 4.5, as WCAG 2 has it for small letters."""
+    style = (WEB / "style.css").read_text(encoding="utf-8")
+    colours = dict(re.findall(r"--(\w+): (#[0-9a-f]{6})", style))
+    light, dark = luminance(colours[ground]), luminance(colours[text])
+    assert (light + 0.05) / (dark + 0.05) >= 4.5
