@@ -127,3 +127,23 @@ def test_the_station_dies_and_comes_back_while_the_page_stays_open(
         page.goto(again.address)  # only what follows the # is new
         expect(alarms(page)).to_have_text("No alarms")
         inside(page)
+
+
+def test_the_address_of_an_earlier_start_is_said_to_be_one(
+    context: BrowserContext, server: Server
+) -> None:
+    """Who opened the printed address must not read that it is to be opened."""
+    page = context.new_page()
+    page.goto(f"{server.origin}/#token={'x' * 22}")
+    expect(page.get_by_role("alert")).to_contain_text("Wrong token")
+    expect(page.get_by_role("alert")).to_contain_text("the newest one")
+
+
+def test_a_page_that_never_gets_a_connection_says_so(
+    context: BrowserContext, server: Server
+) -> None:
+    """As behind a proxy that lets no WebSocket through."""
+    page = context.new_page()
+    page.route_web_socket("**/ws*", lambda socket: socket.close())
+    page.goto(server.address)
+    expect(alarms(page)).to_contain_text("No connection to the station yet")

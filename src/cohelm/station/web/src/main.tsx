@@ -1,6 +1,7 @@
 import { render } from 'preact'
 import { App } from './App'
 import { startDriving } from './input/drive'
+import { wrong } from './panels/Login'
 import { logIn } from './session'
 import { start } from './socket'
 import './style.css'
@@ -10,7 +11,7 @@ const shown = () => new URLSearchParams(location.hash.slice(1)).get('token')
 const token = shown()
 if (token !== null) {
   history.replaceState(null, '', location.pathname)
-  void logIn(token).finally(start)
+  void logIn(token).then((why) => (wrong.value = why && `${why} Each start of the station has its own: open the newest one.`)).finally(start)
 } else {
   start()
 }

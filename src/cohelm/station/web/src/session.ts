@@ -29,7 +29,7 @@ export async function logIn(token: string): Promise<string> {
     keep('localStorage', KEY, known)
     return ''
   }
-  return answer.status === 429 ? 'Too many wrong tokens.' : 'Wrong token.'
+  return answer.status === 429 ? 'Too many wrong tokens; the right one still works.' : 'Wrong token.'
 }
 
 /** Calls back when another tab of this browser has logged in. */

@@ -9,6 +9,9 @@ import { resumeHint, notArmedReason, noEffectReason } from '../input/drive'
 
 const MARK = { alarm: '▲', warning: '◆', notice: '●' } as const
 
+/** A first connection takes no longer; in ticks of the clock. */
+const BEGUN = 8
+
 /** A time as a person says it. */
 function ago(ms: number): string {
   return ms < 100_000 ? `${Math.round(ms / 1000)} s` : `${Math.round(ms / 60_000)} min`
@@ -21,7 +24,9 @@ function localAlarms(): ShownAlarm[] {
   const c = s.connection.value
   const why = s.link.value === null || s.link.value.why === '' ? '' : ` (${s.link.value.why})`
   if (c === 'closed' || c === 'connecting') {
-    if (s.welcome.value !== null) add('alarm', `No connection to the station${why}. The display is stale. The robot stops by itself.`)
+    if (s.welcome.value === null) {
+      if (s.clock.value > BEGUN) add('warning', 'No connection to the station yet; it is tried again and again.')
+    } else add('alarm', `No connection to the station${why}. The display is stale. The robot stops by itself.`)
   } else if (c === 'silent') add('alarm', 'No data from the station. The display is stale.')
   else if (s.link.value !== null && !s.link.value.connected && s.robot.value === null) {
     add('notice', `Not connected to a robot yet${s.link.value.why === '' ? '' : `: ${s.link.value.why}`}.`)

@@ -4,7 +4,8 @@ import { logIn } from '../session'
 import { retry } from '../socket'
 import * as s from '../state'
 
-const wrong = signal('')
+/** Why the last login failed. */
+export const wrong = signal('')
 
 /** typed: the token, or all of the address it is in. */
 async function login(typed: string): Promise<void> {
