@@ -17,7 +17,7 @@ NAN, INF = math.nan, math.inf
 
 def ready(now: float = 10.0, out: Twist = STANDING, mode: GateMode = GateMode.AUTOMATIC) -> Gate:
     """A gate in the middle of good work: the last proposal, number 7, came a period ago."""
-    return Gate(mode, "", out, now - 0.02, now - 0.02, 7, now - 0.02, 0)
+    return Gate(mode, "", out, now - 0.02, now - 0.02, 7, now - 0.02, 0, now - 0.02)
 
 
 def ask(gate: Gate, v: float, omega: float = 0.0, *, now=10.0, stamp=None, n=8):
@@ -33,7 +33,7 @@ def test_a_sound_proposal_within_the_bounds_passes_as_it_is():
     assert passed == Passed(Twist(0.03, 0.02), "")
     assert gate == Gate(
         GateMode.AUTOMATIC, "", Twist(0.03, 0.02),
-        pytest.approx(10.0 - 0.02 + 0.0175), 10.0, 8, 10.0, 0,
+        pytest.approx(10.0 - 0.02 + 0.0175), 10.0, 8, 10.0, 0, 10.0,
     )  # fmt: skip
 
 
@@ -304,6 +304,94 @@ def test_a_clock_that_is_no_number_stops_at_once(now):
     assert gate.clock == 9.98
 
 
+SLOW = (
+    "commands come too seldom, and not every 20 ms: a call of the robot's driver waits, or this "
+    "computer is too slow"
+)
+
+
+def paced(gate: Gate, *apart: float) -> Gate:
+    """Sound proposals that come so far apart [s]."""
+    for after in apart:
+        gate, _ = ask(gate, 0.02, now=gate.clock + after, n=gate.sequence + 1)
+    return gate
+
+
+@pytest.mark.parametrize("apart", [0.04, 0.06, 0.09])
+def test_a_loop_that_is_always_late_is_a_fault_though_the_watchdog_never_trips(apart):
+    """What was certified holds for a period: at 50 ms instead of 20 a driven cart hit the wall."""
+    gate, times = ready(), 0
+    while gate.mode == GateMode.AUTOMATIC:
+        gate, times = paced(gate, apart), times + 1
+    assert (gate.mode, gate.reason) == (GateMode.FAULTED, SLOW)
+    assert times == math.floor(0.1 / (apart - 0.03) + 1e-9) + 1
+
+
+def test_a_loop_that_is_late_now_and_then_is_not():
+    gate = ready()
+    for _ in range(100):
+        gate = paced(gate, 0.02, 0.02, 0.04)  # two periods of three in time
+    assert gate.mode == GateMode.AUTOMATIC
+    for _ in range(100):
+        gate = paced(gate, *12 * [0.02], 0.09)
+    assert gate.mode == GateMode.AUTOMATIC
+    assert paced(gate, *6 * [0.02], 0.09, 0.06).mode == GateMode.AUTOMATIC
+    assert paced(gate, *6 * [0.02], 0.09, 0.09).reason == SLOW
+
+
+def test_a_loop_may_be_late_by_the_watchdogs_time_in_all():
+    """With numbers that binary fractions hold exactly."""
+    rules = RULES._replace(watchdog=0.125, period=0.03125)
+    gate = ready()._replace(asked=9.0, clock=9.0, last_proposal=9.0, change_until=9.0)
+    for now in (9.125, 9.171875, 9.21875):  # by a period and a half more, then in time
+        gate, _ = g.propose(gate, Proposal(gate.sequence + 1, now, STANDING), now, rules)
+    assert gate.behind == 0.078125
+    gate, _ = g.propose(gate, Proposal(99, 9.3125, STANDING), 9.3125, rules)
+    assert (gate.behind, gate.mode) == (0.125, GateMode.AUTOMATIC)
+
+
+def test_a_slow_loop_neither_resets_nor_drives_until_it_has_caught_up():
+    slow = paced(ready(mode=GateMode.IDLE), *100 * [0.06])
+    assert slow.behind == 0.2
+    for mode in (GateMode.AUTOMATIC, GateMode.SHARED):
+        assert g.drive(slow, mode, slow.clock, RULES) == (slow, SLOW)
+    stopped = g.stop(slow, "why")
+    assert g.reset(stopped, stopped.clock, RULES) == (stopped, SLOW)
+    assert g.drive(slow, GateMode.IDLE, slow.clock, RULES) == (slow, "")
+    better = paced(slow, *9 * [0.02])
+    assert g.drive(better, GateMode.SHARED, better.clock, RULES)[1] == SLOW
+    better = paced(better, 0.021)
+    assert g.drive(better, GateMode.SHARED, better.clock, RULES)[1] == SLOW
+    better = paced(better, 0.02)
+    assert g.drive(better, GateMode.SHARED, better.clock, RULES)[0].mode == GateMode.SHARED
+
+
+def test_after_silence_a_loop_need_not_catch_up():
+    slow = paced(ready(mode=GateMode.IDLE), *100 * [0.06])
+    awake = paced(slow, 0.1001)
+    assert awake.behind == 0.0
+    assert g.drive(awake, GateMode.SHARED, awake.clock, RULES)[1] == ""
+
+
+def test_refused_proposals_are_no_slow_loop():
+    """Old readings are the watchdog's, which says so."""
+    gate, now = ready(), 10.0
+    while gate.mode == GateMode.AUTOMATIC:
+        gate, _ = ask(gate, 0.1, now=now, stamp=now - 0.2)
+        now += 0.02
+    assert gate.behind == 0.0
+    assert gate.reason == "no valid command for more than 100 ms"
+
+
+def test_a_clock_that_went_back_begins_to_count_anew():
+    slow = paced(ready(mode=GateMode.IDLE), *100 * [0.06])
+    back, _ = ask(slow, 0.0, now=5.0, n=200)
+    assert (back.asked, back.behind) == (5.0, 0.0)
+    for now in (NAN, INF, -INF):
+        broken, _ = ask(slow, 0.0, now=now, n=200)
+        assert (broken.asked, broken.behind) == (slow.asked, slow.behind)
+
+
 # -- stop, fault, reset, drive -------------------------------------------------------------------
 
 
@@ -381,5 +469,5 @@ def test_which_modes_drive_and_which_are_latched():
 
 
 def test_a_new_gate_is_idle():
-    assert Gate() == Gate(GateMode.IDLE, "", STANDING, -INF, -INF, -1, -INF, 0)
+    assert Gate() == Gate(GateMode.IDLE, "", STANDING, -INF, -INF, -1, -INF, 0, -INF, 0.0)
     assert RULES[1:] == (0.1, 0.01, 0.1, 0.02, 0.01)

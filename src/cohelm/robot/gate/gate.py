@@ -16,6 +16,9 @@ from cohelm.robot.gate.modes import GateMode, driving, latched
 
 STANDING = Twist(0.0, 0.0)
 
+_APART = 1.5
+"""Proposals may come so many periods apart on average: what is certified holds for one."""
+
 
 class GateRules(NamedTuple):
     """Parameters of the gate. All times in seconds, of the robot's clock."""
@@ -61,6 +64,10 @@ class Gate(NamedTuple):
     """The latest time seen [s]."""
     refused: int = 0
     """Proposals refused so far."""
+    asked: float = -math.inf
+    """When the last proposal came, valid or not [s]."""
+    behind: float = 0.0
+    """By how much proposals have come too seldom of late [s]."""
 
 
 class Passed(NamedTuple):
@@ -74,7 +81,7 @@ class Passed(NamedTuple):
 
 def propose(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> tuple[Gate, Passed]:
     """Check a proposal; returns the new state and the command at the wheels."""
-    gate = _check_watchdog(gate, now, rules)
+    gate = _check_pace(_check_watchdog(gate, now, rules), now, rules)
     wrong = _fault_in(proposal, now, rules)
     if wrong:
         gate = fault(gate._replace(refused=gate.refused + 1), wrong)
@@ -136,9 +143,8 @@ def reset(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, str]:
         return gate, "there is nothing to reset"
     if gate.out != STANDING:
         return gate, "the robot is still braking"
-    if not _loop_alive(gate, now, rules):
-        return gate, "the loop sends no valid command"
-    return gate._replace(mode=GateMode.IDLE, reason=""), ""
+    why = _not_alive(gate, now, rules)
+    return (gate, why) if why else (gate._replace(mode=GateMode.IDLE, reason=""), "")
 
 
 def drive(gate: Gate, mode: GateMode, now: float, rules: GateRules) -> tuple[Gate, str]:
@@ -147,9 +153,8 @@ def drive(gate: Gate, mode: GateMode, now: float, rules: GateRules) -> tuple[Gat
         return gate, f"reset first: {gate.reason}"
     if latched(mode):
         return gate, "stop and fault can not be chosen"
-    if driving(mode) and not _loop_alive(gate, now, rules):
-        return gate, "the loop sends no valid command"
-    return gate._replace(mode=mode), ""
+    why = _not_alive(gate, now, rules) if driving(mode) else ""
+    return (gate, why) if why else (gate._replace(mode=mode), "")
 
 
 def _check_watchdog(gate: Gate, now: float, rules: GateRules) -> Gate:
@@ -157,13 +162,39 @@ def _check_watchdog(gate: Gate, now: float, rules: GateRules) -> Gate:
     if not math.isfinite(now):
         return fault(gate, "the robot's clock is not a number")
     if now < gate.clock:  # from here on the new time counts
-        back = gate._replace(clock=now, change_until=-math.inf, last_proposal=-math.inf)
+        back = gate._replace(
+            clock=now, change_until=-math.inf, last_proposal=-math.inf, asked=-math.inf
+        )
         return fault(back, "the robot's clock went back")
     gate = gate._replace(clock=now)
     if driving(gate.mode) and now - gate.last_proposal > rules.watchdog:
         late = f"no valid command for more than {1000.0 * rules.watchdog:.0f} ms"
         return fault(gate, late)
     return gate
+
+
+def _check_pace(gate: Gate, now: float, rules: GateRules) -> Gate:
+    """Check that proposals come as often as the period says. One that is late is caught up by the
+    next ones; of a loop that is always late it adds up to the watchdog's time."""
+    if not math.isfinite(now):
+        return gate
+    apart = now - gate.asked
+    behind = min(max(gate.behind + apart - _APART * rules.period, 0.0), 2.0 * rules.watchdog)
+    if apart > rules.watchdog:  # silence, and the watchdog's
+        behind = 0.0
+    gate = gate._replace(asked=now, behind=behind)
+    slow = _too_slow(gate, rules)
+    return fault(gate, slow) if slow and driving(gate.mode) else gate
+
+
+def _too_slow(gate: Gate, rules: GateRules) -> str:
+    """Why a loop that lives may not drive; empty where it may."""
+    if not gate.behind > rules.watchdog:
+        return ""
+    return (
+        f"commands come too seldom, and not every {1000.0 * rules.period:.0f} ms: a call of the "
+        "robot's driver waits, or this computer is too slow"
+    )
 
 
 def _fault_in(proposal: Proposal, now: float, rules: GateRules) -> str:
@@ -186,8 +217,11 @@ def _refusal_of(gate: Gate, proposal: Proposal, now: float, rules: GateRules) ->
     return ""
 
 
-def _loop_alive(gate: Gate, now: float, rules: GateRules) -> bool:
-    return now - gate.last_proposal <= rules.watchdog
+def _not_alive(gate: Gate, now: float, rules: GateRules) -> str:
+    """Why the loop does not count as alive; empty where it does."""
+    if not now - gate.last_proposal <= rules.watchdog:
+        return "the loop sends no valid command"
+    return _too_slow(gate, rules)
 
 
 def _approach(gate: Gate, goal: Twist, now: float, rules: GateRules) -> Gate:
