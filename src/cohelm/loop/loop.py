@@ -147,20 +147,23 @@ class Loop:
             self._outline_changing = True
             self.log.event(_OUTLINE_CHANGED)
         seen = self._perceive(now, readings)
+        obstacles = self.driver.obstacles(seen)
         supervisor = self.supervisor
         supervisor.follow_gate()
         supervisor.take_input(now)
         supervisor.watch_docking(now, seen, self._reporter.held)
-        decision = self.decision = self._decide(now, seen) if supervisor.may_drive else None
-        if decision is None:
-            self.cap = NO_CAP
+        decision, self.cap = None, NO_CAP
+        if supervisor.may_drive:
+            self._limit_speed(seen, obstacles)
+            decision = supervisor.decide(now, seen, obstacles)
+        self.decision = decision
         passed = self._propose(readings, decision)
         if self._outline_changing:
             passed = self._settle_outline(seen, decision, passed)
         self._late, self._took = late, gated.now() - began
         self._raise_alarms(seen)
         report = self._reporter.report(
-            now, readings, seen, supervisor.stick_state, decision, passed.out
+            now, readings, seen, obstacles, supervisor.stick_state, decision, passed.out
         )
         row = self._reporter.record(report, self._loop_fields(seen))
         words = supervisor.status_words(passed.reason, self.cap)
@@ -191,11 +194,6 @@ class Loop:
         self.supervisor.set_readings(problem, seen)
         self.driver.update_twist(seen.twist)
         return seen
-
-    def _decide(self, now: float, seen: Seen) -> Decision:
-        obstacles = self.driver.obstacles(seen)
-        self._limit_speed(seen, obstacles)
-        return self.supervisor.decide(now, seen, obstacles)
 
     def _limit_speed(self, seen: Seen, obstacles: Surroundings) -> None:
         """Set the speed limit, by the driver's scale and delay, speed zones and docking; while lost

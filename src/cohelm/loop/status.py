@@ -13,6 +13,7 @@ from cohelm.core.frames import compose
 from cohelm.core.row import MEANINGS
 from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law import verdict as verdicts
+from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.messages import (
     MOST_BEAMS,
     Arming,
@@ -233,20 +234,20 @@ class Reporter:
         """Why the guard holds the robot back for nothing visible; empty: it does not."""
 
     def report(
-        self, now: float, readings: Readings, seen: Seen, stick_state: StickState,
-        decision: Decision | None, applied: Twist,
+        self, now: float, readings: Readings, seen: Seen, obstacles: Surroundings,
+        stick_state: StickState, decision: Decision | None, applied: Twist,
     ) -> PeriodReport:  # fmt: skip
         """This period's report. New scans and discs are sent at once."""
-        driver, new = self.driver, self._log.readings(readings)
+        new = self._log.readings(readings)
         for scan in new:
             which, lidar = self._lidars.get("" if scan is readings.scan else scan.sensor, (0, None))
             if lidar is not None:
                 self._operator.show(*scan_parts(scan, lidar, seen.pose, which))
         if new and new[0] is readings.scan:
-            discs = Discs(new[0].number, self._discs(seen))
+            discs = Discs(new[0].number, _nearest(obstacles.discs, seen.pose))
             self._operator.show(discs)
             self._log.show(discs)
-        clearance = driver.clearance(seen.pose, driver.obstacles(seen), seen.unobserved)
+        clearance = self.driver.clearance(seen.pose, obstacles, seen.unobserved)
         return PeriodReport(
             now, readings, seen, stick_state, decision, applied, self._progress(), clearance
         )
@@ -280,14 +281,14 @@ class Reporter:
         still = abs(row["nominal_v"]) < _TOLERANCE and abs(row["nominal_omega"]) < _TOLERANCE
         return DONE if follows and still else ""
 
-    def _discs(self, seen: Seen) -> NDArray[np.float32]:
-        """The nearest round obstacles in the map, (n, 6) as in `core.types`."""
-        rows = self.driver.obstacles(seen).discs
-        far = np.hypot(rows[:, 0] - seen.pose.x, rows[:, 1] - seen.pose.y)
-        return rows[np.argsort(far)[:_MAX_DISCS]].astype(np.float32)
-
     def _progress(self) -> float:
         pilot = self.driver.pilot
         if pilot is None:
             return math.nan
         return pilot.state.row / max(len(pilot.planner.route.line) - 1, 1)
+
+
+def _nearest(discs: Floats, pose: Pose) -> NDArray[np.float32]:
+    """The nearest of the round obstacles, (n, 6) as in `core.types`."""
+    far = np.hypot(discs[:, 0] - pose.x, discs[:, 1] - pose.y)
+    return discs[np.argsort(far)[:_MAX_DISCS]].astype(np.float32)
