@@ -53,7 +53,7 @@ def left_to_compile(line) -> None:
     warm_up(robot.model, mapped=True)
     driver = driver_of(SessionConfig(robot), real_time=False)
     seen = Perception(robot.model, around, robot.start).take(0.0, Readings(None, None, None, None))
-    driver.warm_up(robot.start, driver.obstacles(seen))
+    driver.warm_up(seen)
     before = versions()
 
     lost = set()

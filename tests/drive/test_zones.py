@@ -136,9 +136,7 @@ def test_without_localization_no_zone_is_placed(tmp_path):
         seen = session.loop.seen._replace(pose=Pose(0.8, 0.0, 0.0))
         lost = seen._replace(lost=True)
         assert len(driver.obstacles(seen).points) > len(seen.points)
-        assert (
-            driver.clearance(seen.pose, driver.obstacles(seen), seen.unobserved) > 0.5
-        )  # of what is seen
+        assert driver.clearance(seen, driver.obstacles(seen)) > 0.5  # of what is seen
         assert len(driver.obstacles(lost).points) == len(lost.points)
         assert driver.speed_zone_cap(
             seen._replace(pose=Pose(2.0, 0.0, 0.0))

@@ -12,6 +12,7 @@ from cohelm.law.reference import through
 from cohelm.loop.driver import Driver
 from cohelm.pilot.behavior import EVADING
 from cohelm.pilot.pilot import Pilot
+from cohelm.plan.zones import Zoned
 from tests.pilot.drives import DT, SETTINGS
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -53,14 +54,15 @@ def test_the_planner_gets_unobserved_space_apart_from_obstacles_and_zones():
     planning = SimpleNamespace(plan=lambda now: None, offer=lambda now, task: tasks.append(task))
     route = through(np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 0.0]]), 0.5)
     driver = Driver(Pilot(route, SETTINGS), SETTINGS, 0.0, planning)
-    driver.zones = SimpleNamespace(points=lambda pose: zones)
+    driver.zones = Zoned(None, SETTINGS.outline, 0.5, SETTINGS.limits)
+    driver.zones.points = lambda pose: zones
     for now, blind in ((0.0, 2), (1.0, 0)):
         seen = SimpleNamespace(
             points=np.vstack((stands, unseen)), unobserved=blind, map_odom=HERE, pose=HERE,
             lost=False, mobile=np.empty((0, 6)), mobile_max_acceleration=np.empty(0),
             mobile_velocity_error=np.empty(0),
         )  # fmt: skip
-        driver.follow(now, HERE, Stick(0.0, 0.0), driver.obstacles(seen))
+        driver.follow(now, seen, Stick(0.0, 0.0), driver.obstacles(seen))
     assert tasks[0].obstacles.points.tolist() == [*stands.tolist(), *zones.tolist()]
     assert tasks[0].unseen.tolist() == unseen.tolist()
     assert len(tasks[1].obstacles.points) == 9

@@ -1,6 +1,7 @@
 """The latency speed limit, and those of a lost robot and over ground never seen."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -31,14 +32,18 @@ def test_only_an_operator_with_latency_near_an_obstacle_is_slowed_down():
 def test_the_clearance_is_from_the_outline_to_the_nearest_obstacle_of_any_kind():
     driver = Driver(None, SETTINGS, 0.0, None)
     pose = Pose(1.0, 2.0, 0.5 * math.pi)  # the nose, 0.36 m before the middle, looks up
-    nothing = surroundings([])
-    assert driver.clearance(pose, nothing, 0) == math.inf
+
+    def clearance(obstacles, unobserved=0):
+        seen = SimpleNamespace(pose=pose, points=obstacles.points, unobserved=unobserved)
+        return driver.clearance(seen, obstacles)
+
+    assert clearance(surroundings([])) == math.inf
     point = surroundings([], points=[[1.0, 2.0 + 0.36 + 0.5]])
-    assert driver.clearance(pose, point, 0) == pytest.approx(0.5)
-    assert driver.clearance(pose, point, 1) == math.inf  # only ground that was never in view
+    assert clearance(point) == pytest.approx(0.5)
+    assert clearance(point, unobserved=1) == math.inf  # only ground that was never in view
     disc = surroundings([(1.0, 3.0, 0.0, 0.0, 0.1, 0.2)], points=[[1.0, 2.0 + 0.36 + 0.6]])
-    assert driver.clearance(pose, disc, 0) == pytest.approx(1.0 - 0.36 - 0.1)
-    assert driver.clearance(pose, surroundings([(1.0, 2.0, 0.0, 0.0, 0.1, 0.2)]), 0) == 0.0
+    assert clearance(disc) == pytest.approx(1.0 - 0.36 - 0.1)
+    assert clearance(surroundings([(1.0, 2.0, 0.0, 0.0, 0.1, 0.2)])) == 0.0
 
 
 def test_a_lost_robot_creeps_with_the_clearance_of_the_scan_alone():

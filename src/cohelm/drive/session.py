@@ -371,7 +371,7 @@ class Session:
         end = gated.now() + (0.5 if robot.real_time else 0.1)
         while True:
             seen = perception.take(gated.now(), gated.read())
-            loop.driver.warm_up(seen.pose, loop.driver.obstacles(seen))
+            loop.driver.warm_up(seen)
             gated.wait(gated.now() + self.plan.period)
             if gated.now() >= end:
                 break

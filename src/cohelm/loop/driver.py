@@ -7,7 +7,6 @@ from collections import deque
 
 import numpy as np
 
-from cohelm.core.frames import placed
 from cohelm.core.scalars import wrap
 from cohelm.core.types import CENTRED, Floats, Pose, Stick, Twist
 from cohelm.law.gains import Gains
@@ -32,7 +31,6 @@ from cohelm.robot.keep.process import GatedRobot
 
 BY_HAND_YAW_RATE = 1.0
 """At full deflection in manual mode [rad/s]."""
-_NOTHING: Floats = np.empty((0, 2))
 _COMPILING = 180.0  # the first plan may take this long [s]
 _EVERY = 0.2  # from one snapshot for the planner to the next [s]
 _SPEEDS = ("safe", "tracking", "operator", "nominal", "avoid")
@@ -67,15 +65,10 @@ class Driver:
         self._twist = self._expected = Twist(0.0, 0.0)
         self._mismatch = 0
         self._planned = -math.inf
-        self._map: tuple[Floats, Pose | None] = (np.empty((0, 2)), None)
-        self._points: Floats = np.empty((0, 2))
         self.zones: Zoned | None = None
         """Keep-out points and speed limits of the zones."""
         if zones is not None:
             self.zones = Zoned(zones, settings.outline, settings.gains.u_d, settings.limits)
-        self._zone_points = self._points
-        self._all_points = self._points
-        self._unobserved = 0
 
     @property
     def arrived(self) -> bool:
@@ -119,23 +112,10 @@ class Driver:
         """The obstacles in the map frame, by the present pose: when localisation jumps, pose and
         obstacles jump together, and nothing comes nearer. The points of keep-out zones follow
         those seen, unless the robot is lost."""
-        self._unobserved = seen.unobserved
-        key = (seen.points, seen.map_odom)
-        if key[0] is not self._map[0] or key[1] != self._map[1]:
-            self._map, self._points = key, placed(seen.points, seen.map_odom)
-            self._all_points = self._points
-        if self.zones is None:
-            return obstacles_from_perception(seen, seen.map_odom, self._points)
-        there = _NOTHING if seen.lost else self.zones.points(seen.pose)
-        count = len(self._points) + len(there)
-        if there is not self._zone_points or len(self._all_points) != count:
-            self._zone_points, self._all_points = there, np.vstack((self._points, there))
-        return obstacles_from_perception(seen, seen.map_odom, self._all_points)
-
-    def _split_unobserved(self, obstacles: Surroundings) -> tuple[Surroundings, Floats]:
-        """The obstacles, and apart from them the ground that nothing has seen."""
-        end = len(self._points)
-        return split_unseen(obstacles, end - self._unobserved, end)
+        obstacles = obstacles_from_perception(seen, seen.map_odom)
+        if self.zones is None or seen.lost:
+            return obstacles
+        return self.zones.beside(obstacles, seen.pose)
 
     def set_zones(self, zones: Zoned, pose: Pose | None) -> bool:
         """Use other zones, if the robot can still stop clear of them; returns whether it does.
@@ -169,23 +149,21 @@ class Driver:
         """Whether the robot is in a keep-out zone; False for a lost one."""
         return self.zones is not None and not seen.lost and self.zones.inside
 
-    def clearance(self, pose: Pose, obstacles: Surroundings, blind: int) -> float:
-        """Smallest clearance between the outline and anything seen; infinite where nothing is [m].
-
-        blind: how many of the points seen, at their end, bound unobserved space.
-        """
-        outline, here = self.settings.outline, np.array([pose], dtype=np.float64)
-        seen = obstacles.points[: len(obstacles.points) - len(self._zone_points) - blind]
-        clearance = float(swept_clearances(seen, outline, here)[0])
+    def clearance(self, seen: Seen, obstacles: Surroundings) -> float:
+        """Smallest clearance between the outline and anything seen, without unobserved space and
+        zones; infinite where nothing is [m]."""
+        outline, here = self.settings.outline, np.array([seen.pose], dtype=np.float64)
+        points = obstacles.points[: len(seen.points) - seen.unobserved]
+        clearance = float(swept_clearances(points, outline, here)[0])
         for row in obstacles.discs:
             clearance = min(
                 clearance, float(swept_clearances(row[None, :2], outline, here)[0]) - float(row[4])
             )
         return max(clearance, 0.0)
 
-    def follow(self, now: float, pose: Pose, stick: Stick, obstacles: Surroundings) -> Decision:
+    def follow(self, now: float, seen: Seen, stick: Stick, obstacles: Surroundings) -> Decision:
         """On the route, shared with the stick. There must be a pilot."""
-        pilot = self.pilot
+        pilot, pose, end = self.pilot, seen.pose, len(seen.points)
         if pilot is None:
             raise ValueError("there is no route to follow")
         if self._planning is not None:
@@ -193,7 +171,8 @@ class Driver:
             if made is not None:
                 pilot.take(made, pose, self._twist)
             if now - self._planned >= _EVERY - _ROUNDING and self._planning.offer(
-                now, pilot.task(pose, self._twist, *self._split_unobserved(obstacles))
+                now,
+                pilot.task(pose, self._twist, *split_unseen(obstacles, end - seen.unobserved, end)),
             ):
                 self._planned = now
         return self._step(pilot, now, pose, stick, obstacles)
@@ -230,8 +209,9 @@ class Driver:
         twist = self._twist if way > 0.0 else reversed_twist(self._twist)
         return pilot.step(now, pose, twist, stick, obstacles, self.max_speed)
 
-    def warm_up(self, pose: Pose, obstacles: Surroundings) -> None:
+    def warm_up(self, seen: Seen) -> None:
         """Compile what a period may need; no state changes."""
+        pose, obstacles = seen.pose, self.obstacles(seen)
         for pilot in self._pilots():
             state, sent = pilot.state, pilot.sent.copy()
             pilot.step(math.nan, pose, Twist(0.0, 0.0), CENTRED, obstacles)
@@ -239,7 +219,7 @@ class Driver:
             row_on_route(pilot.planner.route.line, pose, 0, pilot.course, 0.0)
             pilot.state = state
             pilot.sent[:] = sent
-        self.clearance(pose, obstacles, 0)
+        self.clearance(seen, obstacles)
         if self.zones is not None:
             self.set_zones(self.zones, pose)
 

@@ -202,10 +202,10 @@ class Loop:
         stick = supervisor.stick_state
         caps = [NO_CAP, driver.speed_zone_cap(seen), supervisor.docking.cap]
         settings = driver.settings
-        if self._safe.v < 0.0:
+        if self.decision is not None and self.decision.safe_v < 0.0:  # a period ago
             caps += [unseen_cap(seen.assumed_gap, settings)]
         if stick.delay > UNCAPPED_DELAY or seen.lost:
-            clearance = driver.clearance(seen.pose, obstacles, seen.unobserved)
+            clearance = driver.clearance(seen, obstacles)
             caps += [latency_cap(stick.delay, clearance, settings)]
             caps += [lost_cap(clearance, driver.delay, settings)] if seen.lost else []
         self.cap = min(caps)

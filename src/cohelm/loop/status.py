@@ -247,7 +247,7 @@ class Reporter:
             discs = Discs(new[0].number, _nearest(obstacles.discs, seen.pose))
             self._operator.show(discs)
             self._log.show(discs)
-        clearance = self.driver.clearance(seen.pose, obstacles, seen.unobserved)
+        clearance = self.driver.clearance(seen, obstacles)
         return PeriodReport(
             now, readings, seen, stick_state, decision, applied, self._progress(), clearance
         )

@@ -191,7 +191,7 @@ class Supervisor:
             return driver.by_hand(now, pose, stick, obstacles, gently=False)
         if seen.lost or driver.pilot is None:
             return driver.by_hand(now, pose, stick, obstacles, gently=True)
-        return driver.follow(now, pose, stick, obstacles)
+        return driver.follow(now, seen, stick, obstacles)
 
     def _watch_operator(self, now: float, received: OperatorInput) -> None:
         """Detect a lost stick or driver; pause, resume, stop or carry on alone."""

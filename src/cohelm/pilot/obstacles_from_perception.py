@@ -12,16 +12,12 @@ from cohelm.perceive.pipeline import Seen
 _NO_WALLS: Floats = np.empty((0, 4))
 
 
-def obstacles_from_perception(seen: Seen, odom: Pose, points: Floats | None = None) -> Surroundings:
-    """The obstacles of `seen`, in the frame in which `odom` is at this pose.
-
-    points: (p, 2), those of `seen` in that frame, if already transformed [m].
-    """
+def obstacles_from_perception(seen: Seen, odom: Pose) -> Surroundings:
+    """The obstacles of `seen`, in the frame in which `odom` is at this pose."""
     discs = seen.mobile.copy()
     discs[:, X : Y + 1] = placed(discs[:, X : Y + 1], odom)
     discs[:, VX : VY + 1] = turned(discs[:, VX : VY + 1], odom.psi)
-    if points is None:
-        points = placed(seen.points, odom)
     return Surroundings(
-        discs, seen.mobile_max_acceleration, seen.mobile_velocity_error, _NO_WALLS, points
-    )
+        discs, seen.mobile_max_acceleration, seen.mobile_velocity_error, _NO_WALLS,
+        placed(seen.points, odom),
+    )  # fmt: skip
