@@ -29,7 +29,9 @@ def around(*gaps):
 
 def planned(stands, unseen):
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
-    return pilot.planner(pilot.task(HERE, STILL, surroundings(points=stands), unseen))
+    obstacles = surroundings(points=np.vstack((stands, unseen)))
+    border = slice(len(stands), len(obstacles.points))
+    return pilot.planner(pilot.task(HERE, STILL, obstacles, border))
 
 
 def all_stands(stands, unseen):

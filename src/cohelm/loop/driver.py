@@ -21,7 +21,7 @@ from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.delay_compensation import periods
 from cohelm.pilot.obstacles_from_perception import obstacles_from_perception
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.replanning import clock_on_entry, split_unseen
+from cohelm.pilot.replanning import clock_on_entry
 from cohelm.pilot.step import Decision, Settings
 from cohelm.plan.course import row_on_route
 from cohelm.plan.distance_field import swept_clearances
@@ -163,16 +163,17 @@ class Driver:
 
     def follow(self, now: float, seen: Seen, stick: Stick, obstacles: Surroundings) -> Decision:
         """On the route, shared with the stick. There must be a pilot."""
-        pilot, pose, end = self.pilot, seen.pose, len(seen.points)
+        pilot, pose = self.pilot, seen.pose
         if pilot is None:
             raise ValueError("there is no route to follow")
         if self._planning is not None:
             made = self._planning.plan(now)
             if made is not None:
                 pilot.take(made, pose, self._twist)
+            end = len(seen.points)
+            border = slice(end - seen.unobserved, end)
             if now - self._planned >= _EVERY - _ROUNDING and self._planning.offer(
-                now,
-                pilot.task(pose, self._twist, *split_unseen(obstacles, end - seen.unobserved, end)),
+                now, pilot.task(pose, self._twist, obstacles, border)
             ):
                 self._planned = now
         return self._step(pilot, now, pose, stick, obstacles)

@@ -148,22 +148,22 @@ class Pilot:
         self._step = step_of(self.settings, self.planner.route.line)
 
     def task(
-        self, pose: Pose, twist: Twist, seen: Surroundings, unseen: Floats = NOTHING_NEAR.points
+        self, pose: Pose, twist: Twist, seen: Surroundings, unobserved: slice = slice(0, 0)
     ) -> Task:  # fmt: skip
-        """A snapshot to plan from. unseen: border of unobserved space, see `Task`."""
+        """A snapshot to plan from. unobserved: border of unobserved space, see `Task`."""
         since = self.state.time - self._taken
         led = self.behavior == LED
         state = self.state._replace(refused=self.state.refused | self._refused)
         return Task(
-            state, pose, twist, seen, self.course, since, led, self.refused_for, unseen,
+            state, pose, twist, seen, self.course, since, led, self.refused_for, unobserved,
             self.settings.outline,
         )  # fmt: skip
 
     def plan(
-        self, pose: Pose, twist: Twist, seen: Surroundings, unseen: Floats = NOTHING_NEAR.points
+        self, pose: Pose, twist: Twist, seen: Surroundings, unobserved: slice = slice(0, 0)
     ) -> Plan:  # fmt: skip
         """The slow part here and now: `planner` on a snapshot. `take` it afterwards."""
-        return self.planner(self.task(pose, twist, seen, unseen))
+        return self.planner(self.task(pose, twist, seen, unobserved))
 
     def take(self, made: Plan, pose: Pose, twist: Twist) -> None:
         """Follow a plan from now on; pose and twist are those of now, not of the snapshot."""

@@ -91,26 +91,10 @@ class Task(NamedTuple):
     """Whether the operator leads."""
     refused_for: float = 0.0
     """How long gate and monitors have refused all commands [s]."""
-    unseen: Floats = np.empty((0, 2))
-    """Border of unobserved space, beside the obstacles, (n, 2)."""
+    unobserved: slice = slice(0, 0)
+    """Which of the obstacles' points are the border of unobserved space."""
     outline: Floats | None = None
     """Of the robot, if it differs from the planner's settings."""
-
-    def with_unseen(self) -> Surroundings:
-        """The obstacles together with unobserved space."""
-        if not len(self.unseen):
-            return self.obstacles
-        points = np.concatenate((self.obstacles.points, self.unseen))
-        return self.obstacles._replace(points=points)
-
-
-def split_unseen(obstacles: Surroundings, first: int, end: int) -> tuple[Surroundings, Floats]:
-    """The obstacles of a `Task` without their points from `first` to `end`, and those points: the
-    border of unobserved space."""
-    if first == end:
-        return obstacles, obstacles.points[:0]
-    points = np.delete(obstacles.points, slice(first, end), axis=0)
-    return obstacles._replace(points=points), obstacles.points[first:end]
 
 
 class Plan(NamedTuple):
@@ -143,7 +127,7 @@ def plan(
     state, now = task.state, task.course
     if state.evasion.on and not _once_a_second(task):  # it does not follow the path meanwhile
         return Plan(now, False, None, False, math.inf)
-    static_points = surface_points(task.with_unseen(), task.pose, replan_params.known)
+    static_points = surface_points(task.obstacles, task.pose, replan_params.known)
     mover_points = predicted_encounters(
         task.obstacles.discs, task.pose, route.reference.speed, replan_params.known,
         replan_params.foresight,
@@ -161,8 +145,11 @@ def plan(
         far = _once_a_second(task)
         made = _course(task, static_points, kept, route, settings, path_params, replan_params, far)
     ended = not made.new and _ended(task, route, replan_params)
-    if (made.failed or ended) and len(task.unseen):
-        points = surface_points(task.obstacles, task.pose, replan_params.known)
+    if (made.failed or ended) and task.unobserved.stop > task.unobserved.start:
+        observed = task.obstacles._replace(
+            points=np.delete(task.obstacles.points, task.unobserved, axis=0)
+        )
+        points = surface_points(observed, task.pose, replan_params.known)
         made = _course(task, points, kept, route, settings, path_params, replan_params, far)
     return made._replace(
         move=_recovery(task, made, static_points, route, settings, path_params, replan_params),
@@ -342,7 +329,7 @@ def _recovery(
     if not shuffles:
         move = recovery_move(pose, to.psi, points, settings.outline, recovery_params, refused)
     if move is None and (held or refused or shuffles):
-        dense = surface_points(task.with_unseen(), pose, _DENSE_WITHIN, _DENSE)
+        dense = surface_points(task.obstacles, pose, _DENSE_WITHIN, _DENSE)
         if shuffles:
             move = search_recovery(pose, to.psi, dense, settings.outline, recovery_params, refused)
         for without in (refused, 0)[: 2 if refused else 1]:

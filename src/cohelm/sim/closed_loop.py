@@ -23,7 +23,7 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.perceive.track.params import TrackerParams
 from cohelm.pilot.behavior import LED
 from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
-from cohelm.pilot.replanning import ReplanParams, Task, split_unseen
+from cohelm.pilot.replanning import ReplanParams, Task
 from cohelm.pilot.step import START, PilotState, Settings, pilot_step
 from cohelm.plan.course import Course, course
 from cohelm.plan.evasion.movers import empty_mover_history
@@ -157,10 +157,9 @@ def stretches(
             seen_obstacles = known(k * dt, now.seen_obstacles, walls, scene)
             end = len(seen.points)
             unobserved = 0 if eyes is None else eyes.unobserved
-            seen_obstacles, unseen = split_unseen(seen_obstacles, end - unobserved, end)
             task = Task(
                 now.pilot, now.robot.pose, now.robot.applied, seen_obstacles, current,
-                (k - since) * dt, now.led, unseen=unseen,
+                (k - since) * dt, now.led, unobserved=slice(end - unobserved, end),
             )  # fmt: skip
             waiting = planner(task)
         if waiting is not None and k % period == thinking:

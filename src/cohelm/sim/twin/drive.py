@@ -25,7 +25,7 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.pilot.margin_inflation import SLOP, inflated, noise
 from cohelm.pilot.obstacles_from_perception import obstacles_from_perception
 from cohelm.pilot.pilot import Pilot
-from cohelm.pilot.replanning import Plan, split_unseen
+from cohelm.pilot.replanning import Plan
 from cohelm.pilot.step import Decision, Settings
 from cohelm.plan.course import nearly_done
 from cohelm.plan.zones import Zoned
@@ -230,7 +230,7 @@ class _KnownPose(TwinRun):
             reaction = self.period * self.setup.dt + self.delay
             self.walls = near_walls(self.setup.obstacles.walls, pose, self.settings, reaction)
             blind = 0 if self.perception is None else self.perception.unobserved
-            self.waiting = self.pilot.plan(pose, twist, *split_unseen(seen, end - blind, end))
+            self.waiting = self.pilot.plan(pose, twist, seen, slice(end - blind, end))
         if self.waiting is not None and k % self.period == self.thinking:
             self.pilot.take(self.waiting, pose, twist)
             if self.waiting.new:
