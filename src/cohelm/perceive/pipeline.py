@@ -35,7 +35,7 @@ from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.tracker import discs_at, movers_out_of_view
 from cohelm.robot.achievable import stopping_distance
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Contact, Odometry, Readings, Scan, not_ahead, untouched
+from cohelm.robot.port import Odometry, Readings, Scan, not_ahead, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
 _APPEARS = 1.4  # what appears within this of the turning circle may move [m]
@@ -135,7 +135,7 @@ class Perception:
         self._floor_space = None
         if outline is not None and floors:
             self._floor_space = UnobservedFloor(outline, floors, stopping)
-        self._unobserved_floor = NOTHING
+        self._unobserved = self._unobserved_floor = NOTHING
         self._contact_memory = None
         if isinstance(model, RobotModel) and model.contacts:
             self._contact_memory = ContactMemory(model.contacts)
@@ -149,7 +149,6 @@ class Perception:
         self._read: Odometry | None = None  # the newest
         self._received: Pose | None = None  # its frame in `odom`; None: it is the same
         self._twist = Twist(0.0, 0.0)
-        self._points = self._unobserved = self._reported = NOTHING
         self._map_odom = start or Pose(0.0, 0.0, 0.0)
         self._placed = start is None
         self._localization: Localization | None = None
@@ -186,7 +185,9 @@ class Perception:
                 scan = readings.of_lidar(source.sensor)
                 if scan is not None and scan.number != source.number:
                     self._take_scan(source, scan)
-            self._take_contacts(now, readings.contacts)
+            if self._contact_memory is not None:
+                here = pose_at(self._odometry_buffer, now)
+                self._contact_memory.take(now, readings.contacts, here)
         scan, first = readings.scan, self._first
         if scan is not None and scan.number != first.number and len(self._odometry_buffer):
             self._take_scan(first, scan)
@@ -224,30 +225,15 @@ class Perception:
     def _take_scan(self, source: ObservationSource | RangeSource, scan: Scan) -> None:
         if isinstance(source, RangeSource):
             source.take(scan, self._odometry_buffer)
-            self._points = self._static_points()
-        else:
-            static = source.take(scan, self._odometry_buffer, self._on_walls)
-            if static is None:
-                return
-            self._points = self._static_points()
-            self._update_unobserved(source)
-            if source is self._first and self._localizer is not None:
-                self._localization = self._localizer.correct(static)
-                self._map_odom = compose(self._localization.pose, inverse(static.pose))
-                self._matched = static.pose
-        self._join_points()
-
-    def _take_contacts(self, now: float, contacts: Sequence[Contact]) -> None:
-        if self._contact_memory is None:
             return
-        if self._contact_memory.take(now, contacts, pose_at(self._odometry_buffer, now)):
-            self._points = self._static_points()
-            self._join_points()
-
-    def _join_points(self) -> None:
-        self._reported = self._points
-        if len(self._unobserved) or len(self._unobserved_floor):
-            self._reported = np.vstack((self._points, self._unobserved, self._unobserved_floor))
+        static = source.take(scan, self._odometry_buffer, self._on_walls)
+        if static is None:
+            return
+        self._update_unobserved(source)
+        if source is self._first and self._localizer is not None:
+            self._localization = self._localizer.correct(static)
+            self._map_odom = compose(self._localization.pose, inverse(static.pose))
+            self._matched = static.pose
 
     def _update_unobserved(self, source: ObservationSource) -> None:
         """Update unobserved space and floor after a scan of a LiDAR."""
@@ -268,12 +254,13 @@ class Perception:
         for one in sources:
             one.mark_possibly_occupied(occupied)
 
-    def _static_points(self) -> Floats:
-        """Static points of all LiDARs, and of contacts of bumpers."""
-        parts = [source.points for source in self._sources]
-        if self._contact_memory is not None:
-            parts.append(self._contact_memory.points)
-        return parts[0] if len(parts) == 1 else np.vstack(parts)
+    def _points(self) -> Floats:
+        """Static points of all LiDARs and of contacts of bumpers, then unobserved ground."""
+        contacts = NOTHING if self._contact_memory is None else self._contact_memory.points
+        return np.concatenate((
+            *(source.points for source in self._sources), contacts, self._unobserved,
+            self._unobserved_floor,
+        ))  # fmt: skip
 
     def _on_walls(self, sweep: DeskewedScan) -> NDArray[np.bool_] | None:
         """Which points are on the map's walls, if localized."""
@@ -301,7 +288,7 @@ class Perception:
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
             twist=self._twist, map_odom=self._map_odom,
-            odom_received=self._received or Pose(0.0, 0.0, 0.0), points=self._reported,
+            odom_received=self._received or Pose(0.0, 0.0, 0.0), points=self._points(),
             unobserved=self.unobserved,
             assumed_gap=space.assumed_gap(here) if space is not None else math.inf,
             discs=discs, mobile=mobile,
@@ -312,7 +299,7 @@ class Perception:
     @property
     def unobserved(self) -> int:
         """How many of the reported points are the border of unobserved space; see `Seen`."""
-        return len(self._reported) - len(self._points)
+        return len(self._unobserved) + len(self._unobserved_floor)
 
     def _mobile(self, now: float) -> tuple[Floats, Floats, Floats]:
         """Movers, all discs for the guard, and bounds of their velocity errors, predicted to

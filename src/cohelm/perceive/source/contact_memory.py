@@ -30,11 +30,9 @@ class ContactMemory:
             self._places[one.name] = left + share * (right - left)
         self._met: list[tuple[float, str, Floats]] = []
 
-    def take(self, now: float, contacts: Sequence[Contact], pose: Pose) -> bool:
-        """Take their readings at an `odom` pose. Returns whether `points` have changed."""
-        before = len(self._met)
+    def take(self, now: float, contacts: Sequence[Contact], pose: Pose) -> None:
+        """Take their readings at an `odom` pose."""
         self._met = [one for one in self._met if now - one[0] <= KEPT]
-        changed = len(self._met) != before
         for one in contacts:
             if not one.on or one.sensor not in self._places:
                 continue
@@ -45,8 +43,6 @@ class ContactMemory:
                 self._met[i] = (now, one.sensor, self._met[i][2])
             if not again:
                 self._met.append((now, one.sensor, there))
-                changed = True
-        return changed
 
     @property
     def points(self) -> Floats:
