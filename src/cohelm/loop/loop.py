@@ -18,7 +18,7 @@ from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
 from cohelm.loop.sensor_watchdog import SensorWatchdog, timeouts
 from cohelm.loop.speed_caps import NO_CAP, UNCAPPED_DELAY, latency_cap, lost_cap, unseen_cap
-from cohelm.loop.status import Reporter
+from cohelm.loop.status import PeriodReport, Reporter
 from cohelm.loop.stick import ArmingParams
 from cohelm.loop.supervisor import PLANNED, Supervisor
 from cohelm.loop.timing import Timing
@@ -96,7 +96,6 @@ class Loop:
         self._due = -math.inf
         self._lost = False
         self._arrived = False
-        self._safe = STANDING
         self._garbage: Sweeper | None = None
         self._late = self._took = 0.0
 
@@ -162,12 +161,11 @@ class Loop:
             passed = self._settle_outline(seen, decision, passed)
         self._late, self._took = late, gated.now() - began
         self._raise_alarms(seen)
-        report = self._reporter.report(
+        report = PeriodReport(
             now, readings, seen, obstacles, supervisor.stick_state, decision, passed.out
         )
-        row = self._reporter.record(report, self._loop_fields(seen))
         words = supervisor.status_words(passed.reason, self.cap)
-        self._reporter.send_status(report, row, words, self.timing.recent)
+        self._reporter.report(report, self._loop_fields(seen), words, self.timing.recent)
         self._keep_time(now)
 
     def _perceive(self, now: float, readings: Readings) -> Seen:
@@ -216,7 +214,6 @@ class Loop:
     def _propose(self, readings: Readings, decision: Decision | None) -> Passed:
         """Propose to the gate; with wrong readings nothing, so that the watchdog trips."""
         safe = Twist(decision.safe_v, decision.safe_omega) if decision is not None else STANDING
-        self._safe = safe
         gate, problem = self.gated.gate, self.supervisor.problem
         if problem or readings.odometry is None:
             self.driver.record_applied(STANDING)
@@ -278,7 +275,6 @@ class Loop:
         gate, (phase, dock) = self.gated.gate, self.supervisor.docking.phase(seen)
         return {
             "mode": gate.mode, "refused": gate.refused,
-            "safe_v": self._safe.v, "safe_omega": self._safe.omega,
             "docking": phase, "dock": dock,
             "late": self._late, "took": self._took, "overruns": self.timing.overruns,
         }  # fmt: skip

@@ -60,6 +60,10 @@ _AS_IN_THE_ROW = tuple(
 """Numbers that a status has as the row has them."""
 
 
+_NONE_DECIDED = ("nominal_v", "nominal_omega", "safe_v", "safe_omega")
+"""Numbers of a decision that are 0 where nothing was decided."""
+
+
 class PeriodReport(NamedTuple):
     """What the loop knows of a period once its command is sent."""
 
@@ -67,27 +71,23 @@ class PeriodReport(NamedTuple):
     """When the readings were taken [s]."""
     readings: Readings
     seen: Seen
+    obstacles: Surroundings
     stick_state: StickState
     decision: Decision | None
     applied: Twist
-    progress: float
-    """Share of the route done; NaN without one."""
-    clearance: float
-    """Of the outline to anything seen [m]; inf: nothing is seen."""
 
 
 def period_fields(r: PeriodReport) -> dict[str, Any]:
     """A report's numbers, by the names of `core.row.FIELDS`."""
     d, seen, stick_state = r.decision, r.seen, r.stick_state
     odometry, scan = r.readings.odometry, r.readings.scan
-    fields = {"nominal_v": 0.0, "nominal_omega": 0.0} if d is None else d._asdict()
+    fields = dict.fromkeys(_NONE_DECIDED, 0.0) if d is None else d._asdict()
     at = (math.nan, math.nan) if d is None else limiting(d, seen)
     return fields | {
         "t": r.now, "x": seen.pose.x, "y": seen.pose.y, "psi": seen.pose.psi,
         "sigma": sigma(seen.covariance), "share": seen.share, "lost": seen.lost,
         "measured_v": seen.twist.v, "measured_omega": seen.twist.omega,
-        "progress": r.progress,
-        "limiting_x": at[0], "limiting_y": at[1], "clearance_seen": r.clearance,
+        "limiting_x": at[0], "limiting_y": at[1],
         "stick_x": stick_state.stick.x, "stick_psi": stick_state.stick.psi,
         "stick_age": stick_state.age,
         "arming": stick_state.arming, "applied_v": r.applied.v, "applied_omega": r.applied.omega,
@@ -234,34 +234,18 @@ class Reporter:
         """Why the guard holds the robot back for nothing visible; empty: it does not."""
 
     def report(
-        self, now: float, readings: Readings, seen: Seen, obstacles: Surroundings,
-        stick_state: StickState, decision: Decision | None, applied: Twist,
-    ) -> PeriodReport:  # fmt: skip
-        """This period's report. New scans and discs are sent at once."""
-        new = self._log.readings(readings)
-        for scan in new:
-            which, lidar = self._lidars.get("" if scan is readings.scan else scan.sensor, (0, None))
-            if lidar is not None:
-                self._operator.show(*scan_parts(scan, lidar, seen.pose, which))
-        if new and new[0] is readings.scan:
-            discs = Discs(new[0].number, _nearest(obstacles.discs, seen.pose))
-            self._operator.show(discs)
-            self._log.show(discs)
-        clearance = self.driver.clearance(seen, obstacles)
-        return PeriodReport(
-            now, readings, seen, stick_state, decision, applied, self._progress(), clearance
-        )
-
-    def record(self, report: PeriodReport, loop_fields: Mapping[str, Any]) -> NDArray[np.void]:
-        """Record the period; returns its row. loop_fields: what the loop adds."""
-        fields = period_fields(report) | {"dropped": self._log.dropped} | dict(loop_fields)
-        return self._log.period(fields)
-
-    def send_status(
-        self, report: PeriodReport, row: NDArray[np.void], words: StatusWords, late: float
+        self, report: PeriodReport, loop_fields: Mapping[str, Any], words: StatusWords, late: float
     ) -> None:
-        """Send a status to the operator, where one is due. words: without `held`. late: worst
-        recent lateness [s]."""
+        """Send new scans and discs, the period's row, and a status where one is due.
+
+        loop_fields: what the loop adds to the row. words: without `held`. late: worst recent
+        lateness [s].
+        """
+        self._show_scans(report.readings, report.seen, report.obstacles)
+        row = self._log.period({
+            **period_fields(report), "progress": self._progress(), "dropped": self._log.dropped,
+            "clearance_seen": self.driver.clearance(report.seen, report.obstacles), **loop_fields,
+        })  # fmt: skip
         if report.now - self._last_status < 1.0 / _MAX_STATUS_RATE - 0.25 * self._period:
             return
         self._last_status = report.now
@@ -272,6 +256,17 @@ class Reporter:
         made = status(row, words, self._has_map, predicted(report.seen.pose, report.applied))
         timing = made.timing._replace(late=late)
         self._operator.send_status(made._replace(recording=self._log.open, timing=timing))
+
+    def _show_scans(self, readings: Readings, seen: Seen, obstacles: Surroundings) -> None:
+        new = self._log.readings(readings)
+        for scan in new:
+            which, lidar = self._lidars.get("" if scan is readings.scan else scan.sensor, (0, None))
+            if lidar is not None:
+                self._operator.show(*scan_parts(scan, lidar, seen.pose, which))
+        if new and new[0] is readings.scan:
+            discs = Discs(new[0].number, _nearest(obstacles.discs, seen.pose))
+            self._operator.show(discs)
+            self._log.show(discs)
 
     def _done(self, row: NDArray[np.void], mode: Mode) -> str:
         """Why nothing is commanded at the end of the route; empty: something is, or the robot is
