@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -73,7 +72,7 @@ class Pilot:
         if not (math.isfinite(delay) and 0.0 <= delay <= 60.0):
             raise CohelmError(f"the delay must be from 0 to 60 s, got {delay}")
         whole, rest = periods(delay, dt)
-        settings = settings._replace(rest=rest)
+        settings = settings._replace(rest=rest, outline=_contiguous(settings.outline))
         self.planner = Planner(
             route(reference), settings, path_params or PathParams(), replan_params or ReplanParams()
         )
@@ -90,7 +89,9 @@ class Pilot:
         """Kinds of recovery moves that they refused."""
         self._now = -math.inf
         self._taken = 0.0
-        self._step: BoundStep = step_of(settings, self.planner.route.line)
+        self._line = _contiguous(self.planner.route.line)
+        self._numbers = numbers(settings)
+        self._out = np.empty(_STATE + len(names(Decision)))
 
     def step(
         self, now: float, pose: Pose, twist: Twist, stick: Stick | None, seen: Surroundings,
@@ -108,10 +109,18 @@ class Pilot:
                 self._begin_anew(pose, twist)
             dt = min(max(passed, 0.0), 3.0 * dt)  # a late step must not make the reference jump
         self._now = now
-        self.state, decision = self._step(
-            self.state, pose, twist, stick or CENTRED, seen, self.course, dt, self.sent,
-            self.mover_history, min(fastest, self.settings.fastest),
+        stick, course, reference = stick or CENTRED, self.course, self.course.reference
+        self._numbers[_FASTEST] = min(fastest, self.settings.fastest)
+        # an int would compile another specialization
+        x, y, psi, v = float(pose[0]), float(pose[1]), float(pose[2]), float(twist[0])
+        _step(
+            numbers(self.state), x, y, psi, v, float(twist[1]), float(stick[0]), float(stick[1]),
+            *seen, reference.knots, reference.coeffs, reference.speed, course.poses,
+            course.paced.rate, course.row, course.rejoins, self._line, self.settings.outline,
+            self._numbers, float(dt), self.sent, self.mover_history, self._out,
         )  # fmt: skip
+        row = self._out.tolist()
+        self.state, decision = made(PilotState, row), made(Decision, row, _STATE)
         self.behavior = decision.behavior
         self._safe = Twist(decision.safe_v, decision.safe_omega)
         return decision
@@ -144,8 +153,7 @@ class Pilot:
 
     def reshape(self, outline: Floats) -> None:
         """Use another outline from the next step on, (k, 2), as in the settings."""
-        self.settings = self.settings._replace(outline=outline)
-        self._step = step_of(self.settings, self.planner.route.line)
+        self.settings = self.settings._replace(outline=_contiguous(outline))
 
     def task(
         self, pose: Pose, twist: Twist, seen: Surroundings, unobserved: slice = slice(0, 0)
@@ -197,45 +205,16 @@ def taken(state: PilotState, made: Plan, planner: Planner, pose: Pose, twist: Tw
     return state._replace(clock=clock, awaits=False)
 
 
-BoundStep = Callable[
-    [PilotState, Pose, Twist, Stick, Surroundings, Course, float, Floats, Floats, float],
-    tuple[PilotState, Decision],
-]
-"""`pilot_step` of one robot on one route, from Python."""
-
 _STATE = len(names(PilotState))
 _FASTEST = names(Settings).index("fastest")
 
 
-def step_of(settings: Settings, line: Floats) -> BoundStep:
-    """`pilot_step` with its constant arguments bound."""
-    row = numbers(settings)
-    outline = np.ascontiguousarray(settings.outline, dtype=np.float64)
-    line = np.ascontiguousarray(line, dtype=np.float64)
-    out = np.empty(_STATE + len(names(Decision)))
-
-    def step(
-        state: PilotState, pose: Pose, twist: Twist, stick: Stick, obstacles: Surroundings,
-        course: Course, dt: float, sent: Floats, mover_history: Floats, fastest: float,
-    ) -> tuple[PilotState, Decision]:  # fmt: skip
-        row[_FASTEST] = fastest
-        reference = course.reference
-        # an int would compile another specialization
-        x, y, psi, v = float(pose[0]), float(pose[1]), float(pose[2]), float(twist[0])
-        _flat(
-            numbers(state), x, y, psi, v, float(twist[1]), float(stick[0]), float(stick[1]),
-            *obstacles, reference.knots, reference.coeffs, reference.speed, course.poses,
-            course.paced.rate, course.row, course.rejoins, line, outline, row, float(dt), sent,
-            mover_history, out,
-        )  # fmt: skip
-        row_out = out.tolist()
-        return made(PilotState, row_out), made(Decision, row_out, _STATE)
-
-    return step
+def _contiguous(array: Floats) -> Floats:
+    return np.ascontiguousarray(array, dtype=np.float64)
 
 
 @jit
-def _flat(
+def _step(
     state: Floats, x: float, y: float, psi: float, v: float, omega: float, stick_x: float,
     stick_psi: float, discs: Floats, max_acceleration: Floats, velocity_error: Floats,
     segments: Floats, points: Floats,
@@ -243,6 +222,8 @@ def _flat(
     rejoins: float, line: Floats, outline: Floats, settings: Floats, dt: float, sent: Floats,
     mover_history: Floats, out: Floats,
 ) -> None:  # fmt: skip
+    """`pilot_step` of numbers and arrays, which come from Python faster than named tuples; state
+    and decision are written into out."""
     course = Course(
         Reference(knots, coeffs, speed), poses, Profile(rates, knots[-1]), back, rejoins, True
     )
