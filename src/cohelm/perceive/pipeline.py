@@ -126,12 +126,12 @@ class Perception:
             for one in further
         )  # fmt: skip
         self._sources = (self._first, *self._further)
+        self._looking = [one for one in self._sources if isinstance(one, ObservationSource)]
+        lidars = [source.lidar for source in self._looking]
         self._unobserved_space = None
-        looking = [one for one in self._sources if isinstance(one, ObservationSource)]
-        if outline is not None and not any(all_round(source.lidar) for source in looking):
-            lidars = [source.lidar for source in looking]
+        if outline is not None and not any(map(all_round, lidars)):
             self._unobserved_space = UnobservedSpace(outline, lidars, stopping)
-        floors = [one.lidar for one in looking if one.lidar.floor_from > 0.0]
+        floors = [lidar for lidar in lidars if lidar.floor_from > 0.0]
         self._floor_space = None
         if outline is not None and floors:
             self._floor_space = UnobservedFloor(outline, floors, stopping)
@@ -244,14 +244,14 @@ class Perception:
             self._unobserved_floor = self._floor_space.points(source.lidar, sweep)
         if self._unobserved_space is None:
             return
-        sources = [one for one in self._sources if isinstance(one, ObservationSource)]
-        looking = [(one.lidar, one.last_scan) for one in sources if one.last_scan is not None]
-        out = np.vstack([movers_out_of_view(one.movers, self._tracker_params) for one in sources])
+        params, looking = self._tracker_params, self._looking
+        last = [(one.lidar, one.last_scan) for one in looking if one.last_scan is not None]
+        out = np.vstack([movers_out_of_view(one.movers, params) for one in looking])
         self._unobserved = self._unobserved_space.points(
-            source.lidar, sweep, looking, out, self._tracker_params.dynamic.fastest
+            source.lidar, sweep, last, out, params.dynamic.fastest
         )
         occupied = self._unobserved_space.possibly_occupied(sweep.pose)
-        for one in sources:
+        for one in looking:
             one.mark_possibly_occupied(occupied)
 
     def _points(self) -> Floats:
@@ -304,7 +304,7 @@ class Perception:
     def _mobile(self, now: float) -> tuple[Floats, Floats, Floats]:
         """Movers, all discs for the guard, and bounds of their velocity errors, predicted to
         now."""
-        parts = [discs_at(source.movers, now, self._tracker_params) for source in self._sources]
+        parts = [discs_at(source.movers, now, self._tracker_params) for source in self._looking]
         if len(parts) == 1:
             return parts[0]
         discs, mobile, velocity_error = zip(*parts, strict=True)

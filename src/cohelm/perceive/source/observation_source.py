@@ -43,8 +43,6 @@ class ObservationSource:
         self.movers = empty_state(self.lidar, self._tracker_params)
         self.last_scan: DeskewedScan | None = None
         """The newest sweep."""
-        self.stamp = -math.inf
-        """Of its last beam [s]."""
         self.number: int | None = None
         """Of the newest scan."""
 
@@ -59,10 +57,10 @@ class ObservationSource:
             return None
         ranges = np.asarray(scan.ranges, dtype=np.float64)
         sweep = static = deskew(self.lidar, ranges, scan.stamp, scan.duration, buffer)
-        self.last_scan, self.stamp = sweep, sweep.stamp
-        if self.movers.stamp - self.stamp >= _RESET:
+        self.last_scan = sweep
+        if self.movers.stamp - stamp >= _RESET:
             self.movers = empty_state(self.lidar, self._tracker_params)
-        if self.stamp - self.movers.stamp > _APART:
+        if stamp - self.movers.stamp > _APART:
             may_move, trackable = np.ones(len(sweep.points), dtype=np.bool_), sweep
             if scan.edges is not None:  # the edge of a floor does not move, whatever the noise
                 may_move = ~scan.edges[sweep.beams]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from cohelm.core.frames import inverse, placed
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.scan.odometry_buffer import pose_at, unknown_at
-from cohelm.perceive.track.tracker import EMPTY_STATE
 from cohelm.robot.port import Scan
 from cohelm.robot.sensors import LidarModel
 
@@ -33,9 +32,6 @@ class RangeSource:
         """Static points, (p, 2), in `odom` [m]."""
         self._seen: Floats = np.empty(0)
         """When each was measured, (p,) [s]."""
-        self.movers = EMPTY_STATE
-        self.stamp = -math.inf
-        """Of the newest measurement [s]."""
         self.number: int | None = None
         """Of the newest scan."""
 
@@ -50,7 +46,6 @@ class RangeSource:
         if np.isnan(scan.ranges).all():
             return
         reach = float(np.nanmin(scan.ranges))
-        self.stamp = stamp
         pose = pose_at(buffer, stamp)
         stays = (stamp - self._seen <= self._model.forget_s) & ~self._looked_at(pose, reach)
         made = placed(placed(self._arcs(reach), lidar.mount), pose)
