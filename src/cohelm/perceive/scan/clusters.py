@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints
-from cohelm.perceive.scan.deskew import DeskewedScan, beam_at
+from cohelm.perceive.scan.deskew import DeskewedScan, was_free
 from cohelm.robot.sensors import Lidar
 
 CX, CY, SIZE, OCCLUDED, FRESH, FIRST, LAST, AGE = range(8)
@@ -21,7 +21,6 @@ _JUMP = 0.12  # neighbouring ends farther apart are on different objects [m]
 _WIDEST = 1.1  # largest size of a cluster [m]
 _FARTHEST = 8.0  # largest range of a cluster, beyond which beams are too few [m]
 _FEWEST = 3
-FREE = 0.15  # space is free up to so far before a beam's end [m]
 
 
 @jit
@@ -94,21 +93,6 @@ def _occluded(lidar: Lidar, points: Floats, beams: Ints, a: int, b: int, far: fl
             if beside and near < far:
                 return True
     return False
-
-
-@jit
-def was_free(lidar: Lidar, sweep: DeskewedScan, x: float, y: float, beside: float) -> bool:
-    """Whether a sweep saw past an `odom` point, and past `beside` [m] on either side of it, at
-    least by a beam."""
-    wx, wy = x - sweep.sensor.x, y - sweep.sensor.y
-    c, s = math.cos(sweep.sensor.psi), math.sin(sweep.sensor.psi)
-    sx, sy = c * wx + s * wy, -s * wx + c * wy
-    far = math.hypot(sx, sy)
-    beam = beam_at(lidar, sx, sy)
-    aside = max(1, math.ceil(beside / (max(far, 0.1) * lidar.step)))
-    if not aside <= beam < len(sweep.ranges) - aside or far > lidar.range_max - FREE:
-        return False
-    return sweep.ranges[beam - aside : beam + aside + 1].min() > far + FREE
 
 
 @jit

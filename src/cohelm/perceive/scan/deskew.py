@@ -1,4 +1,4 @@
-"""Deskews a scan: motion compensation of its beams to the time of the last one."""
+"""A scan deskewed to the time of its last beam, and what it saw free."""
 
 from __future__ import annotations
 
@@ -45,6 +45,10 @@ NO_SCAN = DeskewedScan(
 """Without any beam."""
 
 
+FREE = 0.15
+"""Space is free up to so far before a beam's end [m]."""
+
+
 @jit_inline
 def beam_at(lidar: Lidar, x: float, y: float) -> int:
     """The beam nearest in direction to a point of the sensor's frame; a number out of range where
@@ -59,6 +63,21 @@ def beam_at(lidar: Lidar, x: float, y: float) -> int:
 def all_round(lidar: Lidar) -> bool:
     """Whether the field of view is 360 degrees: its last beam and its first are neighbours."""
     return lidar.step * len(lidar.beams) > 2.0 * math.pi - 1.5 * lidar.step
+
+
+@jit
+def was_free(lidar: Lidar, sweep: DeskewedScan, x: float, y: float, beside: float) -> bool:
+    """Whether a sweep saw past an `odom` point, and past `beside` [m] on either side of it, at
+    least by a beam."""
+    wx, wy = x - sweep.sensor.x, y - sweep.sensor.y
+    c, s = math.cos(sweep.sensor.psi), math.sin(sweep.sensor.psi)
+    sx, sy = c * wx + s * wy, -s * wx + c * wy
+    far = math.hypot(sx, sy)
+    beam = beam_at(lidar, sx, sy)
+    aside = max(1, math.ceil(beside / (max(far, 0.1) * lidar.step)))
+    if not aside <= beam < len(sweep.ranges) - aside or far > lidar.range_max - FREE:
+        return False
+    return sweep.ranges[beam - aside : beam + aside + 1].min() > far + FREE
 
 
 @jit

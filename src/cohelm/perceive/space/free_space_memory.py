@@ -13,8 +13,7 @@ import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints
-from cohelm.perceive.scan.clusters import FREE
-from cohelm.perceive.scan.deskew import DeskewedScan, all_round, beam_at
+from cohelm.perceive.scan.deskew import FREE, DeskewedScan, all_round, beam_at
 from cohelm.perceive.space.cell_window import CELL, SIDE, cell, holds, nowhere
 from cohelm.robot.sensors import Lidar
 

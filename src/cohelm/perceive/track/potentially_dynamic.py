@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints
-from cohelm.perceive.scan.clusters import FREE, was_free
-from cohelm.perceive.scan.deskew import DeskewedScan, beam_at
+from cohelm.perceive.scan.deskew import FREE, DeskewedScan, beam_at, was_free
 from cohelm.perceive.space.free_space_memory import FreeSpaceMemory, appeared
 from cohelm.perceive.track.params import PotentiallyDynamicParams
 from cohelm.robot.sensors import Lidar

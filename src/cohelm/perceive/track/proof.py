@@ -6,8 +6,8 @@ import math
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats
-from cohelm.perceive.scan.clusters import FRESH, was_free
-from cohelm.perceive.scan.deskew import DeskewedScan
+from cohelm.perceive.scan.clusters import FRESH
+from cohelm.perceive.scan.deskew import DeskewedScan, was_free
 from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.track import (
     AT_REST,

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from cohelm.core.frames import placed
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats
-from cohelm.perceive.scan.clusters import CX, CY, FIRST, LAST, clusters, update_freshness, was_free
-from cohelm.perceive.scan.deskew import NO_SCAN, DeskewedScan
+from cohelm.perceive.scan.clusters import CX, CY, FIRST, LAST, clusters, update_freshness
+from cohelm.perceive.scan.deskew import NO_SCAN, DeskewedScan, was_free
 from cohelm.perceive.space.free_space_memory import (
     CERTAINLY,
     NEAR,
