@@ -35,7 +35,7 @@ from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.tracker import discs_at, movers_out_of_view
 from cohelm.robot.achievable import stopping_distance
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Odometry, Readings, Scan, not_ahead, untouched
+from cohelm.robot.port import AHEAD, Odometry, Readings, Scan, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
 
 _APPEARS = 1.4  # what appears within this of the turning circle may move [m]
@@ -177,21 +177,17 @@ class Perception:
     def receive(self, now: float, readings: Readings) -> None:
         """Process readings, without a result yet: that is `seen`. Readings from the future are
         ignored: nothing received once the clock is right would be newer."""
-        readings = not_ahead(readings, now)
-        if readings.odometry is not None:
-            self._odometry(readings.odometry)
+        latest, odometry, taken = now + AHEAD, readings.odometry, False
+        if odometry is not None and not odometry.stamp > latest:
+            self._odometry(odometry)
         if len(self._odometry_buffer):
             for source in self._further:
-                scan = readings.of_lidar(source.sensor)
-                if scan is not None and scan.number != source.number:
-                    self._take_scan(source, scan)
+                self._take_scan(source, readings.of_lidar(source.sensor), latest)
             if self._contact_memory is not None:
                 here = pose_at(self._odometry_buffer, now)
                 self._contact_memory.take(now, readings.contacts, here)
-        scan, first = readings.scan, self._first
-        if scan is not None and scan.number != first.number and len(self._odometry_buffer):
-            self._take_scan(first, scan)
-        elif self._localizer is not None and self._localization is not None:
+            taken = self._take_scan(self._first, readings.scan, latest)
+        if not taken and self._localizer is not None and self._localization is not None:
             self._localization = self._localizer.search_step()
             if not self._localization.lost and len(self._odometry_buffer):
                 self._map_odom = compose(self._localization.pose, inverse(self._matched))
@@ -222,18 +218,24 @@ class Perception:
             return odometry
         return odometry._replace(pose=compose(self._received, pose))
 
-    def _take_scan(self, source: ObservationSource | RangeSource, scan: Scan) -> None:
+    def _take_scan(
+        self, source: ObservationSource | RangeSource, scan: Scan | None, latest: float
+    ) -> bool:
+        """Take a scan, if it is new and not later than this [s]. Returns whether it is."""
+        if scan is None or scan.number == source.number or scan.stamp + scan.duration > latest:
+            return False
         if isinstance(source, RangeSource):
             source.take(scan, self._odometry_buffer)
-            return
+            return True
         static = source.take(scan, self._odometry_buffer, self._on_walls)
         if static is None:
-            return
+            return True
         self._update_unobserved(source)
         if source is self._first and self._localizer is not None:
             self._localization = self._localizer.correct(static)
             self._map_odom = compose(self._localization.pose, inverse(static.pose))
             self._matched = static.pose
+        return True
 
     def _update_unobserved(self, source: ObservationSource) -> None:
         """Update unobserved space and floor after a scan of a LiDAR."""

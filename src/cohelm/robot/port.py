@@ -139,19 +139,6 @@ AHEAD = 0.02
 """Clocks agree to this [s]: a reading that is stamped later than now by more is from the future."""
 
 
-def not_ahead(readings: Readings, now: float) -> Readings:
-    """Without odometry and scans from the future. now: the robot's clock [s]."""
-    latest, odometry, scan = now + AHEAD, readings.odometry, readings.scan
-    if odometry is not None and odometry.stamp > latest:
-        readings = readings._replace(odometry=None)
-    if scan is not None and scan.stamp + scan.duration > latest:
-        readings = readings._replace(scan=None)
-    if any(one.stamp + one.duration > latest for one in readings.further):
-        sound = (one for one in readings.further if one.stamp + one.duration <= latest)
-        readings = readings._replace(further=tuple(sound))
-    return readings
-
-
 def untouched(model: RobotModel, now: float) -> tuple[Contact, ...]:
     """All its bumpers and cliff sensors, none of them on. now: the robot's clock [s]."""
     return tuple(Contact(now, one.name, False) for one in model.contacts)
