@@ -94,12 +94,12 @@ class Pilot:
         self._out = np.empty(_STATE + len(names(Decision)))
 
     def step(
-        self, now: float, pose: Pose, twist: Twist, stick: Stick | None, seen: Surroundings,
+        self, now: float, pose: Pose, twist: Twist, stick: Stick | None, obstacles: Surroundings,
         fastest: float = math.inf,
     ) -> Decision:  # fmt: skip
         """The command for now, and why. now: monotonic [s]. twist: measured now.
 
-        seen: obstacles as of now. fastest: speed limit beside that of the settings [m/s]. Never
+        obstacles: as of now. fastest: speed limit beside that of the settings [m/s]. Never
         raises on numbers, see `pilot_step`.
         """
         dt = self.settings.rules.dt
@@ -115,7 +115,7 @@ class Pilot:
         x, y, psi, v = float(pose[0]), float(pose[1]), float(pose[2]), float(twist[0])
         _step(
             numbers(self.state), x, y, psi, v, float(twist[1]), float(stick[0]), float(stick[1]),
-            *seen, reference.knots, reference.coeffs, reference.speed, course.poses,
+            *obstacles, reference.knots, reference.coeffs, reference.speed, course.poses,
             course.paced.rate, course.row, course.rejoins, self._line, self.settings.outline,
             self._numbers, float(dt), self.sent, self.mover_history, self._out,
         )  # fmt: skip
@@ -156,22 +156,22 @@ class Pilot:
         self.settings = self.settings._replace(outline=_contiguous(outline))
 
     def task(
-        self, pose: Pose, twist: Twist, seen: Surroundings, unobserved: slice = slice(0, 0)
+        self, pose: Pose, twist: Twist, obstacles: Surroundings, unobserved: slice = slice(0, 0)
     ) -> Task:  # fmt: skip
         """A snapshot to plan from. unobserved: border of unobserved space, see `Task`."""
         since = self.state.time - self._taken
         led = self.behavior == LED
         state = self.state._replace(refused=self.state.refused | self._refused)
         return Task(
-            state, pose, twist, seen, self.course, since, led, self.refused_for, unobserved,
+            state, pose, twist, obstacles, self.course, since, led, self.refused_for, unobserved,
             self.settings.outline,
         )  # fmt: skip
 
     def plan(
-        self, pose: Pose, twist: Twist, seen: Surroundings, unobserved: slice = slice(0, 0)
+        self, pose: Pose, twist: Twist, obstacles: Surroundings, unobserved: slice = slice(0, 0)
     ) -> Plan:  # fmt: skip
         """The slow part here and now: `planner` on a snapshot. `take` it afterwards."""
-        return self.planner(self.task(pose, twist, seen, unobserved))
+        return self.planner(self.task(pose, twist, obstacles, unobserved))
 
     def take(self, made: Plan, pose: Pose, twist: Twist) -> None:
         """Follow a plan from now on; pose and twist are those of now, not of the snapshot."""

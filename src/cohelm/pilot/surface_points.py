@@ -16,12 +16,14 @@ _APART = 0.05  # between points on a wall [m]
 _NEAR = 1.5  # the robot's centre to a disc's surface [m]
 
 
-def surface_points(around: Surroundings, pose: Pose, far: float, apart: float = _APART) -> Floats:
+def surface_points(
+    obstacles: Surroundings, pose: Pose, far: float, apart: float = _APART
+) -> Floats:
     """All obstacles within `far` of the robot as points on their surfaces, (p, 2) [m].
 
     apart: from one point on a wall to the next [m].
     """
-    return _surfaces(around.discs, around.segments, around.points, pose, far, apart)
+    return _surfaces(obstacles.discs, obstacles.segments, obstacles.points, pose, far, apart)
 
 
 @jit_inline

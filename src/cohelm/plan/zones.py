@@ -232,9 +232,9 @@ class Zoned:
         changes."""
         return _NOTHING if self._fence is None else self._fence.points(pose)
 
-    def beside(self, seen: Surroundings, pose: Pose) -> Surroundings:
+    def beside(self, obstacles: Surroundings, pose: Pose) -> Surroundings:
         """The obstacles, with the points of those zones behind theirs. All in the map."""
-        return seen._replace(points=np.vstack((seen.points, self.points(pose))))
+        return obstacles._replace(points=np.vstack((obstacles.points, self.points(pose))))
 
     @property
     def inside(self) -> bool:

@@ -194,14 +194,14 @@ class _KnownPose(TwinRun):
         """Control step k, from seeing to the next one, written into the row."""
         then = self.truth
         discs = self.discs()
-        pose, seen, twist = self._seen(k * self.setup.dt, then, discs)
-        fastest, end = math.inf, len(seen.points)
+        pose, obstacles, twist = self._seen(k * self.setup.dt, then, discs)
+        fastest, end = math.inf, len(obstacles.points)
         if self.zones is not None:
-            seen = self.zones.beside(seen, pose)
+            obstacles = self.zones.beside(obstacles, pose)
             fastest = self.zones.limit(pose)[0]
         stick = self.operator_stick(k, discs)
-        self._plan(k, pose, twist, seen, end)
-        decided = self.pilot.step(k * self.setup.dt, pose, twist, stick, seen, fastest)
+        self._plan(k, pose, twist, obstacles, end)
+        decided = self.pilot.step(k * self.setup.dt, pose, twist, stick, obstacles, fastest)
         safe = Twist(decided.safe_v, decided.safe_omega)
         row["saturated"] = self.robot.send(safe) != safe
         self.robot.wait((k + 1) * self.setup.dt)
@@ -221,7 +221,7 @@ class _KnownPose(TwinRun):
             known.twist,
         )
 
-    def _plan(self, k: int, pose: Pose, twist: Twist, seen: Surroundings, end: int) -> None:
+    def _plan(self, k: int, pose: Pose, twist: Twist, obstacles: Surroundings, end: int) -> None:
         """Begins a plan once a period, and takes it up when it would be ready. end: past the last
         of the points from perception."""
         if not self.guarded:
@@ -230,7 +230,7 @@ class _KnownPose(TwinRun):
             reaction = self.period * self.setup.dt + self.delay
             self.walls = near_walls(self.setup.obstacles.walls, pose, self.settings, reaction)
             blind = 0 if self.perception is None else self.perception.unobserved
-            self.waiting = self.pilot.plan(pose, twist, seen, slice(end - blind, end))
+            self.waiting = self.pilot.plan(pose, twist, obstacles, slice(end - blind, end))
         if self.waiting is not None and k % self.period == self.thinking:
             self.pilot.take(self.waiting, pose, twist)
             if self.waiting.new:
