@@ -7,15 +7,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose, inverse
 from cohelm.core.types import Floats, Pose, Twist
-from cohelm.perceive.localize.localization_map import LocalizationMap, on_walls
+from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.localize.localizer import Localization, Localizer
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
-from cohelm.perceive.scan.deskew import DeskewedScan, all_round
+from cohelm.perceive.scan.deskew import all_round
 from cohelm.perceive.scan.odometry_buffer import (
     ANY_SPEED,
     EMPTY,
@@ -40,7 +39,6 @@ from cohelm.robot.sensors import Lidar, LidarModel
 
 _APPEARS = 1.4  # what appears within this of the turning circle may move [m]
 _MARGIN = 0.5  # what the filter keeps clear, and more [m]
-_ON_WALL = 0.1  # a return as near to a wall of the map as this is on it [m]
 
 
 class Seen(NamedTuple):
@@ -227,7 +225,9 @@ class Perception:
         if isinstance(source, RangeSource):
             source.take(scan, self._odometry_buffer)
             return True
-        static = source.take(scan, self._odometry_buffer, self._on_walls)
+        lost = self._localization is None or self._localization.lost
+        known = None if lost else self.known
+        static = source.take(scan, self._odometry_buffer, known, self._map_odom)
         if static is None:
             return True
         self._update_unobserved(source)
@@ -263,13 +263,6 @@ class Perception:
             *(source.points for source in self._sources), contacts, self._unobserved,
             self._unobserved_floor,
         ))  # fmt: skip
-
-    def _on_walls(self, sweep: DeskewedScan) -> NDArray[np.bool_] | None:
-        """Which points are on the map's walls, if localized."""
-        located, known = self._localization, self.known
-        if known is None or located is None or located.lost:
-            return None
-        return on_walls(known, compose(self._map_odom, sweep.pose), sweep.points, _ON_WALL)
 
     def seen(self, now: float) -> Seen:
         """The result at `now` [s] of all readings received."""

@@ -4,13 +4,14 @@ itself, as another may look over or past it."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cohelm.core.frames import compose
 from cohelm.core.jit import jit
-from cohelm.core.types import Floats
+from cohelm.core.types import Floats, Pose
+from cohelm.perceive.localize.localization_map import LocalizationMap, on_walls
 from cohelm.perceive.scan.deskew import DeskewedScan, deskew
 from cohelm.perceive.scan.odometry_buffer import unknown_at
 from cohelm.perceive.space.free_space_memory import with_possibly_occupied
@@ -24,9 +25,7 @@ from cohelm.robot.sensors import Lidar
 NOTHING: Floats = np.empty((0, 2))
 _APART = 0.06  # minimum time between two updates of the tracker [s]
 _RESET = 1.0  # scans whose stamps go back by at least this are tracked anew [s]
-
-OnMap = Callable[[DeskewedScan], NDArray[np.bool_] | None]
-"""Which points of a sweep are on the map's walls; None if not localized."""
+_ON_WALL = 0.1  # a return as near to a wall of the map as this is on it [m]
 
 
 class ObservationSource:
@@ -46,9 +45,11 @@ class ObservationSource:
         self.number: int | None = None
         """Of the newest scan."""
 
-    def take(self, scan: Scan, buffer: Floats, on_map: OnMap) -> DeskewedScan | None:
+    def take(
+        self, scan: Scan, buffer: Floats, known: LocalizationMap | None, map_odom: Pose
+    ) -> DeskewedScan | None:
         """Take a new scan. Returns it deskewed and without movers; None for what is no scan of this
-        LiDAR, or from where nobody knows."""
+        LiDAR, or from where nobody knows. known: the map, if the robot is localized on it."""
         self.number = scan.number
         stamp = scan.stamp + scan.duration
         if len(scan.ranges) != len(self.lidar.beams) or not math.isfinite(stamp):
@@ -65,8 +66,12 @@ class ObservationSource:
             if scan.edges is not None:  # the edge of a floor does not move, whatever the noise
                 may_move = ~scan.edges[sweep.beams]
                 trackable = sweep.part(may_move, np.where(scan.edges, math.nan, sweep.ranges))
+            fixed = None
+            if known is not None:
+                there = compose(map_odom, sweep.pose)
+                fixed = on_walls(known, there, trackable.points, _ON_WALL)
             self.movers = update_tracker(
-                self.movers, self.lidar, trackable, self._tracker_params, on_map(trackable)
+                self.movers, self.lidar, trackable, self._tracker_params, fixed
             )
             if self.movers.of_movers.any():
                 may_move[may_move] = self.movers.of_movers
