@@ -34,7 +34,6 @@ from cohelm.perceive.track.potentially_dynamic import (
     potentially_dynamic_points,
     which_appeared,
 )
-from cohelm.perceive.track.proof import update_proof
 from cohelm.perceive.track.track import (
     AT_REST,
     COLUMNS,
@@ -52,10 +51,13 @@ from cohelm.perceive.track.track import (
     TX,
     TY,
     VV,
+    association_cost,
+    begin_track,
     no_tracks,
     predict,
+    update_proof,
+    update_track,
 )
-from cohelm.perceive.track.update import association_cost, begin_track, update_track
 from cohelm.robot.sensors import Lidar
 
 
