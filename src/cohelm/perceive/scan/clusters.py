@@ -24,9 +24,7 @@ _FEWEST = 3
 
 
 @jit
-def clusters(
-    lidar: Lidar, sweep: DeskewedScan, farthest: float, fixed: NDArray[np.bool_]
-) -> Floats:  # fmt: skip
+def clusters(lidar: Lidar, sweep: DeskewedScan, fixed: NDArray[np.bool_]) -> Floats:
     """Clusters of a sweep, (k, 8), in `odom`.
 
     fixed: (m,) points of walls of a map: they belong to no cluster, and separate clusters. The
@@ -56,7 +54,7 @@ def clusters(
                 across = -dy * (points[i, 0] - x) + dx * (points[i, 1] - y)
                 low, high = min(low, across), max(high, across)
             length = math.hypot(points[b - 1, 0] - points[a, 0], points[b - 1, 1] - points[a, 1])
-            if length < _WIDEST and far < min(_FARTHEST, farthest):
+            if length < _WIDEST and far < min(_FARTHEST, lidar.range_max):
                 size = min(max(0.5 * (high - low + far * lidar.step), 0.05), 0.6)
                 bx, by = x + 0.785 * size * dx, y + 0.785 * size * dy
                 out[k, CX], out[k, CY] = pose.x + c * bx - s * by, pose.y + s * bx + c * by

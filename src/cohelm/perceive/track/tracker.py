@@ -110,7 +110,7 @@ def update_tracker(
         fixed = np.zeros(len(sweep.points), np.bool_)
     pose, stamp = sweep.pose, sweep.stamp
     dt = min(max(stamp - before.stamp, 0.0), params.longest) if before.scans else 0.0
-    found = clusters(lidar, sweep, lidar.range_max, fixed)
+    found = clusters(lidar, sweep, fixed)
     for lookback in params.lookback:
         earlier = _scan_at(before.scans, stamp - lookback)
         if earlier is not None:

@@ -229,8 +229,9 @@ class _KnownPose(TwinRun):
         if k % self.period == 0:
             reaction = self.period * self.setup.dt + self.delay
             self.walls = near_walls(self.setup.obstacles.walls, pose, self.settings, reaction)
-            blind = 0 if self.perception is None else self.perception.unobserved
-            self.waiting = self.pilot.plan(pose, twist, obstacles, slice(end - blind, end))
+            unobserved = 0 if self.perception is None else self.perception.unobserved
+            border = slice(end - unobserved, end)
+            self.waiting = self.pilot.plan(pose, twist, obstacles, border)
         if self.waiting is not None and k % self.period == self.thinking:
             self.pilot.take(self.waiting, pose, twist)
             if self.waiting.new:
