@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from cohelm.link.bulk_messages import Alarms, WholeAlarm
+from cohelm.core.types import Pose
+from cohelm.link.bulk_messages import Alarms, DockPlace, Docks, WholeAlarm
 from cohelm.link.messages import Alarm, Mode, RequestKind, Severity
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
@@ -45,6 +46,7 @@ def overlap(page: Page, one: str, other: str) -> bool:
     return not (apart_x or apart_y)
 
 
+POSE = Pose(0.0, 0.0, 0.0)
 PADS = (".pad.x", ".pad.psi")
 
 
@@ -73,6 +75,41 @@ def test_on_small_phones_long_alarms_do_not_push_the_modes_under_the_pads(
                 assert not overlap(page, ".all-alarms", free), (width, height, free)
             every.get_by_role("button", name="Close").tap()
             expect(every).to_be_hidden()
+
+
+def test_on_small_phones_nothing_that_is_said_pushes_the_modes_under_the_pads(
+    tmp_path: Path, phones: BrowserContext, context: BrowserContext
+) -> None:
+    """A stop, refusals, somebody who asks, and docks, all at once."""
+    status = STATUS._replace(mode=Mode.SHARED, alarms=ALL[:2], stopped=LONG, why=LONG)
+    with Bare(tmp_path, status) as robot, served(robot.connect) as server:
+        robot.bulk.publish(Docks(tuple(DockPlace(f"dock {i}", POSE, 1.0) for i in range(3))))
+        page, other = phones.new_page(), context.new_page()
+        other.goto(server.address)
+        other.get_by_role("button", name="Take over").wait_for()
+        page.set_viewport_size({"width": 320, "height": 568})
+        page.goto(server.address)
+        take(page)
+        page.get_by_label("Route to a dock").wait_for()
+        for mode in ("Hold", "Auto", "Manual"):
+            page.get_by_role("radio", name=mode).tap()
+        other.get_by_role("button", name="Request control").click()
+        page.get_by_role("button", name="Hand over").wait_for()
+        page.get_by_text("manual: the robot did not answer").wait_for()
+        for width, height in ((320, 568), (740, 330), (667, 330), (390, 780)):
+            page.set_viewport_size({"width": width, "height": height})
+            page.wait_for_timeout(100)
+            for under in (
+                ".segments",
+                ".docks",
+                ".modes input",
+                ".station nav",
+                ".alarms",
+                ".head",
+            ):
+                for pad in PADS:
+                    assert not overlap(page, pad, under), (width, height, pad, under)
+            expect(page.get_by_role("button", name="Stop the robot")).to_be_in_viewport(ratio=1)
 
 
 def test_more_alarms_than_there_is_room_for_are_counted_and_can_be_seen_and_acknowledged(

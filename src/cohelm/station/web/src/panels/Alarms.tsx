@@ -71,20 +71,22 @@ export function Alarms() {
   const shown = all.slice(0, room())
   const hidden = all.length - shown.length
   const cut = SMALL.matches && shown.some((alarm) => alarm.text.length > LONG)
+  const more = hidden > 0 || cut
   return (
     <div class="alarms" role="alert" aria-label="Alarms">
-      {shown.map((alarm) => <Row key={alarm.number} alarm={alarm} />)}
-      {(hidden > 0 || cut) && (
+      {shown.map((alarm) => <Row key={alarm.number} alarm={alarm} plain={more && SMALL.matches} />)}
+      {more && (
         <button type="button" class="more" aria-expanded={open.value} onClick={() => (open.value = true)}>
           {hidden > 0 ? `${hidden} more` : 'In full'}
         </button>
       )}
-      {open.value && (hidden > 0 || cut) && <All alarms={all} />}
+      {open.value && more && <All alarms={all} />}
     </div>
   )
 }
 
-function Row({ alarm }: { alarm: ShownAlarm }) {
+/** plain: without a button, for which there is no room. */
+function Row({ alarm, plain = false }: { alarm: ShownAlarm; plain?: boolean }) {
   return (
     <div class={`alarm ${alarm.severity} ${alarm.active ? '' : 'gone'}`}>
       <span aria-hidden="true">{MARK[alarm.severity]}</span>
@@ -92,7 +94,7 @@ function Row({ alarm }: { alarm: ShownAlarm }) {
         {alarm.text}
         {!alarm.active && ' (cleared)'}
       </span>
-      {toAcknowledge(alarm) && <button type="button" onClick={() => acknowledge([alarm])}>Acknowledge</button>}
+      {!plain && toAcknowledge(alarm) && <button type="button" onClick={() => acknowledge([alarm])}>Acknowledge</button>}
     </div>
   )
 }

@@ -13,6 +13,7 @@ import { MODES, percent } from './format'
 
 const open = signal(false)
 const MOST_BUTTONS = 4
+const SMALL = matchMedia('(max-width: 820px), (max-height: 500px)')
 
 export function Modes() {
   if (s.isReplay.value) return null
@@ -73,7 +74,7 @@ function RoutesToDocks() {
   const go = (dock: DockPlace | undefined) => {
     if (dock !== undefined) send({ type: 'waypoints', points: routeTo(dock), only_check: false })
   }
-  if (docks.length > MOST_BUTTONS) {
+  if (docks.length > (SMALL.matches ? 1 : MOST_BUTTONS)) {
     return (
       <div class="row docks" role="group" aria-label="Dock">
         <select aria-label="Route to a dock" title={title} disabled={!s.youDrive.value} value=""
