@@ -95,7 +95,7 @@ def test_on_small_phones_nothing_that_is_said_pushes_the_modes_under_the_pads(
             page.get_by_role("radio", name=mode).tap()
         other.get_by_role("button", name="Request control").click()
         page.get_by_role("button", name="Hand over").wait_for()
-        page.get_by_text("manual: the robot did not answer").wait_for()
+        page.get_by_text("Manual: the robot did not answer").wait_for()
         for width, height in ((320, 568), (740, 330), (667, 330), (390, 780)):
             page.set_viewport_size({"width": width, "height": height})
             page.wait_for_timeout(100)

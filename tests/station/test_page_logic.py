@@ -347,3 +347,13 @@ def test_every_text_can_be_read_in_sunlight(text: str, ground: str) -> None:
     colours = dict(re.findall(r"--(\w+): (#[0-9a-f]{6})", style))
     light, dark = luminance(colours[ground]), luminance(colours[text])
     assert (light + 0.05) / (dark + 0.05) >= 4.5
+
+
+def test_what_was_refused_is_called_as_its_button(asked) -> None:
+    requests = {
+        "stop": "STOP", "take": "Take over", "give": "Release", "refuse": "Keep", "reset": "Reset",
+        "automatic": "Auto", "hold": "Hold", "record": "Record", "record_stop": "Stop recording",
+        "acknowledge": "Acknowledge", "undock": "Undock",
+    }  # fmt: skip
+    told = asked("panels/format.ts", *(f"m.buttonName('{what}')" for what in requests))
+    assert told == list(requests.values())

@@ -12,9 +12,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from cohelm.link.bulk_messages import MOST_WAYPOINTS
-from cohelm.link.messages import RequestKind
 from cohelm.station import operator as of_operator
-from cohelm.station.messages import Waypoints
+from cohelm.station.messages import Do, Request, Waypoints
 from cohelm.station.operator import PageOperator
 from cohelm.station.robot_link import RefusingLink
 from cohelm.station.serve import Server
@@ -45,14 +44,15 @@ def heard(page: ClientConnection, kind: str, within: float = 5.0) -> Iterator[di
 
 def test_refusals_that_come_together_all_reach_the_page() -> None:
     operator = PageOperator("key", "anna", RefusingLink("not now"), 0.25)
-    for kind in (RequestKind.RESET, RequestKind.MODE, RequestKind.DOCK):
-        operator._requested[operator.link.ask(kind)] = kind.name.lower()
+    asked: tuple[Request, ...] = ("reset", "hold", "dock")
+    for what in asked:
+        operator._requested[operator.link.ask(*Do(what=what).request())] = what
     for only_check in (False, True):
         number = operator.link.propose([(0.0, 0.0)], only_check)
         operator._proposed[number] = only_check, time.monotonic()
     operator._poll_link()
     told = [json.loads(text) for text in operator._outbox.take()]
-    assert [one["what"] for one in told if one["type"] == "refused"] == ["reset", "mode", "dock"]
+    assert [one["what"] for one in told if one["type"] == "refused"] == list(asked)
     assert [one["only_check"] for one in told if one["type"] == "checked"] == [False, True]
 
 

@@ -120,7 +120,7 @@ class StationEnd(IoThread):
         self._connection: _Connection | None = None
         self._reconnection: _Connection | None = None
         self._try_at = clock()
-        self._why = "not connected yet"
+        self._why = f"no answer from {self._name}"
         self._sequence = 0
         self._steered = NO_STICK
         self._steered_at = self._lost_at = self._sent_at = -math.inf

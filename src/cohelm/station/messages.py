@@ -169,7 +169,7 @@ class Refused(Schema):
     """A request of the page was refused, and why."""
 
     type: Literal["refused"] = "refused"
-    what: str
+    what: Request
     why: str
 
 

@@ -75,7 +75,7 @@ class PageOperator:
         self._page_ms: float | None = None
         self._speed_scale = 1.0  # the newest: it counts on while the page is away
         self._leave, self._left = asyncio.Event(), asyncio.Event()
-        self._requested: dict[int, str] = {}
+        self._requested: dict[int, page.Request] = {}
         self._proposed: dict[int, tuple[bool, float]] = {}
         """Routes without an answer: whether only to be checked, and when they were sent [s]."""
 
@@ -92,7 +92,7 @@ class PageOperator:
             del self._requested[number]
             if not answer.granted:
                 why = view.persons(answer.reason, self.client, self.names)
-                refused = page.Refused(what=what.replace("_", " "), why=why)
+                refused = page.Refused(what=what, why=why)
                 self._send(refused, number)
         for number, (only_check, sent) in list(self._proposed.items()):
             if not only_check and time.monotonic() - sent > ROUTE_WITHIN:

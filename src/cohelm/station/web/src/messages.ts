@@ -187,7 +187,7 @@ export interface Checked {
 /** A request of the page was refused, and why. */
 export interface Refused {
   type: 'refused'
-  what: string
+  what: 'stop' | 'reset' | 'take' | 'give' | 'refuse' | 'acknowledge' | 'record' | 'record_stop' | 'hold' | 'shared' | 'automatic' | 'manual' | 'dock' | 'undock'
   why: string
 }
 

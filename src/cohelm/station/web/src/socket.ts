@@ -3,6 +3,7 @@ import { batch } from '@preact/signals'
 import { decode, painted, zoned, type MapPart, type ZonePart } from './binary'
 import { forget, keep, kept } from './kept'
 import type { Do, FromPage, ToPage } from './messages'
+import { buttonName } from './panels/format'
 import { authorizedFetch, onLogIn, session } from './session'
 import * as s from './state'
 
@@ -259,10 +260,10 @@ function dispatch(message: ToPage): void {
     case 'PlaybackPosition': s.playing.value = message; break
     case 'checked':
       s.checked.value = message
-      if (!message.ok && !message.only_check) refuse(`route: ${message.why}`)
+      if (!message.ok && !message.only_check) refuse(`Route: ${message.why}`)
       break
     case 'refused':
-      refuse(`${message.what}: ${message.why}`)
+      refuse(`${buttonName(message.what)}: ${message.why}`)
       if (message.what === 'stop') answerStop()
       break
   }

@@ -13,6 +13,16 @@ export function modeName(mode: string): string {
   return MODES.find(([name]) => name === mode)?.[1] ?? mode
 }
 
+const BUTTONS: { [what: string]: string } = {
+  stop: 'STOP', take: 'Take over', give: 'Release', refuse: 'Keep', record_stop: 'Stop recording',
+}
+
+/** A request as its button is called. */
+export function buttonName(what: string): string {
+  const mode = modeName(what)
+  return BUTTONS[what] ?? (mode !== what ? mode : what.charAt(0).toUpperCase() + what.slice(1))
+}
+
 /** Quality of localization; its standard deviation [m] only where the pose is estimated. */
 export function localization({ localised, sigma }: Pick<Status, 'localised' | 'sigma'>): string {
   if (localised === 'unknown') return 'no map, odometry only'
