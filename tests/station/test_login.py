@@ -8,6 +8,8 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import BrowserContext, Page, Request, expect
 
+from cohelm.core.errors import CohelmError
+from cohelm.station.robot_link import RobotLink
 from cohelm.station.serve import Server
 from tests.link.ends import until
 from tests.station.bare import Bare
@@ -146,4 +148,18 @@ def test_a_page_that_never_gets_a_connection_says_so(
     page = context.new_page()
     page.route_web_socket("**/ws*", lambda socket: socket.close())
     page.goto(server.address)
-    expect(alarms(page)).to_contain_text("No connection to the station yet")
+    expect(alarms(page)).to_contain_text("No connection yet: the station does not answer")
+
+
+def test_a_page_that_the_station_turns_away_says_why_for_as_long(context: BrowserContext) -> None:
+    """Where the robot's host is not known, which may last until its WiFi is there."""
+
+    def connect(_: str) -> RobotLink:
+        raise CohelmError("the host 'robot.local' can not be found: check its name")
+
+    with served(connect) as server:
+        page = context.new_page()
+        page.goto(server.address)
+        expect(alarms(page)).to_contain_text(
+            "No connection yet: the host 'robot.local' can not be found: check its name"
+        )

@@ -145,6 +145,7 @@ async function connect(): Promise<void> {
     if (opened === socket) receive(event.data)
   }
   opened.onclose = ({ reason }) => {
+    if (opened === socket) s.turnedAway.value = reason
     if (opened === socket && reason !== '') refuse(reason)
     dropSocket(opened)
   }

@@ -19,6 +19,8 @@ export const health = signal<m.HealthReport | null>(null)
 export const records = signal<m.RecordInfo[]>([])
 export const playing = signal<m.PlaybackPosition | null>(null)
 export const checked = signal<m.Checked | null>(null)
+/** Why the station closed the last connection; empty: it did not say. */
+export const turnedAway = signal('')
 /** What was refused lately, oldest first. */
 export const refused = signal<Array<{ text: string; at: number }>>([])
 export const pageMs = signal<number | null>(null)

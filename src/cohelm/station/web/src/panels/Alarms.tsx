@@ -25,7 +25,8 @@ function localAlarms(): ShownAlarm[] {
   const why = s.link.value === null || s.link.value.why === '' ? '' : ` (${s.link.value.why})`
   if (c === 'closed' || c === 'connecting') {
     if (s.welcome.value === null) {
-      if (s.clock.value > BEGUN) add('warning', 'No connection to the station yet; it is tried again and again.')
+      const said = s.turnedAway.value || 'the station does not answer'
+      if (s.clock.value > BEGUN) add('warning', `No connection yet: ${said}. It is tried again and again.`)
     } else add('alarm', `No connection to the station${why}. The display is stale. The robot stops by itself.`)
   } else if (c === 'silent') add('alarm', 'No data from the station. The display is stale.')
   else if (s.link.value !== null && !s.link.value.connected && s.robot.value === null) {
