@@ -317,3 +317,18 @@ def test_a_page_too_many_is_told_so(
     monkeypatch.setattr(app, "MOST_OPERATORS", 0)
     page = shown(context, station)
     expect(page.locator(".refused")).to_contain_text("too many operators")
+
+
+def test_without_a_link_to_the_robot_no_record_is_waited_for(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    (tmp_path / "run.mcap").write_bytes(b"record")
+    with Bare(tmp_path) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        page.get_by_role("button", name="Records (1)").click()
+        robot.die()
+        expect(page.get_by_role("status", name="Alarms")).to_be_hidden()  # there are some
+        files = page.get_by_role("list", name="Records on the robot")
+        files.get_by_role("link").click()
+        expect(files).to_contain_text("no link to the robot", timeout=3_000)
+        expect(files).not_to_contain_text("computes")

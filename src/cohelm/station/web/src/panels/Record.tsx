@@ -21,6 +21,7 @@ function setStatus(name: string, text: string, hash = ''): void {
 
 /** A plain link can not send the session, so it gets a ticket for this record. */
 async function download(name: string): Promise<void> {
+  if (s.link.value?.connected === false) return setStatus(name, 'no link to the robot: click again when there is one')
   setStatus(name, 'the robot computes its SHA-256 …')
   let answer: Response
   try {
