@@ -17,7 +17,7 @@ from cohelm.station import app
 from cohelm.station.serve import Server
 from tests.station.bare import Bare
 from tests.station.conftest import WAIT
-from tests.station.person import who
+from tests.station.person import take, who
 from tests.station.servers import served
 
 HANGING = """(() => {
@@ -332,3 +332,18 @@ def test_without_a_link_to_the_robot_no_record_is_waited_for(
         files.get_by_role("link").click()
         expect(files).to_contain_text("no link to the robot", timeout=3_000)
         expect(files).not_to_contain_text("computes")
+
+
+def test_the_windows_title_has_the_robot_and_what_is_up_with_it(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    """Who has two robots in two tabs must not take one for the other."""
+    with Bare(tmp_path) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        lens = (np.nan,) * 4
+        robot.bulk.publish(Hello("sally", np.zeros((3, 2), np.float32), 2.0, 1.0, lens))  # type: ignore[arg-type]
+        expect(page).to_have_title("sally")
+        take(page)
+        expect(page).to_have_title("You drive · sally")
+        robot.die()
+        expect(page).to_have_title("No link · sally")

@@ -1,9 +1,11 @@
+import { effect } from '@preact/signals'
 import { render } from 'preact'
 import { App } from './App'
 import { startDriving } from './input/drive'
 import { wrong } from './panels/Login'
 import { logIn } from './session'
 import { start } from './socket'
+import { title } from './state'
 import './style.css'
 
 // An address that contains the token logs in; the token is removed from the history.
@@ -18,6 +20,9 @@ if (token !== null) {
 // ... also if the page is open already, and only the part after # is new
 addEventListener('hashchange', () => shown() !== null && location.reload())
 startDriving()
+effect(() => {
+  document.title = title.value
+})
 
 const app = document.getElementById('app')
 if (app !== null) render(<App />, app)

@@ -45,6 +45,13 @@ export const clock = signal(0)
 export const isReplay = computed(() => welcome.value?.replay_s != null)
 export const youDrive = computed(() => who.value?.you_drive === true && connection.value === 'open')
 
+/** Of the window, by which one is told from another robot's. */
+export const title = computed(() => {
+  const lost = welcome.value !== null && (connection.value !== 'open' || link.value?.connected === false)
+  const now = lost ? 'No link' : state.value?.stopped ? 'Stopped' : youDrive.value ? 'You drive' : ''
+  return [isReplay.value ? 'Replay' : now, robot.value?.name ?? 'cohelm station'].filter((part) => part !== '').join(' · ')
+})
+
 /** Age of the displayed state [ms]. */
 export function stateAge(now: number): number {
   const s = state.value

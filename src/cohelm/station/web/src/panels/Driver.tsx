@@ -52,7 +52,8 @@ export function Driver() {
       {who.you_drive && who.requester === null && <button type="button" onClick={() => release()}>Release</button>}
       {who.you_drive && who.requester !== null && (
         <span class="requester" role="alert">
-          {who.requester} requests control{left}
+          {/* the seconds are not read out, each of them, over the buttons' names */}
+          {who.requester} requests control<span aria-hidden="true">{left}</span>
           <button type="button" onClick={() => request('give', who.requester_client)}>Hand over</button>
           <button type="button" onClick={() => request('refuse')}>Keep</button>
         </span>
@@ -61,7 +62,7 @@ export function Driver() {
       {!who.you_drive && who.driver !== null && !who.you_request && (
         <button type="button" onClick={() => request('take')}>Request control</button>
       )}
-      {who.you_request && <span role="status">requested{left}</span>}
+      {who.you_request && <span role="status">requested<span aria-hidden="true">{left}</span></span>}
     </div>
   )
 }
