@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cohelm
-from cohelm.robot.adapter import RobotAdapter
+from cohelm.robot.adapter import AdaptedMaker, RobotAdapter
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.port import Health
 
@@ -25,6 +25,7 @@ class Cart(cohelm.Robot):
     def __init__(self) -> None:
         super().__init__(SALLY)
         self.t, self.asked, self.broken = 0.0, [], ""
+        self.error: BaseException = OSError("the line is dead")
 
     def now(self) -> float:
         return self.t
@@ -34,7 +35,7 @@ class Cart(cohelm.Robot):
 
     def fails(self, method: str) -> None:
         if self.broken == method:
-            raise OSError("the line is dead")
+            raise self.error
 
     def read(self) -> cohelm.Readings:
         self.fails("read")
@@ -180,6 +181,44 @@ def test_no_error_of_the_robots_own_code_goes_unsaid(method):
     port.read()
     port.send(cohelm.Twist(0.3, 0.0))
     assert port.read().health.faults == ()
+
+
+@pytest.mark.parametrize("method", ["read", "send", "stop"])
+def test_a_driver_that_calls_sys_exit_is_a_fault_and_does_not_end_the_gate_process(method):
+    cart = Cart()
+    port = RobotAdapter(cart)
+    cart.broken, cart.error = method, SystemExit(3)
+    port.read()
+    port.send(cohelm.Twist(0.3, 0.0))
+    port.stop()
+    assert port.read().health.faults == (f"{method} failed: SystemExit: 3",)
+
+
+def test_a_robot_whose_stop_fails_is_sent_zero():
+    """Or the last twist would stay until its hardware has noticed; and again, as nobody knows."""
+    cart = Cart()
+    port = RobotAdapter(cart)
+    port.send(cohelm.Twist(0.5, 0.2))
+    cart.broken = "stop"
+    port.stop()
+    assert cart.asked[-1] == (0.0, REST)
+    assert port.read().health.faults == ("stop failed: OSError: the line is dead",)
+    port.stop()
+    assert cart.asked[-2:] == [(0.0, REST), (0.0, REST)]
+    port.send(cohelm.Twist(0.5, 0.2))
+    port.wait(3.0)
+    assert cart.asked[-1] == (0.5, REST)
+    cart.send = lambda twist: cart.fails("stop")  # nor does that work
+    port.stop()
+    assert port.read().health.faults == ("stop failed: OSError: the line is dead",)
+
+
+def test_a_driver_that_ends_the_process_while_it_is_made_is_reported():
+    def ends(model: cohelm.RobotModel) -> Cart:
+        raise SystemExit(3)
+
+    with pytest.raises(cohelm.CohelmError, match="the robot can not be made: SystemExit: 3"):
+        AdaptedMaker(ends, SALLY)()
 
 
 ODOMETRY = cohelm.Odometry(0.0, cohelm.Pose(0.0, 0.0, 0.0), cohelm.Twist(0.0, 0.0))

@@ -42,7 +42,7 @@ def plugin(group: str, name: str) -> Any:
         return attrgetter(inside)(import_module(module))
     except CohelmError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # a program without `if __name__ == "__main__"`
         raise CohelmError(
             f"{name} can not be imported ({type(error).__name__}: {error}): check the name, and "
             "that its package is installed or its file in this folder"

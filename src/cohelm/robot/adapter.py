@@ -29,6 +29,7 @@ _SAME = 0.005  # stamps of one reading, read twice with its age, differ by less 
 _AGAIN = 0.1  # a stop is repeated after this time, in case one was lost [s]
 _LOOK = 0.05  # period of the watchdog [s]
 _HANGS = 0.1  # a call that takes longer is not waited for before stopping [s]
+_FAILS = (Exception, SystemExit)  # a driver that calls sys.exit has failed, and no more
 
 
 def _again(new: Odometry, old: Odometry | None) -> bool:
@@ -91,7 +92,7 @@ class RobotAdapter:
                     given = given._replace(odometry=None)
                 given = given._replace(outline=self._outline(given.outline))
                 self._newest = _newest(given, self._newest)
-            except Exception as error:
+            except _FAILS as error:
                 self._failed["read"] = _said("read", error)
         health = self._newest.health or Health(self._robot.now(), math.nan, ())
         faults, self._failed = tuple(self._failed.values()), {}
@@ -109,7 +110,7 @@ class RobotAdapter:
             self._moves = True
             try:
                 self._robot.send(possible)
-            except Exception as error:
+            except _FAILS as error:
                 self._failed["send"] = _said("send", error)
             self._moves = True  # a stop while it hung came before it
         return possible
@@ -128,7 +129,7 @@ class RobotAdapter:
             self._moves = True
             self._brake()
             self._closed.set()
-            with contextlib.suppress(Exception):
+            with contextlib.suppress(*_FAILS):
                 self._robot.close()
 
     def _outline(self, reported: Floats | None) -> Floats | None:
@@ -145,8 +146,10 @@ class RobotAdapter:
         try:
             self._robot.stop()
             self._moves, self._stopped = False, now if now < math.inf else -math.inf
-        except Exception as error:
+        except _FAILS as error:
             self._failed["stop"] = _said("stop", error)
+            with contextlib.suppress(*_FAILS):
+                self._robot.send(_STILL)  # else the last twist stays until the hardware notices
 
     def _time(self) -> float:
         """The robot's clock; infinite where that fails, as then any command is too old [s]."""
@@ -233,7 +236,7 @@ def _newest(new: Readings, old: Readings) -> Readings:
     return newest._replace(further=tuple(scans.values()), contacts=tuple(contacts.values()))
 
 
-def _said(method: str, error: Exception) -> str:
+def _said(method: str, error: BaseException) -> str:
     if isinstance(error, CohelmError):  # a sentence already
         return str(error)
     return f"{method} failed: {type(error).__name__}: {error}"
@@ -252,7 +255,7 @@ class AdaptedMaker(NamedTuple):
             robot = make if isinstance(make, Robot) else _made(make, model)
         except CohelmError:
             raise
-        except Exception as error:
+        except _FAILS as error:
             raise CohelmError(
                 f"the robot can not be made: {type(error).__name__}: {error}"
             ) from error
