@@ -18,7 +18,7 @@ from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import LocalGatedRobot
 from cohelm.robot.keep.processes import detach, start_process
-from cohelm.robot.keep.serve import BRAKING, Begun, control, serve
+from cohelm.robot.keep.serve import BRAKING, CLOSING, Begun, control, serve
 from cohelm.robot.keep.shared_memory import SharedMemory
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Frame, Readings, RobotPort, Scan
@@ -138,7 +138,7 @@ class RemoteGatedRobot:
             self._ask("close")
         with contextlib.suppress(OSError):
             self._line.close()
-        self._process.join(BRAKING + 2.0)
+        self._process.join(BRAKING + CLOSING + 1.0)
         if self._process.is_alive():  # it brings the robot to stand as soon as it can
             detach(self._process)
 

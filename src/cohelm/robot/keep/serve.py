@@ -8,12 +8,14 @@ an answer that does not fit into the socket is dropped, and the watchdog goes on
 from __future__ import annotations
 
 import array
+import contextlib
 import os
 import pickle
 import select
 import signal
 import socket
 import sys
+import threading
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -32,7 +34,13 @@ from cohelm.robot.port import Readings, RobotPort
 
 BRAKING = 5.0
 """A robot that does not stand by then is closed all the same [s]."""
+CLOSING = 2.0
+"""The process ends so long after its robot has stopped, whatever the driver is still doing [s]."""
 _TICK = 0.02  # the gate is updated this often when nothing comes [s]
+_LINGERS = (
+    "the robot's driver does not end (its close hangs, or it has a thread that is no daemon): the "
+    "gate process ends all the same"
+)
 _SWITCH = 5e-4  # thread switch interval: bounds the wait for another thread of this process [s]
 
 
@@ -83,8 +91,10 @@ def serve(
         gated.fault(f"the gate process failed: {error!r}")
         gated.log(f"the gate process failed: {error!r}", True)
         _bring_to_stand(gated)
+        _end_within(CLOSING)
         raise
     _bring_to_stand(gated)
+    _end_within(CLOSING)
     gated.close()
 
 
@@ -158,6 +168,19 @@ def _bring_to_stand(gated: LocalGatedRobot) -> None:
         odometry = gated.read().odometry
         if odometry is not None and standing(odometry.twist) and end - gated.now() < BRAKING - 0.2:
             return
+
+
+def _end_within(within: float) -> None:
+    """End this process, even if the driver's `close` hangs or a thread of it goes on: it would keep
+    the hardware, and hear no signal but SIGKILL."""
+
+    def end() -> None:
+        time.sleep(within)
+        with contextlib.suppress(Exception):  # the driver may have closed it
+            print(_LINGERS, file=sys.stderr, flush=True)
+        os._exit(1)
+
+    threading.Thread(target=end, name="end", daemon=True).start()
 
 
 # The control line between loop and gate process: small whole messages, never blocking.
