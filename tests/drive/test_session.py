@@ -10,6 +10,7 @@ import pytest
 from cohelm.core.types import Twist
 from cohelm.drive.factory import Simulated, simulated
 from cohelm.drive.session import Session, SessionConfig, driver_of
+from cohelm.law.verdict import Verdict
 from cohelm.link.messages import Mode
 from cohelm.loop.driver import Driver
 from cohelm.loop.planning import MAX_PLAN_AGE, RemotePlanner
@@ -148,7 +149,7 @@ def test_a_robot_that_stands_reports_why_and_so_does_one_that_never_drove():
         assert session.state() == "idle: there is no odometry"
         assert session.summary()["not_begun"] == "there is no odometry"
     with Session(SessionConfig(made)) as session:
-        session.run(lambda loop: loop.supervisor.mode == Mode.AUTOMATIC, Mode.AUTOMATIC)
+        session.run(lambda loop: loop.decision is not None, Mode.AUTOMATIC)
         assert session.state() == "automatic"
         session.loop.supervisor.pause("way", "waiting for a goal or path on /goal_pose")
         assert session.state() == "automatic: waiting for a goal or path on /goal_pose"
@@ -161,6 +162,22 @@ def test_a_robot_that_stands_reports_why_and_so_does_one_that_never_drove():
         assert session.state() == "automatic: held back: a zone"
         session.loop.seen = session.loop.seen._replace(twist=Twist(0.3, 0.0))
         assert session.state() == "automatic"  # it does drive
+        session.loop.decision = session.loop.decision._replace(nominal_v=0.5)
+        session.loop.seen = session.loop.seen._replace(twist=Twist(0.08, 0.0))
+        assert session.state() == "automatic"  # for a moment only
+        session._slow_since -= 2.1
+        assert session.state() == "automatic: held back: a zone"  # it crawls
+        session.loop.log.words(said._replace(mode=Mode.AUTOMATIC, why=""))
+        for clearance, why in (
+            (0.034, "an obstacle 0.03 m off"),
+            (-0.1, "by its LiDARs an obstacle touches it, or is nearer than they can measure"),
+        ):
+            session.loop.decision = session.loop.decision._replace(
+                verdict=Verdict.SHAPED, clearance_seen=clearance
+            )
+            assert session.state() == f"automatic: {why}"
+        session.loop.seen = session.loop.seen._replace(twist=Twist(0.3, 0.0))
+        assert session.state() == "automatic"
         session.loop.supervisor.choose(Mode.MANUAL)
         assert session.state() == "manual"  # and not as the gate calls it
         assert not session.stopped

@@ -17,6 +17,7 @@ from cohelm.drive.pictures import Packed, Pictures
 from cohelm.drive.recorder import EventSink, Recording
 from cohelm.drive.shown import map_message, recordable, reference_lines, zone_messages
 from cohelm.law.reference import Reference
+from cohelm.law.verdict import Verdict
 from cohelm.link.bulk_messages import ZoneMap
 from cohelm.link.messages import Mode
 from cohelm.link.operator import NullOperator, Operator
@@ -27,9 +28,10 @@ from cohelm.loop.planning import InProcessPlanner, RemotePlanner
 from cohelm.loop.timing import Timing
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
-from cohelm.perceive.pipeline import Perception, warm_up
+from cohelm.perceive.pipeline import Perception, Seen, warm_up
 from cohelm.pilot.margin_inflation import SLOP, inflated, inflated_rules, noise
 from cohelm.pilot.pilot import Pilot
+from cohelm.pilot.step import Decision
 from cohelm.plan.docks import Dock
 from cohelm.plan.zones import Zones
 from cohelm.robot.gate.modes import GateMode, driving, latched
@@ -51,6 +53,7 @@ _BRAKING = 3.0  # time to come to a standstill; then it is left to the gate proc
 SIMULATED_TIME = "simulated time"
 """The scheduling of a session in simulated time."""
 _READY = 10.0  # the robot's sensors must deliver within this [s]
+_CRAWL, _A_WHILE = 0.1, 2.0  # slower for longer is told, where it would drive on [m/s, s]
 
 
 Camera = Callable[[float], Frame | Encoded | None]
@@ -131,6 +134,8 @@ class Session:
         self._to_dock = False
         """Whether `run` was to dock."""
         self._ends = False
+        self._slow_since = math.inf
+        """Since when it crawls [s]."""
         self._not_begun = ""
         """Why the requested mode was never entered."""
         self._recorded = -math.inf
@@ -283,10 +288,19 @@ class Session:
         loop, gate, seen = self.loop, self.loop.gated.gate, self.loop.seen
         lost = seen is not None and seen.lost and loop.has_map and f"lost: {seen.reason}"
         why = gate.reason or loop.supervisor.problem or loop.supervisor.paused or lost
-        if not why and driving(gate.mode) and seen is not None and standing(seen.twist):
-            why = loop.log.why(loop.supervisor.mode)
+        crawls = self._crawls(seen)
+        if not why and driving(gate.mode) and seen and (standing(seen.twist) or crawls):
+            why = loop.log.why(loop.supervisor.mode) or _obstacle(loop.decision)
         mode = loop.supervisor.mode if driving(gate.mode) else gate.mode
         return mode.name.lower() + (f": {why}" if why else "")
+
+    def _crawls(self, seen: Seen | None) -> bool:
+        """Whether it has been slow for a while, and should not be; to be called repeatedly."""
+        decision, now = self.loop.decision, self.loop.gated.now()
+        wanted = 0.0 if decision is None else abs(decision.nominal_v)
+        slow = seen is not None and abs(seen.twist.v) < _CRAWL < 0.5 * wanted
+        self._slow_since = min(self._slow_since, now) if slow else math.inf
+        return now - self._slow_since > _A_WHILE
 
     @property
     def stopped(self) -> bool:
@@ -389,6 +403,16 @@ def _loop_params(plan: SessionConfig) -> LoopParams:
     arming = plan.loop.arming
     patient = arming._replace(stale=arming.stale + plan.patience)
     return plan.loop._replace(period=plan.period, arming=patient, patience=plan.patience)
+
+
+def _obstacle(decision: Decision | None) -> str:
+    """What the guard holds the robot back for, as a sentence; empty: for nothing seen."""
+    if decision is None or decision.verdict == Verdict.UNTOUCHED:
+        return ""
+    clearance = decision.clearance_seen
+    if clearance <= 0.0:
+        return "by its LiDARs an obstacle touches it, or is nearer than they can measure"
+    return f"an obstacle {clearance:.2f} m off" if clearance < math.inf else ""
 
 
 def docks_of(plan: SessionConfig, known: LocalizationMap | None) -> tuple[Dock, ...]:

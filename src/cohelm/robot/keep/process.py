@@ -200,4 +200,7 @@ def _gone() -> CohelmError:
 
 
 def _silent() -> CohelmError:
-    return CohelmError("the gate process does not answer; the robot stops by itself")
+    return CohelmError(
+        "the gate process does not answer (does a read, send or stop of its driver wait?); "
+        "the robot stops by itself"
+    )
