@@ -8,6 +8,7 @@ import pytest
 
 from cohelm.core.types import Pose
 from cohelm.law.reference import through
+from cohelm.robot.achievable import stopping_distance
 from cohelm.robot.clearance import disc_clearance
 from cohelm.scenario.load import robot
 from cohelm.sim import closed_loop
@@ -53,6 +54,23 @@ def test_a_walker_is_followed_with_its_velocity_and_let_pass(monkeypatch):
         off = math.hypot(d[0] - 3.0, d[1] + 2.5 - 0.5 * t)
         assert off + 0.25 < d[4] + 0.1
         assert math.hypot(d[2], d[3] - 0.5) < 0.3
+
+
+@pytest.mark.parametrize(("rear_hz", "age"), [(2.5, 0.4), (50.0, 0.1)])
+def test_what_it_stops_within_counts_its_slowest_lidar(monkeypatch, rear_hz, age):
+    """As on a real robot: what the rear one shows is as old as that when its next scan is there."""
+    told, perception = [], closed_loop.Perception
+
+    def counted(*given, **named):
+        told.append(named["stopping"])
+        return perception(*given, **named)
+
+    monkeypatch.setattr(closed_loop, "Perception", counted)
+    front = SALLY.lidar.model_copy(update={"rate_hz": 10.0})
+    rear = front.model_copy(update={"name": "rear", "rate_hz": rear_hz})
+    seeing = with_pilot(crossing(), lidar=front, further=(rear,))
+    run(replace(seeing, duration=0.1))
+    assert told == [pytest.approx(stopping_distance(SALLY.bounds(), age))]
 
 
 def test_in_a_static_world_no_mover_is_reported(monkeypatch):

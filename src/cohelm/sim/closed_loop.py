@@ -67,6 +67,11 @@ class Piloted:
     zones: Zones | None = None
     """Where the robot keeps out, and where it goes slowly; None: nowhere."""
 
+    @property
+    def scan_age(self) -> float:
+        """Age of the scans of its slowest LiDAR when its next one is there [s]."""
+        return 1.0 / min(self.rate, *(one.rate_hz for one in self.further), math.inf)
+
 
 class Scene(NamedTuple):
     """What stays the same during a run."""
@@ -125,7 +130,7 @@ def stretches(
         eyes = Perception(
             piloted.lidar, tracker_params=piloted.tracker_params, outline=settings.outline,
             further=piloted.further,
-            stopping=stopping_distance(settings.limits, delay * dt + 1.0 / piloted.rate),
+            stopping=stopping_distance(settings.limits, delay * dt + piloted.scan_age),
         )  # fmt: skip
     scanners_ = scanners(piloted, scene.seed)
     zones = None
