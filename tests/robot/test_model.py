@@ -204,11 +204,34 @@ def test_further_lidars_that_can_not_be_told_apart_are_refused(keys, why):
         ({"rate_hz": 0.05}, "one every 20 s is too seldom to drive by"),
         ({"mount_x_m": 300}, "300 m is outside of the robot"),
         ({"mount_y_m": -150}, "150 m is outside of the robot"),
+        ({"mount_yaw_deg": 3.1416}, r"is in degrees; 3.1416 looks like radians \(180 deg\)"),
+        ({"mount_yaw_deg": -1.57}, r"is in degrees; -1.57 looks like radians \(-90 deg\)"),
+        ({"height_band_m": [100, 1200]}, r"height_band_m is in metres; 1200 looks like milli"),
+        ({"timeout_s": 500}, "less than or equal to 5"),
     ],
 )
 def test_a_lidar_in_wrong_units_is_refused_with_the_unit(lidar, why):
     with pytest.raises(ValidationError, match=why):
         RobotModel.model_validate(SQUARE | {"lidar": lidar})
+
+
+@pytest.mark.parametrize("yaw", [3.1, 1.5, 90.0, 180.0, -1.6])
+def test_a_lidar_that_is_turned_a_little_is_not_in_radians(yaw):
+    model = RobotModel.model_validate(SQUARE | {"lidar": {"mount_yaw_deg": yaw}})
+    assert model.lidar.mount_yaw_deg == yaw
+
+
+@pytest.mark.parametrize("rate", [0.02, 0.5])
+def test_odometry_of_which_the_period_is_given_is_refused(rate):
+    """The gate would take readings of a minute ago."""
+    with pytest.raises(ValidationError, match="greater than or equal to 1"):
+        RobotModel.model_validate(SQUARE | {"odometry": {"rate_hz": rate}})
+
+
+def test_an_outline_that_was_divided_by_a_thousand_twice_is_refused():
+    tiny = [[x / 1000.0, y / 1000.0] for x, y in SQUARE["footprint_m"]]
+    with pytest.raises(ValidationError, match=r"this outline is 0\.002 m long"):
+        RobotModel.model_validate(SQUARE | {"footprint_m": tiny})
 
 
 SONAR = {"name": "sonar", "range_sensor": True, "field_of_view_deg": 30}
@@ -256,6 +279,18 @@ def test_bumpers_and_cliff_sensors_are_described_with_their_place_and_side():
 
 
 @pytest.mark.parametrize(
+    ("x", "y", "yaw"),
+    [
+        (0.3, 0.0, 0.0), (-0.3, 0.0, 180.0), (0.0, 0.3, 90.0), (0.3, 0.3, 45.0), (0.0, 0.0, 0.0),
+        (-0.4, 0.2, 0.0), (1.6, 0.0, 0.0), (0.0, 1.6, 0.0), (-0.9, -0.9, -135.0), (1.0, 1.0, 0.0),
+    ],
+)  # fmt: skip
+def test_a_bumper_that_does_not_face_into_the_robot_is_taken(x, y, yaw):
+    one = BUMPER | {"mount_x_m": x, "mount_y_m": y, "mount_yaw_deg": yaw}
+    assert len(RobotModel.model_validate(SQUARE | {"bumpers": [one]}).contacts) == 1
+
+
+@pytest.mark.parametrize(
     ("keys", "why"),
     [
         ({"bumpers": [BUMPER], "cliff_sensors": [BUMPER]}, "a name of its own"),
@@ -267,6 +302,19 @@ def test_bumpers_and_cliff_sensors_are_described_with_their_place_and_side():
         ({"bumpers": [BUMPER | {"width_m": -0.1}]}, "greater than or equal to 0"),
         ({"bumpers": [BUMPER | {"floor_m": 0.1}]}, "floor_m"),
         ({"bumpers": [BUMPER | {"mount_x_m": float("nan")}]}, "finite"),
+        ({"bumpers": [BUMPER | {"timeout_s": 500}]}, "less than or equal to 5"),
+        ({"bumpers": [BUMPER | {"width_m": 500}]}, "less than or equal to 20"),
+        (
+            {"bumpers": [BUMPER | {"mount_x_m": 0.9, "mount_yaw_deg": 180}]},
+            "front bumper: it faces into the robot",
+        ),
+        (
+            {"bumpers": [BUMPER | {"mount_x_m": -0.9}]},
+            r"mount_yaw_deg is .* outwards \(180 is behind",
+        ),
+        ({"cliff_sensors": [BUMPER | {"mount_x_m": -1.1}]}, "front cliff sensor: it faces into"),
+        ({"cliff_sensors": [BUMPER | {"floor_m": 40}]}, "less than or equal to 2"),
+        ({"cliff_sensors": [BUMPER | {"drop_m": 30}]}, "less than or equal to 1"),
         ({"cliff_sensors": [BUMPER | {"drop_m": 0}]}, "greater than 0"),
         ({"cliff_sensors": [BUMPER | {"hazard": "cliff", "floor_m": 0.1}]}, "hazard or floor_m"),
     ],

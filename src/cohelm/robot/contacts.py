@@ -8,6 +8,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from cohelm.core.schema import Schema
+from cohelm.robot.sensors import TimeOut
 
 Name = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$")]
 
@@ -23,9 +24,9 @@ class ContactModel(Schema):
     """Its middle: left of the body's origin."""
     mount_yaw_deg: float = 0.0
     """Which way it faces, outwards: counter-clockwise from the body's forward axis."""
-    width_m: Annotated[float, Field(ge=0.0)] = 0.0
+    width_m: Annotated[float, Field(ge=0.0, le=20.0)] = 0.0
     """How wide it is, crosswise to that."""
-    timeout_s: Annotated[float, Field(gt=0.0)] = 0.5
+    timeout_s: TimeOut = 0.5
     """Without a message for so long the robot stops."""
     hazard: str | None = None
     """Over ROS 2: it is on while this frame is in an irobot_create_msgs/msg/HazardDetectionVector;
@@ -51,10 +52,10 @@ class ContactModel(Schema):
 class CliffModel(ContactModel):
     """A sensor that looks down: it is on where there is no floor."""
 
-    floor_m: Annotated[float, Field(gt=0.0)] | None = None
+    floor_m: Annotated[float, Field(gt=0.0, le=2.0)] | None = None
     """Over ROS 2: it measures a range (sensor_msgs/msg/Range), and from it to the floor it is so
     far; without it, its messages are std_msgs/msg/Bool, true where there is no floor."""
-    drop_m: Annotated[float, Field(gt=0.0)] = 0.03
+    drop_m: Annotated[float, Field(gt=0.0, le=1.0)] = 0.03
     """What is so much farther away is not the floor."""
 
     @model_validator(mode="after")

@@ -73,6 +73,24 @@ def outside(points: Floats, outline: Floats) -> NDArray[np.bool_]:
     return np.asarray(beyond.max(axis=1) > 1e-6)
 
 
+def chord(outline: Floats, x: float, y: float, yaw: float) -> tuple[float, float]:
+    """From where to where, along a direction [rad] from a point, a line lies within an outline [m];
+    the second less than the first: nowhere."""
+    edges = np.roll(outline, -1, axis=0) - outline
+    out = np.column_stack((edges[:, 1], -edges[:, 0]))
+    way = out @ np.array([math.cos(yaw), math.sin(yaw)])
+    left = (out * (outline - np.array([x, y]))).sum(axis=1)
+    enter, leave = -math.inf, math.inf
+    for rate, room in zip(way.tolist(), left.tolist(), strict=True):
+        if abs(rate) < 1e-12:
+            leave = leave if room >= 0.0 else -math.inf
+        elif rate > 0.0:
+            leave = min(leave, room / rate)
+        else:
+            enter = max(enter, room / rate)
+    return enter, leave
+
+
 def hull(points: Floats) -> Floats:
     """The smallest convex outline around points (p, 2), counter-clockwise [m]; they must not all
     lie on a line."""

@@ -14,7 +14,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Schema
 from cohelm.core.types import Floats
 from cohelm.robot.contacts import CliffModel, ContactModel
-from cohelm.robot.footprint import convex_outline, outside
+from cohelm.robot.footprint import chord, convex_outline, outside
 from cohelm.robot.limits import LARGEST, Limits, checked_limits, ramps, speeds, unlimited
 from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel, of_sensor
 
@@ -28,6 +28,10 @@ LONGEST_DELAY = 1.0
 """From a command to the wheels [s]."""
 BEYOND = 1.0
 """Largest distance of a LiDAR or contact sensor beyond the outline's reach, on a boom [m]."""
+_SMALLEST = 0.01
+"""No robot is shorter [m]."""
+_INWARDS = 3.0
+"""What has so many times as much of the robot before it as behind it faces into it."""
 
 
 class LimitsModel(Schema):
@@ -101,6 +105,16 @@ class RobotModel(Schema):
         except CohelmError as error:
             raise ValueError(str(error)) from error
 
+    @field_validator("footprint_m")
+    @classmethod
+    def _large_enough(cls, corners: list[Corner]) -> list[Corner]:
+        if (long := float(np.ptp(corners, axis=0).max())) < _SMALLEST:
+            raise ValueError(
+                f"corners are in metres, and this outline is {long:.1g} m long: was it divided by "
+                "1000 twice?"
+            )
+        return corners
+
     @model_validator(mode="after")
     def _named(self) -> Self:
         if self.further_lidars and self.lidar is None:
@@ -137,6 +151,14 @@ class RobotModel(Schema):
                 if isinstance(one, LidarModel):
                     raise ValueError(of_sensor(one.name, problem))
                 raise ValueError(f"{one.label}: {problem}")
+        for one in self.contacts:
+            yaw = math.radians(one.mount_yaw_deg)
+            behind, ahead = chord(self.outline, one.mount_x_m, one.mount_y_m, yaw)
+            if ahead > max(behind, -_INWARDS * behind, 0.0):
+                raise ValueError(
+                    f"{one.label}: it faces into the robot: mount_yaw_deg is the direction it "
+                    "faces, in degrees, outwards (180 is behind, 90 on the left)"
+                )
         return self
 
     @property

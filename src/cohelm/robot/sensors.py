@@ -13,6 +13,8 @@ from cohelm.core.schema import Schema
 from cohelm.core.types import Floats, Pose
 
 AtLeast0 = Annotated[float, Field(ge=0.0)]
+TimeOut = Annotated[float, Field(gt=0.0, le=5.0)]
+"""More is milliseconds: a robot would drive by what it saw minutes ago."""
 
 
 class FloorModel(Schema):
@@ -38,6 +40,8 @@ class FloorModel(Schema):
         return self
 
 
+_RADIANS = 2e-3
+"""A yaw so near to a quarter or half of a turn in radians is one, and no such angle in degrees."""
 _FINE_DEG = 2.0
 """Angle between the beams of a range sensor's cone, where their number is not given."""
 
@@ -75,7 +79,7 @@ class LidarModel(Schema):
     mount_z_m: float | None = None
     """Where it is mounted: above the body's origin. What a LiDAR remembers of what it does not see
     any more goes when another sees past it, if both heights are given and the same."""
-    timeout_s: Annotated[float, Field(gt=0.0)] | None = None
+    timeout_s: TimeOut | None = None
     """Without a scan for so long, counted from the last beam, the robot stops; without it, after
     three scans that are missing."""
 
@@ -122,9 +126,14 @@ class LidarModel(Schema):
         if self.beams > 1 and view < 6.4 and not self.range_sensor:
             looks = f"{view:g} looks like radians ({math.degrees(view):.0f} deg)"
             raise ValueError(f"field_of_view_deg is in degrees; {looks}")
+        yaw = self.mount_yaw_deg
+        if any(abs(abs(yaw) - turn) < _RADIANS for turn in (0.5 * math.pi, math.pi)):
+            looks = f"{yaw:g} looks like radians ({math.degrees(yaw):.0f} deg)"
+            raise ValueError(f"mount_yaw_deg is in degrees; {looks}")
+        top = 0.0 if self.height_band_m is None else self.height_band_m[1]
         for key, value, most in (
             ("range_max_m", farthest, 1000.0), ("range_min_m", self.range_min_m, 10.0),
-            ("noise_m", self.noise_m, 1.0),
+            ("noise_m", self.noise_m, 1.0), ("height_band_m", top, 20.0),
         ):  # fmt: skip
             if value > most:
                 looks = f"{value:g} looks like millimetres ({value / 1000.0:g} m)"
@@ -240,7 +249,7 @@ def vouched_floor(lidar: Lidar, outline: Floats, least: float) -> float:
 class OdometryModel(Schema):
     """Pose and twist from wheel encoders and a gyro, and how wrong they are."""
 
-    rate_hz: Annotated[float, Field(gt=0.0, le=10_000.0)] = 50.0
+    rate_hz: Annotated[float, Field(ge=1.0, le=10_000.0)] = 50.0
     """Readings per second."""
     distance_error: AtLeast0 = 0.0
     """Standard deviation of a constant scale error of each wheel, as a share."""
