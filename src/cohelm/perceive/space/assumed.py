@@ -26,7 +26,6 @@ _SPAN = 0.3  # returns this near to the last one give the direction of its surfa
 _LEAST_SPAN = 0.1  # nearer together they give none, and it faces the sensor [m]
 _INCIDENCE = math.radians(10.0)  # beams meet a surface at no smaller angle (Borges, Aldon 2004)
 
-
 SX, SY, NX, NY = range(4)
 """Columns of surfaces that go on out of view: where the view of each ends [m], and its unit normal,
 away from the sensor."""

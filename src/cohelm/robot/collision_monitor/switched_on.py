@@ -21,9 +21,7 @@ free where the robot is switched on: the operator has looked; and from there it 
 for itself [m]."""
 
 _GRAIN = 0.01  # between points of an edge of which it is looked whether they are in view [m]
-_EDGE = (
-    0.12  # nearer to the edge of the view no ground is sure to be known: cells must be whole [m]
-)
+_EDGE = 0.12  # nearer to the edge of the view it is not sure to know ground [m]
 _PIECE = 0.3, 0.1  # the largest and the least length of a surface that gives its direction [m]
 _FLAT = math.radians(10.0)  # beams do not see a surface at a smaller angle (Borges, Aldon 2004)
 
