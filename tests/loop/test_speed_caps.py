@@ -5,13 +5,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from cohelm.core.types import Pose
+from cohelm.core.types import Pose, Twist
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.loop.driver import Driver
 from cohelm.loop.speed_caps import (
     MAX_LOST_SPEED,
     MAX_UNSEEN_SPEED,
     NO_CAP,
+    backed_slowly,
     latency_cap,
     lost_cap,
     unseen_cap,
@@ -68,3 +69,10 @@ def test_a_robot_has_slowed_down_where_ground_that_was_never_seen_begins():
     for gap in (0.005, 0.01, 0.03):
         way = (unseen_cap(gap, SETTINGS).speed ** 2 - MAX_UNSEEN_SPEED**2) / (2.0 * braking)
         assert way == pytest.approx(gap)
+    for twist in (Twist(-0.9, 0.3), Twist(-0.9, -0.3)):
+        slow = backed_slowly(twist, 0.0, SETTINGS.limits)
+        assert slow.v == pytest.approx(-MAX_UNSEEN_SPEED)
+        assert slow.omega / slow.v == pytest.approx(twist.omega / twist.v)
+    for twist in (Twist(-0.2, 1.0), Twist(0.9, 0.3), Twist(math.nan, 0.0)):
+        assert backed_slowly(twist, 0.0, SETTINGS.limits) is twist
+    assert backed_slowly(fast := Twist(-0.9, 0.3), math.inf, SETTINGS.limits) is fast

@@ -24,6 +24,20 @@ def hall(request):
         yield made
 
 
+def test_over_ground_that_nobody_has_seen_it_backs_slowly_and_says_so(hall):
+    speeds = [0.0]
+
+    def back() -> bool:
+        speeds.append(hall.base.truth().twist.v)
+        return hall.base.truth().pose.x < -0.15
+
+    hall.controller.twist = Twist(-0.8, 0.0)
+    assert until(back, 15.0)
+    hall.controller.twist = Twist(0.0, 0.0)
+    assert -0.36 < min(speeds) < -0.1
+    assert any("ground never seen" in said for said in hall.filter.said), hall.filter.said
+
+
 def test_with_full_speed_at_a_wall_it_stops_before_it(hall):
     hall.controller.twist = Twist(1.0, 0.0)
     assert until(lambda: hall.base.truth().pose.x > 3.3, 15.0)

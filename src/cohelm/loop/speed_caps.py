@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from cohelm.core.types import Twist
 from cohelm.pilot.step import Settings
+from cohelm.robot.limits import Limits
 
 UNCAPPED_DELAY = 0.12
 """Delay up to which nothing is capped [s]: people hardly notice it."""
@@ -44,6 +46,7 @@ def speed_cap(delay: float, clearance: float, deceleration: float, v_max: float)
 
 MAX_UNSEEN_SPEED = 0.3
 """A robot backs no faster over ground that nobody has seen since it was switched on [m/s]."""
+UNSEEN = "backing over ground never seen"
 MAX_LOST_SPEED = 0.2
 """A robot that has lost its pose is never driven faster [m/s]."""
 _MIN_LOST_SPEED = 0.05  # nor slowed below this: it can leave what it stands against [m/s]
@@ -52,16 +55,27 @@ _DECELERATION = 1.0  # of a robot that has no limit [m/s^2]
 
 def latency_cap(delay: float, clearance: float, settings: Settings) -> Cap:
     """The speed cap by the operator's delay [s]. clearance: to the nearest obstacle [m]."""
-    return speed_cap(delay, clearance, _braking(settings), settings.gains.u_d)
+    return speed_cap(delay, clearance, _braking(settings.limits), settings.gains.u_d)
 
 
 def unseen_cap(gap: float, settings: Settings) -> Cap:
-    """The speed cap of a robot that backs where ground is only assumed free, at this distance from
-    its outline [m]: on it, it has come down to MAX_UNSEEN_SPEED."""
-    speed = math.sqrt(MAX_UNSEEN_SPEED**2 + 2.0 * _braking(settings) * max(gap, 0.0))
-    if speed >= settings.gains.u_d:
-        return NO_CAP
-    return Cap(speed, "backing over ground never seen")
+    """The speed cap of a robot that backs. gap: to ground that is only assumed free [m]."""
+    speed = unseen_speed(gap, settings.limits)
+    return Cap(speed, UNSEEN) if speed < settings.gains.u_d else NO_CAP
+
+
+def unseen_speed(gap: float, limits: Limits) -> float:
+    """The speed from which a robot, once it gets to ground that is only assumed free, has come down
+    to MAX_UNSEEN_SPEED [m/s]. gap: to that [m]."""
+    return math.sqrt(MAX_UNSEEN_SPEED**2 + 2.0 * _braking(limits) * max(gap, 0.0))
+
+
+def backed_slowly(twist: Twist, gap: float, limits: Limits) -> Twist:
+    """A twist on the same arc that backs no faster than that."""
+    speed = unseen_speed(gap, limits)
+    if not twist.v < -speed:
+        return twist
+    return Twist(-speed, twist.omega * speed / -twist.v)
 
 
 def lost_cap(clearance: float, delay: float, settings: Settings) -> Cap:
@@ -70,7 +84,7 @@ def lost_cap(clearance: float, delay: float, settings: Settings) -> Cap:
     It stops within half the clearance [m], its own delay [s] included, and is never faster than
     MAX_LOST_SPEED.
     """
-    speed = _stops_within(0.5 * max(clearance, 0.0), delay, _braking(settings))
+    speed = _stops_within(0.5 * max(clearance, 0.0), delay, _braking(settings.limits))
     speed = min(max(speed, _MIN_LOST_SPEED), MAX_LOST_SPEED)
     seen = f"{clearance:.1f} m clearance" if math.isfinite(clearance) else "nothing in sight"
     return Cap(speed, f"lost, with {seen}")
@@ -85,6 +99,6 @@ def _stops_within(room: float, delay: float, a: float) -> float:
     return a * (math.sqrt(delay * delay + 2.0 * room / a) - delay)
 
 
-def _braking(settings: Settings) -> float:
-    braking = min(settings.limits.acceleration, settings.limits.wheel_acceleration)
+def _braking(limits: Limits) -> float:
+    braking = min(limits.acceleration, limits.wheel_acceleration)
     return braking if math.isfinite(braking) and braking > 0.0 else _DECELERATION

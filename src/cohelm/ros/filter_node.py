@@ -18,6 +18,7 @@ from cohelm.core.obstacles import Obstacles
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.verdict import Verdict
 from cohelm.loop.sensor_watchdog import SensorWatchdog, timeouts
+from cohelm.loop.speed_caps import UNSEEN, backed_slowly
 from cohelm.perceive.pipeline import Perception, Seen, warm_up
 from cohelm.pilot.reshaping import Shape
 from cohelm.pilot.safety_filter import FilterResult, SafetyFilter
@@ -82,6 +83,7 @@ class FilterNode:
         self._gated, self._params, self._every = gated, params, found.command_period
         self._perception = Perception(model)
         self._filter = SafetyFilter(model, params.period)
+        self._limits = model.bounds()
         self._watchdog = SensorWatchdog(model, timeouts(model, params.period))
         self._transport = transport
         clock = SimulatedClock.on(transport) if found.simulated else None
@@ -141,9 +143,10 @@ class FilterNode:
         seen = self._perception.seen(now)
         self._shape.take(readings.outline)
         self._report.outline = self._shape.outline
+        slowly = backed_slowly(nominal.twist, seen.assumed_gap, self._limits)
         result = self._filter(
             _NOWHERE if fault or readings.scan is None else seen.odometry, seen.twist,
-            nominal.twist, obstacles(seen), after if math.isfinite(after) else None,
+            slowly, obstacles(seen), after if math.isfinite(after) else None,
         )  # fmt: skip
         stamp = now
         if not fault and readings.odometry is not None:
@@ -158,6 +161,8 @@ class FilterNode:
         reshaping = self._shape.settle(result.verdict, stands)
         gate = gated.gate
         kind, text = _reason(nominal, fault, result, passed, gate, self._report.topic("reset"))
+        if kind in ("", "shaped") and slowly is not nominal.twist:
+            kind, text = "shaped", UNSEEN
         if reshaping and kind in ("brakes", "monitor"):
             kind = "footprint"
             text = f"{text}: outline change: both outlines apply until the new one fits"
