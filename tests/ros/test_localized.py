@@ -51,7 +51,7 @@ def seen(lost: bool = False, map_odom: Pose = MAP_ODOM, jumped: Pose = NOT_JUMPE
     nothing = np.empty((0, 2))
     return Seen(
         0.0, compose(map_odom, ODOM), np.diag([0.01, 0.02, 0.03]), 1.0, lost, "", ODOM,
-        Twist(0.0, 0.0), map_odom, jumped, nothing, 0, nothing, nothing, nothing, nothing,
+        Twist(0.0, 0.0), map_odom, jumped, nothing, 0, math.inf, nothing, nothing, nothing, nothing,
     )  # fmt: skip
 
 
