@@ -68,6 +68,30 @@ def test_five_hundred_toggles_leave_one_record_and_delay_no_end(tmp_path):
     assert not list(tmp_path.glob("*.part"))
 
 
+def test_after_a_recorder_that_failed_another_record_can_be_begun(tmp_path):
+    """As when the disk was full and there is room again; what was written can be fetched."""
+
+    def script(drive: Drive):
+        anna = drive.station("anna")
+        yield from range(5)
+        anna.ask(RequestKind.TAKE)
+        yield from range(5)
+        anna.ask(RequestKind.RECORD, 1)
+        yield from range(10)
+        assert drive.loop.log.open
+        drive.loop.log.fault = "recording stopped: No space left on device"
+        yield from range(10)
+        assert not drive.loop.log.open
+        assert len(list(tmp_path.glob("*.mcap"))) == 1
+        number = anna.ask(RequestKind.RECORD, 1)
+        yield from range(10)
+        assert anna.answers[number] == (True, "")
+        assert drive.loop.log.open
+
+    with Drive(tmp_path) as drive:
+        drive.run(script(drive))
+
+
 def test_only_the_driver_can_record(tmp_path):
     def script(drive: Drive):
         anna, bert = drive.station("anna"), drive.station("bert")

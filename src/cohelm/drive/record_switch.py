@@ -69,6 +69,8 @@ class RecordSwitch:
         if self._busy:
             return
         made = self._made
+        if self._attached and loop.log.fault:  # finished as far as it goes: another may be begun
+            self._wanted = False
         if made is None and self._wanted:
             self._busy = True
             self._jobs.do(self._begin)
