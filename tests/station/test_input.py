@@ -101,6 +101,19 @@ def test_a_gamepad_that_lies_on_its_side_does_not_keep_keys_and_another_gamepad_
     driver.evaluate("testPad.deflect(0, 0)")
 
 
+def test_the_settings_show_what_is_moved_on_a_gamepad_without_the_usual_numbers(
+    driver: Page,
+) -> None:
+    driver.evaluate("layOther([0, 0, -1, 0.25], [3])")
+    driver.get_by_role("button", name="Stick settings").click()
+    moved = driver.get_by_label("Moved now")
+    expect(moved).to_have_text(
+        "axis 0: 0.00 · axis 1: 0.00 · axis 2: −1.00 · axis 3: 0.25 · button 3"
+    )
+    driver.evaluate("layOther([0, 0, 0, 0])")
+    expect(moved).not_to_contain_text("button")
+
+
 def finger(number: int, x: float, y: float) -> dict[str, float]:
     return {"id": number, "x": x, "y": y}
 

@@ -9,7 +9,7 @@ import type { DockPlace } from '../messages'
 import { send } from '../socket'
 import * as s from '../state'
 import { useEscape } from './escape'
-import { MODES, percent } from './format'
+import { MODES, percent, tidy } from './format'
 
 const open = signal(false)
 const MOST_BUTTONS = 4
@@ -96,6 +96,16 @@ function RoutesToDocks() {
   )
 }
 
+/** By which the numbers of a pad's axes and buttons are found, where they are not the usual ones. */
+function Moved() {
+  void s.clock.value
+  const one = pad()
+  if (one === null) return null
+  const held = one.buttons.flatMap((button, i) => (button.pressed ? [`button ${i}`] : []))
+  const axes = one.axes.map((value, i) => `axis ${i}: ${tidy(value)}`)
+  return <small aria-label="Moved now">{[...axes, ...held].join(' · ')}</small>
+}
+
 function WhichPad() {
   const take = (index: number) => { takeUp(index); choose('gamepad') }
   return (
@@ -135,6 +145,7 @@ function StickSettings() {
         </select>
       </label>
       {pads().length > 1 ? <WhichPad /> : <p>{pad()?.id ?? 'No gamepad; plug one in and press a button on it.'}</p>}
+      <Moved />
       {axis('foreAft', 'fore-aft')}{tick('foreAftTurned', 'inverted')}
       {axis('leftRight', 'left-right')}{tick('leftRightTurned', 'inverted')}
       {slide('deadBand', 'dead band', 0, 0.5)}{slide('curve', 'expo (fine near the centre)', 0, 1)}
