@@ -114,6 +114,21 @@ def test_the_settings_show_what_is_moved_on_a_gamepad_without_the_usual_numbers(
     expect(moved).not_to_contain_text("button")
 
 
+def test_an_axis_that_is_chosen_in_the_settings_must_be_centred_before_it_steers(
+    bare: Bare, driver: Page
+) -> None:
+    """As a trigger, which rests at one end."""
+    driver.evaluate("setInterval(() => layOther([0, 0, -1 + 0.01 * Math.random(), 0]), 50)")
+    driver.get_by_role("button", name="Stick settings").click()
+    driver.locator(".settings select").first.select_option("gamepad")
+    expect(device(driver)).to_contain_text("gamepad: ready")
+    driver.get_by_label("left-right").select_option("axis 2")
+    expect(device(driver)).to_contain_text("gamepad: release it to the centre first")
+    assert not sent(bare).armed
+    driver.get_by_label("left-right").select_option("axis 0")
+    expect(device(driver)).to_contain_text("gamepad: ready")
+
+
 def finger(number: int, x: float, y: float) -> dict[str, float]:
     return {"id": number, "x": x, "y": y}
 

@@ -5,6 +5,7 @@ import { newestBeatMs, send, stop } from '../socket'
 import * as s from '../state'
 import { padResumes, padStops, readPad, resumeButtonName, rumble, takeUp } from './gamepad'
 import { due, hint, next, NO_PRESS, pressed } from './resume'
+import { settings } from './settings'
 import { keysHeld, listenToKeys, readKeys, releaseKeys, takesSpace } from './keyboard'
 import type { Command, Do } from '../messages'
 import { modeName } from '../panels/format'
@@ -89,6 +90,16 @@ function onFocusChange(): void {
   }
   poll(performance.now())
 }
+
+/** Another axis, or another way round, is another stick: it must be centred before it steers. */
+const axes = computed(() => {
+  const { foreAft, leftRight, foreAftTurned, leftRightTurned } = settings.value
+  return [foreAft, leftRight, foreAftTurned, leftRightTurned].join()
+})
+axes.subscribe(() => {
+  if (device.value === 'gamepad') arming = 'absent'
+  padRested = false
+})
 
 /** Take this device; it must be centred before it steers. */
 export function choose(which: Device): void {
