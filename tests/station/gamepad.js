@@ -48,6 +48,11 @@
   }
   // another gamepad: window.otherPad, with axes and buttons as they lie; it was there before
   window.otherPad = null
+  window.bumpOther = () => { // a browser tells of a pad when one of its buttons is pressed for the first time
+    const event = new Event('gamepadconnected')
+    event.gamepad = window.otherPad
+    dispatchEvent(event)
+  }
   window.layOther = (axes, pressed = []) => {
     const buttons = Array.from({ length: 17 }, (_, i) => ({ pressed: pressed.includes(i), touched: false, value: 0 }))
     window.otherPad = { id: 'Other pad', index: 1, connected: true, mapping: '', timestamp: performance.now(), axes, buttons }

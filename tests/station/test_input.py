@@ -73,6 +73,18 @@ def test_of_two_gamepads_the_other_does_not_steer_when_one_is_unplugged(
     driver.evaluate("layOther([0, 0, 0, 0])")
 
 
+def test_a_spare_gamepad_that_is_bumped_takes_nothing_from_the_one_that_drives(
+    bare: Bare, driver: Page
+) -> None:
+    driver.evaluate("testPad.plug()")
+    expect(device(driver)).to_contain_text("gamepad: ready")
+    driver.evaluate("layOther([0, 0, 0, 0], [3]); bumpOther()")
+    driver.wait_for_timeout(200)
+    driver.evaluate("testPad.hold(1, 0)")
+    commanded(bare, lambda one: one.armed and one.stick.x > 0.9)
+    driver.evaluate("testPad.deflect(0, 0)")
+
+
 def test_a_gamepad_that_lies_on_its_side_does_not_keep_keys_and_another_gamepad_from_steering(
     bare: Bare, driver: Page
 ) -> None:

@@ -72,7 +72,9 @@ export function startDriving(): void {
   })
   // a browser reports a gamepad when one of its buttons is pressed: the operator wants to use it
   addEventListener('gamepadconnected', ({ gamepad }) => {
-    if (steering(stick.value)) return
+    // a spare one that is bumped takes the stick from no hand, also while the station is silent for a moment
+    const inHand = s.who.value?.you_drive === true && device.value === 'gamepad' && padRested
+    if (inHand || steering(stick.value)) return
     takeUp(gamepad.index)
     padRested = false
     choose('gamepad')
