@@ -3,6 +3,7 @@
 import copy
 import math
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,9 +14,10 @@ from cohelm.record.ros2 import header
 from cohelm.robot.plausibility.monitor import PlausibilityMonitor
 from cohelm.robot.port import Odometry as Reading, Scan
 from cohelm.ros import interlock, look as looking
+from cohelm.ros.clock import seconds
 from cohelm.ros.found import Allowed
 from cohelm.ros.inspection import Inspection
-from cohelm.ros.mismatch import ODOMETRY, SCAN, TF
+from cohelm.ros.mismatch import ODOMETRY, SCAN, STAMPED, TF
 from cohelm.ros.port import Received
 from cohelm.ros.robot import Ros2Robot
 from cohelm.ros.served import odometry, scan
@@ -32,6 +34,7 @@ from tests.ros.test_unheard import (
     Spoken,
     behind,
     fixed,
+    into,
     out,
     readings,
     refused,
@@ -96,6 +99,20 @@ def test_scans_that_are_none_are_left_out_and_three_of_them_name_topic_and_cure(
     (fault,) = third.health.faults
     assert fault.startswith("/scan ")
     assert "fix" in fault or "ros2 topic echo /scan" in fault
+
+
+@pytest.mark.parametrize("off", [2.0, 0.0, -3.0])
+def test_commands_are_stamped_by_the_clock_of_the_base(off):
+    """Which drops those that are older than its time-out (diff_drive_controller), and drives on for
+    2 s more, when they cease, by those from 2 s ahead."""
+    ends, sent = [*ENDS[:2], into("/cmd_vel", STAMPED)], []
+    found = seen(ends, FRAMES + readings(off=off))
+    made = Ros2Robot(found.model, found, Spoken(ends))
+    made._out = SimpleNamespace(send=sent.append)
+    made.send(Twist(0.3, 0.0))
+    made.close()
+    (one,) = sent
+    assert seconds(one.header.stamp) == pytest.approx(time.time() - off, abs=0.3)
 
 
 def test_other_readings_count_though_one_lidar_sends_no_scan():

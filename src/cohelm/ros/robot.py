@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import threading
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -133,9 +134,7 @@ class Ros2Robot(Robot):
             self._stopped_since = now
         self._sent = twist
         if now - self._stopped_since <= _QUIET:
-            simulated = self._simulated
-            stamp = None if simulated is None or not simulated.known else simulated.time()
-            self._out.send(command(twist, self._found.out_type, self._found.body, stamp))
+            self._out.send(command(twist, self._found.out_type, self._found.body, self._stamp()))
 
     def stop(self) -> None:
         """Zero; the base brakes as hard as it does."""
@@ -147,6 +146,13 @@ class Ros2Robot(Robot):
         """Leave the network."""
         self._interlock.close()
         self._transport.close()
+
+    def _stamp(self) -> float:
+        """Of a command, by the clock of the base, which drops it when it is older than its time-out
+        [s]."""
+        if self._simulated is not None and self._simulated.known:
+            return self._simulated.time()
+        return time.time() + self._found.odom_clock.ahead
 
     def _measured(self, message: Any) -> Odometry:
         age = self._aged(self._found.odom_clock, seconds(message.header.stamp))
