@@ -43,6 +43,7 @@ def measured(reach, low=0.01, high=1.0):
         (measured(math.inf), True), (measured(2.0), True), (measured(-math.inf), False),
         (measured(0.005), False), (measured(math.nan), None), (measured(0.0), None),
         (measured(math.inf, 0.1, 0.1), True), (measured(-math.inf, 0.1, 0.1), False),
+        (measured(0.07, 0.01, 0.07), True), (measured(0.069, 0.01, 0.07), False),
     ],
 )  # fmt: skip
 def test_a_cliff_sensor_reports_when_the_floor_is_too_far(message, means):

@@ -54,7 +54,10 @@ def is_on(model: ContactModel, message: Any) -> bool | None:
         return bool(message.data)
     low, high = float(message.min_range), float(message.max_range)
     measured = rep117_range(float(message.range), low, high)
-    return None if math.isnan(measured) else measured > model.floor_m + model.drop_m
+    if math.isnan(measured):
+        return None
+    # Drivers that know no inf send the largest range, which may be less than the drop.
+    return measured > model.floor_m + model.drop_m or measured >= high
 
 
 class Contacts:
