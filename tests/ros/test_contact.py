@@ -10,7 +10,14 @@ from cohelm.core.errors import CohelmError
 from cohelm.record.ros2 import header
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.ros import look as looking
-from cohelm.ros.contact import Contacts, contact_messages, contact_topics, is_on, kind_of_contact
+from cohelm.ros.contact import (
+    Contacts,
+    contact_messages,
+    contact_topics,
+    doubt,
+    is_on,
+    kind_of_contact,
+)
 from cohelm.ros.found import Allowed
 from cohelm.ros.look import look
 from cohelm.ros.mismatch import BOOL, RANGE, TF
@@ -106,6 +113,23 @@ def test_a_bumper_that_was_pressed_for_a_moment_between_two_readings_was_pressed
     assert len(contacts.read()) == 1
     line.heard["/cliff_left"](Received(None, 0.0, "7 bytes are no std_msgs/msg/Bool"))
     assert len(contacts.read()) == 1
+
+
+def test_a_hazard_that_no_create_3_sends_is_doubted():
+    assert [doubt(one) for one in MODEL.contacts] == ["", "", "", ""]
+    wrong = ContactModel(name="front", mount_x_m=0.17, hazard="bump_frnt_center")
+    assert "front bumper: hazard 'bump_frnt_center' is no frame of a Create 3" in doubt(wrong)
+    model = robot("sally").model_copy(update={"bumpers": (wrong,)})
+    heard = Pretended(
+        [*ENDS, out("/hazard_detection", HAZARDS, BEST_EFFORT)],
+        [
+            (("/tf_static", TF), mounts(model)), *readings(),
+            (("/hazard_detection", HAZARDS), contact_messages(
+                contact_topics(model, ("/hazard_detection",)), set(), header(0, "base_link")
+            )[0][1]),
+        ],
+    )  # fmt: skip
+    assert doubt(wrong) in look(heard, model, Topics(), Allowed(), 0.06).notes
 
 
 @pytest.fixture(autouse=True)

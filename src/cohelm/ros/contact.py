@@ -21,6 +21,12 @@ from cohelm.ros.mismatch import BOOL, RANGE
 from cohelm.ros.port import SENSOR, Received, Transport
 from cohelm.ros.types import HAZARD, HAZARDS, store
 
+CREATE_3 = (
+    "bump_front_center", "bump_front_left", "bump_front_right", "bump_left", "bump_right",
+    "cliff_front_left", "cliff_front_right", "cliff_side_left", "cliff_side_right",
+)  # fmt: skip
+"""The frames of an iRobot Create 3's bumpers and cliff sensors."""
+
 
 class ContactTopic(NamedTuple):
     """Where the messages of one sensor come."""
@@ -43,6 +49,16 @@ def usual_topic(model: ContactModel) -> str:
     if model.hazard is not None:
         return "hazard_detection"
     return f"{'cliff' if isinstance(model, CliffModel) else 'bumper'}_{model.name}"
+
+
+def doubt(model: ContactModel) -> str:
+    """Why it may never be on, though its messages come; empty: nothing is known."""
+    if model.hazard is None or model.hazard in CREATE_3:
+        return ""
+    return (
+        f"{model.label}: hazard {model.hazard!r} is no frame of a Create 3, and with a wrong one "
+        f"it is never on: try it, or choose {', '.join(CREATE_3)}"
+    )
 
 
 def is_on(model: ContactModel, message: Any) -> bool | None:

@@ -11,6 +11,7 @@ from cohelm.robot.model import RobotModel, checked_sight
 from cohelm.ros import clock, depth, mismatch
 from cohelm.ros.clock import Clock, estimated
 from cohelm.ros.connection import Connection
+from cohelm.ros.contact import doubt
 from cohelm.ros.found import Allowed, Found
 from cohelm.ros.found_lidar import describe
 from cohelm.ros.inspection import Inspection
@@ -69,6 +70,7 @@ def found(
     notes = [f"transport: {transport.name}{why}"]
     errors = _missing(inspection, [one.name for one in model.lidars], seen)
     notes += [f"{one.model.label}: {one.topic}, {one.kind}" for one in inspection.contacts]
+    notes += filter(None, (doubt(one) for one in model.contacts))
     out_type = TWIST
     if drives:
         out_type, error = mismatch.base_type(topics.out, allowed.stamped, COMMAND, seen)
