@@ -48,7 +48,7 @@ from cohelm.ros.port import Endpoint, Qos, Received
 from cohelm.ros.robot import Ros2Robot, topics_of
 from cohelm.ros.served import mounts, odometry, scan
 from cohelm.ros.topics import Topics
-from cohelm.ros.transforms import StaticTransforms
+from cohelm.ros.transforms import StaticTransforms, yaw_of
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.test_cloud import cloud
 
@@ -497,6 +497,14 @@ def test_mounts_are_followed_through_the_tree_turned_and_upside_down():
     assert tree.mount("broken", "base_link") is None
     with pytest.raises(CohelmError, match="tilted is inclined by 23 deg to base_link"):
         tree.mount("tilted", "base_link")
+
+
+@pytest.mark.parametrize("scale", [0.6, 1.0, 1.41421356, 1.9])
+@pytest.mark.parametrize("psi", [0.0, 0.5 * math.pi, -2.0, 3.0])
+def test_a_heading_is_the_same_however_long_its_quaternion_is(psi, scale):
+    """x, y, z, w = 0, 0, 1, 1 is a quarter of a turn, as people write it, and was 117 deg."""
+    z, w = scale * math.sin(0.5 * psi), scale * math.cos(0.5 * psi)
+    assert yaw_of(SimpleNamespace(x=0.0, y=0.0, z=z, w=w)) == pytest.approx(psi)
 
 
 def test_a_namespace_takes_in_the_topics_and_names_are_checked():

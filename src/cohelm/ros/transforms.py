@@ -128,7 +128,7 @@ def yaw_of(q: Any) -> float:
     norm = math.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
     if not 0.5 < norm < 2.0:
         return math.nan
-    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
 
 
 def _matrix(at: tuple[float, ...], rotation: tuple[float, ...]) -> Floats | None:
