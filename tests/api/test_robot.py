@@ -259,6 +259,39 @@ def test_what_read_returns_and_is_no_reading_is_a_fault_that_says_so(given, why)
     assert (found.odometry, found.scan, found.further, found.contacts) == (None, None, (), ())
 
 
+@pytest.mark.parametrize(
+    ("slots", "why"),
+    [
+        (("rear", ("front",)), "scan is one of 'rear': give it in further=(...,)"),
+        (("front", ("front",)), "further has a scan of 'front': give it as scan"),
+        (("front", ("",)), "further has a scan of no LiDAR's name: make it by self.scan(..., sens"),
+        (("front", ("read",)), "further has a scan of 'read', and sally-rear has no such LiDAR"),
+        (("front", ("rear",)), ""),
+        (("", ("rear",)), ""),
+        ((None, ()), ""),
+    ],
+)
+def test_a_scan_in_the_place_of_another_lidars_is_a_fault(slots, why):
+    """It would count where that one is mounted."""
+
+    class Cart(cohelm.Robot):
+        real_time = False
+
+        def read(self) -> cohelm.Readings:
+            first, further = slots
+            scans = [SCAN._replace(sensor=name) for name in further]
+            scan = None if first is None else SCAN._replace(sensor=first)
+            return cohelm.Readings(ODOMETRY, scan, further=tuple(scans))
+
+        def send(self, twist: cohelm.Twist) -> None: ...
+
+        def stop(self) -> None: ...
+
+    found = RobotAdapter(Cart(cohelm.load_robot("sally-rear"))).read()
+    assert [why in said for said in found.health.faults] == ([True] if why else [])
+    assert (found.odometry is None) == bool(why)
+
+
 def test_a_lasting_stop_is_reported_repeatedly_but_not_at_every_call():
     cart = Cart()
     port = RobotAdapter(cart)

@@ -87,7 +87,7 @@ class RobotAdapter:
         self._open()
         with self._calls:
             try:
-                given = _checked(self._robot.read())
+                given = _in_place(_checked(self._robot.read()), self.model)
                 if given.odometry is not None and _again(given.odometry, self._newest.odometry):
                     given = given._replace(odometry=None)
                 given = given._replace(outline=self._outline(given.outline))
@@ -198,6 +198,26 @@ def _checked(given: object) -> Readings:
         for one in value if several else (value,):
             if (one is not None or several) and not (isinstance(one, kind) and _sound(one)):
                 raise CohelmError(f"{name} must be {how}, got {type(one).__name__}")
+    return given
+
+
+def _in_place(given: Readings, model: RobotModel) -> Readings:
+    """The same, if each scan is where those of its LiDAR belong; CohelmError if not, as it would
+    count where another one is mounted."""
+    names = [lidar.name for lidar in model.lidars]
+    first, others = next(iter(names), ""), names[1:]
+    if given.scan is not None and given.scan.sensor in others:
+        raise CohelmError(f"scan is one of {given.scan.sensor!r}: give it in further=(...,)")
+    for name in (scan.sensor for scan in given.further):
+        if name in others:
+            continue
+        if not name:
+            how = "no LiDAR's name: make it by self.scan(..., sensor=NAME)"
+        elif name == first:
+            how = f"{name!r}: give it as scan"
+        else:
+            how = f"{name!r}, and {model.name} has no such LiDAR: describe it in the robot's YAML"
+        raise CohelmError(f"further has a scan of {how}")
     return given
 
 
