@@ -148,6 +148,10 @@ def test_a_robot_that_stands_reports_why_and_so_does_one_that_never_drove():
         session.run(lambda loop: loop.gated.now() - begun > 10.5, Mode.AUTOMATIC)
         assert session.state() == "idle: there is no odometry"
         assert session.summary()["not_begun"] == "there is no odometry"
+    with Session(SessionConfig(Numb(made.scenario, made.kind, False, made.seed))) as session:
+        begun = session.loop.gated.now()
+        session.run(lambda loop: loop.gated.now() - begun > 3.0, Mode.AUTOMATIC)  # with --for 3
+        assert session.summary()["not_begun"] == "there is no odometry"
     with Session(SessionConfig(made)) as session:
         session.run(lambda loop: loop.decision is not None, Mode.AUTOMATIC)
         assert session.state() == "automatic"

@@ -205,10 +205,10 @@ class Session:
         gated, supervisor = self.loop.gated, self.loop.supervisor
         begun, ended = gated.now(), supervisor.rights.revocations
         self._to_dock = dock > 0
-        wanted = Mode.AUTOMATIC if dock else mode
+        wanted, refusal = Mode.AUTOMATIC if dock else mode, ""
 
         def chosen(loop: Loop) -> bool:
-            nonlocal wanted
+            nonlocal wanted, refusal
             if wanted != Mode.HOLD:
                 over = supervisor.rights.revocations != ended or latched(gated.gate.mode)
                 over = over or supervisor.mode not in (Mode.HOLD, wanted)
@@ -232,6 +232,8 @@ class Session:
         if self.plan.robot.real_time:
             raise_thread_priorities()
         self.loop.run(chosen, self.plan.robot.real_time)
+        if wanted != Mode.HOLD and not dock:  # it ended before that was tried for long enough
+            self._not_begun = refusal
 
     def _update_pictures(self) -> None:
         """Have frames drawn and encoded while they are used, and pass on what is encoded. Takes no
