@@ -6,10 +6,13 @@ import signal
 
 import pytest
 
-from cohelm.drive.operate import end_signals
+from cohelm.drive.factory import own_robot, simulated
+from cohelm.drive.operate import end_signals, remarks
 from cohelm.ros import mismatch
 from cohelm.ros.options import by_topics
 from cohelm.ros.port import Endpoint, Qos
+from cohelm.scenario.load import robot as load_robot
+from tests.api import carts
 
 
 @pytest.mark.parametrize(
@@ -31,6 +34,26 @@ def test_a_signal_requests_the_end_unless_the_drive_ignores_signals(number, befo
         assert signal.getsignal(number) == before
     finally:
         signal.signal(number, then)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, ""),
+        ({"delay_s": 0.0}, "its file has no delay_s, which every robot has: measure it"),
+        ({"noise_m": 0.0}, "its file has no noise_m: that a scan repeats is not noticed"),
+    ],
+)
+def test_a_real_robot_without_delay_or_noise_is_remarked_on(tmp_path, changes, said):
+    """Both are 0 where they are left out, and a filter counts on that."""
+    sally = load_robot("sally")
+    lidar = sally.lidar.model_copy(update={k: v for k, v in changes.items() if k == "noise_m"})
+    other = {k: v for k, v in changes.items() if k != "noise_m"}
+    model = sally.model_copy(update={"lidar": lidar, **other})
+    made = own_robot(carts.Cart, carts.SITE, model=model)
+    assert remarks(made)[: len(said)] == said
+    assert bool(remarks(made)) == bool(said)
+    assert remarks(simulated(carts.SITE)) == ""
 
 
 def test_errors_name_options_that_the_command_has():

@@ -154,10 +154,10 @@ def robot(
     from cohelm.drive.operate import (
         DriveOptions,
         end_signals,
-        guarded_anyway,
         map_and_zones,
         masks_on_topics,
         mode_and_stick,
+        remarks,
         robot_factory,
     )
     from cohelm.drive.reset_here import ResetHere
@@ -220,7 +220,7 @@ def robot(
         loop=LoopParams(carry_on=carry_on), pictures=pictures,
     )  # fmt: skip
     begins = f"starting {plain(made.model.name)} in {plain(made.scenario.name)}"
-    if remark := guarded_anyway(made):
+    if remark := remarks(made):
         begins += f"; {remark}"
     if listen is None and chosen_map is None and len(made.scenario.walls()) == 0:
         begins += "; no --map or walls to localize on: it uses its odometry"

@@ -163,7 +163,7 @@ def drive(
     so, and the command ends.
     """
     from cohelm.core.errors import CohelmError
-    from cohelm.drive.operate import DriveOptions, guarded_anyway, map_and_zones, robot_factory
+    from cohelm.drive.operate import DriveOptions, map_and_zones, remarks, robot_factory
     from cohelm.drive.robot_process import RobotProcess
     from cohelm.drive.teleop_server import TeleopConfig
     from cohelm.link import keys
@@ -184,7 +184,7 @@ def drive(
     if driver is not None or not ros2:  # a ROS 2 robot is looked for once
         made = robot_factory(options)
         map_and_zones(options, made)  # problems are reported at once,
-        if remark := guarded_anyway(made):
+        if remark := remarks(made):
             say(remark)
     pages()  # and so is a checkout without them, not after the robot was made
     of_robot, of_station, of_stick = keys.pair_here("station", "stick")
