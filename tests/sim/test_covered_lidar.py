@@ -33,7 +33,7 @@ def visit(there, spot):
 
 @pytest.mark.parametrize(
     ("walls", "there", "spot"),
-    first([(SHUT, (-2.5, 0.1), (0.9, 0.0)), (DEAD_END, (3.5, 0.0), (0.0, 0.0))]),
+    first([(SHUT, (-2.5, 0.1), (0.5, 0.0)), (DEAD_END, (3.5, 0.0), (0.0, 0.0))]),
     ids=["from behind", "from ahead"],
 )
 def test_the_robot_stands_while_a_person_covers_its_lidar(walls, there, spot):

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from cohelm.link.messages import Arming, Command
+from cohelm.link.messages import Arming, Command, Device
 from cohelm.station.serve import Server
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
@@ -58,7 +58,7 @@ def test_of_two_gamepads_the_other_does_not_steer_when_one_is_unplugged(
 ) -> None:
     driver.evaluate("layOther([-1, 0, 0, 0])")  # on the table, on its side
     driver.evaluate("testPad.plug()")
-    expect(device(driver)).to_contain_text("gamepad: ready")
+    commanded(bare, lambda one: one.armed and one.device is Device.GAMEPAD)
     driver.evaluate("testPad.unplug()")
     expect(device(driver)).to_contain_text("the gamepad is disconnected")
     assert sent(bare).stick == (0.0, 0.0)
@@ -77,7 +77,7 @@ def test_a_spare_gamepad_that_is_bumped_takes_nothing_from_the_one_that_drives(
     bare: Bare, driver: Page
 ) -> None:
     driver.evaluate("testPad.plug()")
-    expect(device(driver)).to_contain_text("gamepad: ready")
+    commanded(bare, lambda one: one.armed and one.device is Device.GAMEPAD)
     driver.evaluate("layOther([0, 0, 0, 0], [3]); bumpOther()")
     driver.wait_for_timeout(200)
     driver.evaluate("testPad.hold(1, 0)")
@@ -100,7 +100,7 @@ def test_a_gamepad_that_lies_on_its_side_does_not_keep_keys_and_another_gamepad_
     driver.wait_for_timeout(200)
     assert sent(bare).armed
     driver.evaluate("testPad.plug()")
-    expect(device(driver)).to_contain_text("gamepad: ready")
+    commanded(bare, lambda one: one.armed and one.device is Device.GAMEPAD)
     # in the settings it can be given back, and is waited for again
     driver.get_by_role("button", name="Stick settings").click()
     which = driver.locator("label", has_text=re.compile("^gamepad")).get_by_role("combobox")
