@@ -12,7 +12,7 @@ from cohelm.link.messages import Arming, Command, Device
 from cohelm.station.serve import Server
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
-from tests.station.person import device, release, take
+from tests.station.person import device, release, take, who
 from tests.station.servers import served
 
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
@@ -91,6 +91,7 @@ def test_a_gamepad_that_lies_on_its_side_does_not_keep_keys_and_another_gamepad_
     lie = "setInterval(lie = () => layOther([-1 + 0.01 * Math.random(), 0, 0, 0]), 50); lie()"
     driver.add_init_script(lie)
     driver.reload()
+    expect(who(driver)).to_contain_text("You drive")  # a new driver starts from the centre
     expect(device(driver)).to_contain_text("gamepad: release it to the centre first")
     driver.keyboard.down("ArrowUp")
     commanded(bare, lambda one: one.armed and one.stick == (1.0, 0.0))
