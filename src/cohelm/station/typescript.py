@@ -16,6 +16,7 @@ from textwrap import dedent
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.schema import Schema
 from cohelm.link.codec import Reader
@@ -124,7 +125,9 @@ def _type(hint: Any) -> str:
         return _PLAIN[hint]
     origin, args = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return _rows(args[1]) if get_origin(args[0]) is np.ndarray else _type(args[0])
+        # NumPy's NDArray is an alias of ndarray, from Python 3.12 on one with a type of its own
+        is_array = get_origin(args[0]) in (np.ndarray, NDArray)
+        return _rows(args[1]) if is_array else _type(args[0])
     if origin is Literal:
         return " | ".join(f"'{value}'" for value in args)
     if origin in (types.UnionType, typing.Union):

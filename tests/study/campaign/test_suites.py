@@ -137,7 +137,8 @@ def test_every_suite_makes_the_same_episode_after_pickling(name):
     sent = pickle.loads(pickle.dumps(made))
     for number in (0, 1, 8):
         a, b = made.case(number), sent.case(number)
-        assert (a.setup.start, a.kind, a.goal) == (b.setup.start, b.kind, b.goal)
+        # by their words, in which NaN is NaN: from Python 3.13 on a dataclass with one equals none
+        assert repr((a.setup.start, a.kind, a.goal)) == repr((b.setup.start, b.kind, b.goal))
         assert a.setup.obstacles.discs.tobytes() == b.setup.obstacles.discs.tobytes()
         assert a.setup.recorded_stick.x.tobytes() == b.setup.recorded_stick.x.tobytes()
 
