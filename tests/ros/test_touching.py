@@ -49,7 +49,7 @@ def test_driven_against_it_latches_and_after_a_reset_only_backs(fault, words):
         assert made.stands(2.0)
         assert made.filter.latched
         assert said(made, words)
-        made.filter.node._reset_requested = True
+        made.filter.node._resets.request(time.monotonic())
         assert until(lambda: not made.filter.latched, 5.0)
         where = made.base.truth().pose.x
         time.sleep(1.0)
