@@ -68,16 +68,22 @@ def test_five_hundred_toggles_leave_one_record_and_delay_no_end(tmp_path):
     assert not list(tmp_path.glob("*.part"))
 
 
+def recording_station(drive: Drive):
+    """A station that drives, and has begun a record."""
+    anna = drive.station("anna")
+    yield from range(5)
+    anna.ask(RequestKind.TAKE)
+    yield from range(5)
+    anna.ask(RequestKind.RECORD, 1)
+    yield from range(10)
+    return anna
+
+
 def test_after_a_recorder_that_failed_another_record_can_be_begun(tmp_path):
     """As when the disk was full and there is room again; what was written can be fetched."""
 
     def script(drive: Drive):
-        anna = drive.station("anna")
-        yield from range(5)
-        anna.ask(RequestKind.TAKE)
-        yield from range(5)
-        anna.ask(RequestKind.RECORD, 1)
-        yield from range(10)
+        anna = yield from recording_station(drive)
         assert drive.loop.log.open
         drive.loop.log.fault = "recording stopped: No space left on device"
         yield from range(10)
@@ -131,12 +137,7 @@ def test_a_record_that_can_not_be_made_is_an_alarm(tmp_path, fails):
             return super().close(within) and fails != "end"
 
     def script(drive: Drive):
-        anna = drive.station("anna")
-        yield from range(5)
-        anna.ask(RequestKind.TAKE)
-        yield from range(5)
-        anna.ask(RequestKind.RECORD, 1)
-        yield from range(10)
+        anna = yield from recording_station(drive)
         anna.ask(RequestKind.RECORD, 0)
         yield from range(20)
         (alarm,) = drive.loop.alarms.worst()

@@ -76,11 +76,11 @@ class Extent(NamedTuple):
     """Cells along one side of a window that holds all of that, wherever the LiDARs are."""
 
 
-def extent(lidars: Sequence[Lidar], reach: float, free: float, stopping: float) -> Extent:
-    """The extent for a robot. reach: of its outline. free: radius of the ground that is assumed
-    free where it is switched on. stopping: distance in which it stops from full speed [m]."""
+def extent(lidars: Sequence[Lidar], reach: float, circle: float, stopping: float) -> Extent:
+    """The extent for a robot. reach: of its outline. circle: radius of the ground in which it has
+    to be able to turn. stopping: distance in which it stops from full speed [m]."""
     away = max(math.hypot(one.mount.x, one.mount.y) for one in lidars)
-    kept = max(KEPT, away + free + _REPORTED)
+    kept = max(KEPT, away + circle + _REPORTED)
     # Beyond what is kept nothing borders on observed ground.
     reported = reach + min(max(_REPORTED, stopping), kept + away + CELL)
     side = max(SIDE, 2 * math.ceil((kept + away) / CELL) + 2)
@@ -386,8 +386,8 @@ class _Ground:
         """Use another outline from the next sweep on."""
         self._outline = outline
         reach = float(np.hypot(*outline.T).max())
-        free = max(reach + ASSUMED_FREE, self._least)
-        self._extent = extent(self._lidars, reach, free, self._stopping)
+        circle = max(reach + ASSUMED_FREE, self._least)
+        self._extent = extent(self._lidars, reach, circle, self._stopping)
         if self._cells is not None:
             self._cells = enlarged(self._cells, self._extent.side)
 

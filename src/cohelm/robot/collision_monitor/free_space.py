@@ -34,9 +34,8 @@ at which `surroundings` forgets, wherever in the outline the sensor is. The filt
 (`tests/pilot/test_ground_memories.py`), so it requests no ground that is refused. Of a robot that
 reaches farther from its sensor, both are remembered farther."""
 ROOM = 1.0 + _MOTION * CELL
-"""Ground is remembered at least so far beyond what is vouched for [m], or a long robot could not
-even turn in its own turning circle: as far as the filter is told of, and this much more than by
-it."""
+"""Ground is remembered at least so far beyond the turning circle and VOUCHED [m], or a long robot
+could not even turn in it: as far as the filter is told of, and this much more than by it."""
 _BETWEEN = 64
 """Places looked at between a cell and a surface that may cover it."""
 UNWATCHED = 1e-6
@@ -103,12 +102,12 @@ class FreeSpace:
         self._at = None  # the unknown ground changes, too
         mount = self._sensor.mount
         self._shape = shape
-        beyond = shape.reach + VOUCHED
-        self._vouches = beyond if self._floor else turning_radius(self._sensor, shape)
+        circle = shape.reach + VOUCHED
         if self._floor:
-            self._vouches = beyond = max(beyond, self._sensor.vouched)
+            circle = max(circle, self._sensor.vouched)
+        self._vouches = circle if self._floor else turning_radius(self._sensor, shape)
         away = math.hypot(mount.x, mount.y)
-        kept = max(CELL * HALF, away + beyond + ROOM)
+        kept = max(CELL * HALF, away + circle + ROOM)
         self.returns = away + kept + _MOTION * CELL
         # Ground beyond what is kept is unknown: a cell more, which no way out of the window misses.
         self._resize(math.ceil(max(kept, away + shape.reach) / CELL) + 1)
