@@ -206,6 +206,8 @@ def test_further_lidars_that_can_not_be_told_apart_are_refused(keys, why):
         ({"mount_y_m": -150}, "150 m is outside of the robot"),
         ({"mount_yaw_deg": 3.1416}, r"is in degrees; 3.1416 looks like radians \(180 deg\)"),
         ({"mount_yaw_deg": -1.57}, r"is in degrees; -1.57 looks like radians \(-90 deg\)"),
+        ({"mount_yaw_deg": 1.5707}, r"is in degrees; 1.5707 looks like radians \(90 deg\)"),
+        ({"mount_yaw_deg": math.pi / 2}, r"is in degrees; 1.5708 looks like radians"),
         ({"height_band_m": [100, 1200]}, r"height_band_m is in metres; 1200 looks like milli"),
         ({"timeout_s": 500}, "less than or equal to 5"),
     ],
@@ -215,7 +217,7 @@ def test_a_lidar_in_wrong_units_is_refused_with_the_unit(lidar, why):
         RobotModel.model_validate(SQUARE | {"lidar": lidar})
 
 
-@pytest.mark.parametrize("yaw", [3.1, 1.5, 90.0, 180.0, -1.6])
+@pytest.mark.parametrize("yaw", [3.1, 1.5, 90.0, 180.0, -1.6, 1.5703125, 3.1402])
 def test_a_lidar_that_is_turned_a_little_is_not_in_radians(yaw):
     model = RobotModel.model_validate(SQUARE | {"lidar": {"mount_yaw_deg": yaw}})
     assert model.lidar.mount_yaw_deg == yaw

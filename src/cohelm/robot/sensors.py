@@ -40,8 +40,13 @@ class FloorModel(Schema):
         return self
 
 
-_RADIANS = 2e-3
-"""A yaw so near to a quarter or half of a turn in radians is one, and no such angle in degrees."""
+_IN_RADIANS = frozenset(
+    form(turn * 10**digits) / 10**digits
+    for turn in (0.5 * math.pi, math.pi)
+    for digits in range(2, 16)
+    for form in (round, math.floor)
+)
+"""A quarter and half of a turn, rounded or cut off as one writes them: no such yaw in degrees."""
 _FINE_DEG = 2.0
 """Angle between the beams of a range sensor's cone, where their number is not given."""
 
@@ -127,7 +132,7 @@ class LidarModel(Schema):
             looks = f"{view:g} looks like radians ({math.degrees(view):.0f} deg)"
             raise ValueError(f"field_of_view_deg is in degrees; {looks}")
         yaw = self.mount_yaw_deg
-        if any(abs(abs(yaw) - turn) < _RADIANS for turn in (0.5 * math.pi, math.pi)):
+        if abs(yaw) in _IN_RADIANS:
             looks = f"{yaw:g} looks like radians ({math.degrees(yaw):.0f} deg)"
             raise ValueError(f"mount_yaw_deg is in degrees; {looks}")
         top = 0.0 if self.height_band_m is None else self.height_band_m[1]
