@@ -12,20 +12,20 @@ from cohelm.link.messages import Arming, Command, Device
 from cohelm.station.serve import Server
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
-from tests.station.person import device, release, take, who
+from tests.station.person import device, take, who
 from tests.station.servers import served
 
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
 
 
-@pytest.fixture(scope="module")
-def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bare]:
+@pytest.fixture
+def bare(tmp_path: Path) -> Iterator[Bare]:
     """A robot that always says that it has the stick."""
-    with Bare(tmp_path_factory.mktemp("records"), STATUS._replace(arming=Arming.ARMED)) as made:
+    with Bare(tmp_path, STATUS._replace(arming=Arming.ARMED)) as made:
         yield made
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def server(bare: Bare) -> Iterator[Server]:
     with served(bare.connect) as made:
         yield made
@@ -43,14 +43,13 @@ def commanded(bare: Bare, right: Callable[[Command], bool]) -> None:
 
 
 @pytest.fixture
-def driver(context: BrowserContext, server: Server) -> Iterator[Page]:
+def driver(context: BrowserContext, server: Server) -> Page:
     """The page of a driver, with a gamepad to plug in."""
     page = context.new_page()
     page.add_init_script(PAD)
     page.goto(server.address)
     take(page)
-    yield page
-    release(page)
+    return page
 
 
 def test_of_two_gamepads_the_other_does_not_steer_when_one_is_unplugged(
@@ -170,7 +169,6 @@ def test_a_second_finger_on_a_pad_neither_moves_nor_releases_it(
     assert sent(bare).stick.psi == 1.0
     fingers("touchEnd")
     commanded(bare, lambda one: one.stick.psi == 0.0)
-    release(phone)
 
 
 def test_a_menu_over_the_page_lets_go_of_the_keys(bare: Bare, driver: Page) -> None:

@@ -44,5 +44,6 @@ def opened(
     that it was."""
     here = f"127.0.0.1:{server.port}"
     options.setdefault("origin", f"http://{here}")
+    options.setdefault("close_timeout", 0.5)  # who has not read all does not see the answer to it
     protocols = ["cohelm", shown or session(server)]
     return connect(f"ws://{here}/ws?key={key}", max_size=None, subprotocols=protocols, **options)  # type: ignore[arg-type]
