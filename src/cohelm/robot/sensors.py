@@ -43,7 +43,7 @@ class FloorModel(Schema):
 _IN_RADIANS = frozenset(
     form(turn * 10**digits) / 10**digits
     for turn in (0.5 * math.pi, math.pi)
-    for digits in range(2, 16)
+    for digits in range(2, 18)
     for form in (round, math.floor)
 )
 """A quarter and half of a turn, rounded or cut off as one writes them: no such yaw in degrees."""
