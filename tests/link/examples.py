@@ -47,7 +47,7 @@ def listed(item: st.SearchStrategy[Any], most: int) -> st.SearchStrategy[Any]:
 
 PLAIN: dict[Any, st.SearchStrategy[Any]] = {
     float: single, bool: st.booleans(), m.Byte: byte, m.Short: short, m.Long: long,
-    m.Name: texts(24), m.Words: texts(64), m.Reason: texts(128),
+    m.Name: texts(24), m.Words: texts(64), m.Reason: texts(128), m.Refusal: texts(200),
 }  # fmt: skip
 
 
@@ -69,7 +69,7 @@ headers = st.builds(Header, huge, long, clock, st.floats(), single)
 poses = st.builds(Pose, single, single, single)
 twists = st.builds(Twist, single, single)
 points = st.tuples(single, single)
-answers = st.builds(m.Answer, long, st.booleans(), texts(64))
+answers = of(m.Answer)
 requests = st.builds(m.Request, long, st.sampled_from(m.RequestKind), short, clock)
 commands = st.builds(
     m.Command, st.builds(Stick, deflection, deflection), st.booleans(), st.booleans(),

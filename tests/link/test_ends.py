@@ -294,6 +294,15 @@ def test_the_latency_from_stick_to_loop_is_that_of_the_network(both):
     assert sorted(took)[50] < 0.015
 
 
+def test_of_several_requests_at_once_each_is_answered(both):
+    """A status has room for one answer."""
+    one = both.stations[0]
+    both.ask(one, RequestKind.TAKE)
+    numbers = [one.ask(RequestKind.MODE, value) for value in range(8)]
+    until(lambda: all(map(one.answer, numbers)), turn=both.turn)
+    assert [one.answer(n).reason for n in numbers] == [f"done {n}" for n in range(8)]
+
+
 def test_a_robot_of_another_version_is_refused_and_the_station_says_why(keys, monkeypatch):
     robot_keys, station_keys = keys
     written = robot_end.encode

@@ -110,7 +110,7 @@ def test_each_direction_accepts_only_its_own_messages():
 
 
 def test_another_protocol_version_is_reported():
-    with pytest.raises(Malformed, match="version 3 of the link's protocol, and 9 here: install"):
+    with pytest.raises(Malformed, match="version 3 of the link's protocol, and 10 here: install"):
         from_operator(b"\x03" + encode(HEADER, UPLINK)[1:])
 
 
@@ -143,6 +143,18 @@ def test_the_reason_of_a_stop_is_not_truncated():
     got = from_robot(encode(HEADER, STATUS._replace(stopped=why, why=why)))[1]
     assert isinstance(got, m.Status)
     assert (got.stopped, got.why) == (why, why)
+
+
+def test_a_refusal_is_not_truncated():
+    """The longest so far: why a mode is refused is why the robot is stopped."""
+    why = "reset first: the robot reports: scans and odometry disagree: in 0.4 s 0.12 m and 14 deg "
+    why += "against 0.31 m and -2 deg; the front bumper is pressed, and the robot is driven on"
+    answer = m.Answer(7, False, why)
+    got = from_robot(encode(HEADER, STATUS._replace(answers=(answer,))))[1]
+    assert isinstance(got, m.Status)
+    assert got.answers == (answer,)
+    checked = b.Checked(answer, 3)
+    assert from_robot(encode(HEADER, checked), bulk=True)[1] == checked
 
 
 def test_of_too_many_items_the_first_are_sent():

@@ -25,7 +25,7 @@ from cohelm.link.codec import UpTo, array, real, record, text, whole
 
 MOST_BEAMS = 500
 """Beams in one ScanPart."""
-MOST_ANSWERS = 3
+MOST_ANSWERS = 1
 """Answers in one Status."""
 MOST_ALARMS = 4
 """Alarms in one Status."""
@@ -36,6 +36,8 @@ Long = Annotated[int, whole("I")]
 Time = Annotated[float, real("d")]
 Reason = Annotated[str, text(128)]
 """Why the robot stands or slows: a sentence that fits into a datagram."""
+Refusal = Annotated[str, text(200)]
+"""Why not: as a rule whole, since `reset first: ...` has another reason in it."""
 Words = Annotated[str, text(64)]
 Name = Annotated[str, text(24)]
 _DEFLECTION = real("f", -1.0, 1.0)
@@ -158,7 +160,7 @@ class Answer(NamedTuple):
 
     number: Long
     granted: bool
-    reason: Words
+    reason: Refusal
     """Why not, or what follows; may be empty."""
 
 
@@ -304,8 +306,8 @@ class Status(NamedTuple):
     alarms: Annotated[tuple[Alarm, ...], UpTo(MOST_ALARMS)]
     """The worst first, at most `MOST_ALARMS` and cut; the station adds the others, whole."""
     answers: Annotated[tuple[Answer, ...], UpTo(MOST_ANSWERS)]
-    """To requests that this client repeats, at most 3, by turns where there are more; without any,
-    to the newest. A stop up to the largest number is done."""
+    """To requests that this client repeats, by turns where there are more than `MOST_ANSWERS`;
+    without any, to the newest. A stop up to the largest number is done."""
     ahead: Annotated[tuple[tuple[float, float], ...], UpTo(12)]
     """Predicted path in the map, from now on in equal steps of time, at most 12 [m]."""
     ahead_step: float

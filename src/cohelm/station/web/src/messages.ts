@@ -245,7 +245,7 @@ export interface StatusFields {
   timing: TimingReport
   /** The worst first, at most `MOST_ALARMS` and cut; the station adds the others, whole. */
   alarms: Array<Alarm>
-  /** To requests that this client repeats, at most 3, by turns where there are more; without any, to the newest. A stop up to the largest number is done. */
+  /** To requests that this client repeats, by turns where there are more than `MOST_ANSWERS`; without any, to the newest. A stop up to the largest number is done. */
   answers: Array<Answer>
   /** Predicted path in the map, from now on in equal steps of time, at most 12 [m]. */
   ahead: Array<[number, number]>
