@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import inspect
 import math
+import os
 import threading
 from collections.abc import Callable
 from typing import Any, NamedTuple, cast
@@ -59,6 +60,7 @@ class RobotAdapter:
         self._moves = False
         self._failed: dict[str, str] = {}
         self._closed = threading.Event()
+        self._pid = os.getpid()
         if robot.real_time:
             threading.Thread(target=self._watch, name="robot time-out", daemon=True).start()
 
@@ -94,6 +96,7 @@ class RobotAdapter:
                 self._newest = _newest(given, self._newest)
             except _FAILS as error:
                 self._failed["read"] = _said("read", error)
+            self._alone()
         health = self._newest.health or Health(self._robot.now(), math.nan, ())
         faults, self._failed = tuple(self._failed.values()), {}
         return self._newest._replace(health=health._replace(faults=(*health.faults, *faults)))
@@ -112,6 +115,7 @@ class RobotAdapter:
                 self._robot.send(possible)
             except _FAILS as error:
                 self._failed["send"] = _said("send", error)
+            self._alone()
             self._moves = True  # a stop while it hung came before it
         return possible
 
@@ -150,6 +154,11 @@ class RobotAdapter:
             self._failed["stop"] = _said("stop", error)
             with contextlib.suppress(*_FAILS):
                 self._robot.send(_STILL)  # else the last twist stays until the hardware notices
+
+    def _alone(self) -> None:
+        """Of a driver that forks, the child that comes back here ends: one process drives."""
+        if os.getpid() != self._pid:
+            os._exit(0)
 
     def _time(self) -> float:
         """The robot's clock; infinite where that fails, as then any command is too old [s]."""

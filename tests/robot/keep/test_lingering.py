@@ -1,7 +1,13 @@
 """A driver that does not let go: its gate process ends, and lets go of the hardware."""
 
+import contextlib
+import functools
+import os
+import signal
+import socket
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +15,7 @@ import cohelm
 from cohelm.robot.adapter import AdaptedMaker
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.process import RemoteGatedRobot
+from tests.patience import looks
 from tests.robot.keep.test_processes import WITHIN, alive
 
 pytestmark = pytest.mark.xdist_group("realtime")
@@ -34,6 +41,100 @@ class Threaded(Still):
     def __init__(self, model: cohelm.RobotModel) -> None:
         super().__init__(model)
         threading.Thread(target=time.sleep, args=(1000.0,)).start()
+
+
+class Holds(Still):
+    """Its port can be had by one program at a time, as a serial line."""
+
+    def __init__(self, model: cohelm.RobotModel, port: int) -> None:
+        super().__init__(model)
+        self.port = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.port.bind(("127.0.0.1", port))
+        self.reads = 0
+
+
+class ReadHangs(Holds):
+    def read(self) -> cohelm.Readings:
+        self.reads += 1
+        if self.reads > 5:
+            time.sleep(1000.0)
+        return super().read()
+
+
+class ReadForks(Holds):
+    """A child that stays, and one that goes on with what its parent does."""
+
+    def read(self) -> cohelm.Readings:
+        self.reads += 1
+        if self.reads == 5 and not os.fork():
+            time.sleep(1000.0)
+        if self.reads == 6:
+            os.fork()
+        return super().read()
+
+
+@pytest.fixture
+def port() -> int:
+    """One that is free."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+def held(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        try:
+            one.bind(("127.0.0.1", port))
+        except OSError:
+            return True
+        return False
+
+
+def until(true) -> None:
+    for _ in looks(WITHIN, 0.05, 0.2):
+        if true():
+            return
+    raise AssertionError("it did not come about")
+
+
+def group(leader: int) -> list[int]:
+    """The processes of a group that run."""
+    found = []
+    for one in [int(path.name) for path in Path("/proc").glob("[0-9]*")]:
+        with contextlib.suppress(OSError):
+            if os.getpgid(one) == leader and alive(one):
+                found.append(one)
+    return found
+
+
+@pytest.mark.parametrize("make", [ReadHangs, ReadForks])
+@pytest.mark.parametrize("how", ["closed", "the loop is killed", "the gate process is killed"])
+def test_the_hardware_is_free_again_whatever_a_read_has_done(make, how, port):
+    made = AdaptedMaker(functools.partial(make, port=port), SALLY)
+    gated = RemoteGatedRobot(made, rules(SALLY, 0.02))
+    assert held(port)
+    time.sleep(0.5)  # it reads by itself
+    if how == "the loop is killed":
+        gated._line.close()
+    else:
+        if how == "the gate process is killed":
+            os.kill(gated.pid, signal.SIGKILL)
+        gated.close()
+    until(lambda: not held(port))
+    assert not alive(gated.pid)
+
+
+def test_a_robot_whose_driver_has_forked_is_driven_by_one_process(port):
+    made = AdaptedMaker(functools.partial(ReadForks, port=port), SALLY)
+    gated = RemoteGatedRobot(made, rules(SALLY, 0.02))
+    try:
+        time.sleep(0.5)
+        until(lambda: len(group(gated.pid)) == 2)  # itself, and the child that stays
+        for _ in range(20):
+            gated.read()
+        assert len(group(gated.pid)) == 2
+    finally:
+        gated.close()
 
 
 @pytest.mark.parametrize(("make", "lingers"), [(Hangs, True), (Threaded, True), (Still, False)])

@@ -17,7 +17,7 @@ from cohelm.robot.clock import sleep_until
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import LocalGatedRobot
-from cohelm.robot.keep.processes import detach, start_process
+from cohelm.robot.keep.processes import detach, end_group, start_process
 from cohelm.robot.keep.serve import BRAKING, CLOSING, Begun, control, serve
 from cohelm.robot.keep.shared_memory import SharedMemory
 from cohelm.robot.model import RobotModel
@@ -141,6 +141,8 @@ class RemoteGatedRobot:
         self._process.join(BRAKING + CLOSING + 1.0)
         if self._process.is_alive():  # it brings the robot to stand as soon as it can
             detach(self._process)
+        else:
+            end_group(self.pid)
 
     def _ask(self, what: str, *with_: Any, handle: int | None = None) -> Any:
         """Have a method of `LocalGatedRobot` called there; what it returns."""

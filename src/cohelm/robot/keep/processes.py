@@ -60,6 +60,23 @@ def children(pid: int) -> dict[str, int]:
     return found
 
 
+def lead_group() -> None:
+    """This process's later children are of a group of its own, unless they leave it."""
+    signal.signal(signal.SIGTTOU, signal.SIG_IGN)  # of a terminal that is not the group's: it says
+    os.setpgid(0, 0)
+
+
+def end_group(leader: int | None = None) -> None:
+    """Kill the processes of this one's group but for itself, or those of another that leads one: as
+    what a driver has forked holds what it has opened."""
+    me, group = os.getpid(), leader or os.getpgid(0)
+    for process in Path("/proc").glob("[0-9]*"):
+        pid = int(process.name)
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            if pid != me and os.getpgid(pid) == group:
+                os.kill(pid, signal.SIGKILL)
+
+
 class _PickledApart:
     """Pickled with the process object, but unpickled later, by `_run`."""
 

@@ -26,7 +26,7 @@ from cohelm.robot.gate.gate import Gate, GateRules
 from cohelm.robot.keep.garbage import Sweeper
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, standing
 from cohelm.robot.keep.priority import raise_priority, raise_thread_priorities
-from cohelm.robot.keep.processes import end_with_parent
+from cohelm.robot.keep.processes import end_group, end_with_parent, lead_group
 from cohelm.robot.keep.record_pipe import LARGEST, RecordLine, line
 from cohelm.robot.keep.shared_memory import SharedMemory, shared
 from cohelm.robot.model import RobotModel
@@ -35,11 +35,12 @@ from cohelm.robot.port import Readings, RobotPort
 BRAKING = 5.0
 """A robot that does not stand by then is closed all the same [s]."""
 CLOSING = 2.0
-"""The process ends so long after its robot has stopped, whatever the driver is still doing [s]."""
+"""The process ends so long after its robot has stopped, whatever the driver is still doing; and so
+long after the loop has, where the driver hangs in the middle of a call [s]."""
 _TICK = 0.02  # the gate is updated this often when nothing comes [s]
 _LINGERS = (
-    "the robot's driver does not end (its close hangs, or it has a thread that is no daemon): the "
-    "gate process ends all the same"
+    "the robot's driver does not end (its close or another call hangs, or it has a thread that is "
+    "no daemon): the gate process ends all the same"
 )
 _SWITCH = 5e-4  # thread switch interval: bounds the wait for another thread of this process [s]
 
@@ -65,6 +66,7 @@ def serve(
     live: socket.socket | None = None,
 ) -> None:  # fmt: skip
     """The other process, from its beginning to its end."""
+    lead_group()
     release = end_with_parent()  # nothing reaches the wheels before the loop knows of the robot
     try:
         gated = LocalGatedRobot(make(), rules, RecordLine(record), viewer=RecordLine(live))
@@ -78,6 +80,7 @@ def serve(
     sys.setswitchinterval(_SWITCH)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # sent to all; the loop handles it
     release()
+    heard = _ends_with(line)
     try:
         begun = Begun(
             gated.model, gated.gate, gated.now(), time.monotonic(), memory.scans, memory.frame
@@ -90,12 +93,15 @@ def serve(
     except BaseException as error:
         gated.fault(f"the gate process failed: {error!r}")
         gated.log(f"the gate process failed: {error!r}", True)
+        heard.set()
         _bring_to_stand(gated)
         _end_within(CLOSING)
         raise
+    heard.set()
     _bring_to_stand(gated)
     _end_within(CLOSING)
     gated.close()
+    end_group()
 
 
 def _serve_requests(
@@ -159,6 +165,7 @@ def _unsent(readings: Readings, scan: int, further: dict[str, int], frame: int) 
 
 def _bring_to_stand(gated: LocalGatedRobot) -> None:
     """Brake until the robot stands."""
+    _end_within(BRAKING + CLOSING)
     if not gated.gate.reason:
         gated.stop("the loop has ended")
     end = gated.now() + BRAKING
@@ -176,11 +183,31 @@ def _end_within(within: float) -> None:
 
     def end() -> None:
         time.sleep(within)
-        with contextlib.suppress(Exception):  # the driver may have closed it
-            print(_LINGERS, file=sys.stderr, flush=True)
-        os._exit(1)
+        _end()
 
     threading.Thread(target=end, name="end", daemon=True).start()
+
+
+def _ends_with(line: Control) -> threading.Event:
+    """End this process when the loop's end of the line is closed and that is not heard, since the
+    driver hangs: nobody else would. The event says that it was heard."""
+    heard = threading.Event()
+
+    def watch() -> None:
+        line.closed()
+        # in parts: a machine that stands still meanwhile uses up one of them
+        if not any(heard.wait(CLOSING / 4) for _ in range(4)):
+            _end()
+
+    threading.Thread(target=watch, name="loop's end", daemon=True).start()
+    return heard
+
+
+def _end() -> None:
+    with contextlib.suppress(Exception):  # the driver may have closed it
+        print(_LINGERS, file=sys.stderr, flush=True)
+    end_group()
+    os._exit(1)
 
 
 # The control line between loop and gate process: small whole messages, never blocking.
@@ -227,6 +254,12 @@ class Control:
     def wait(self, within: float) -> bool:
         """Wait up to `within` [s]; whether there is a message or the end of file."""
         return bool(self._poll.poll(1000.0 * max(within, 0.0)))
+
+    def closed(self) -> None:
+        """Wait until the other end is closed."""
+        gone = select.poll()
+        gone.register(self._end.fileno(), 0)
+        gone.poll()
 
     def receive(self) -> tuple[Any, int | None]:
         """The next message, which must be there, and the file descriptor that came with it."""
