@@ -1,4 +1,5 @@
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,8 @@ from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.robot.contacts import ContactModel
-from cohelm.robot.limits import unlimited
-from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
+from cohelm.robot.limits import Limits, unlimited
+from cohelm.robot.model import SHIPPED, RobotModel, doubts, shipped_path
 
 
 def shipped(name):
@@ -156,6 +157,94 @@ def test_a_limit_in_millimetres_or_degrees_is_refused(key, value):
 def test_wheels_in_millimetres_are_refused(key, value):
     with pytest.raises(ValidationError, match=key):
         RobotModel.model_validate(SQUARE | {key: value})
+
+
+def scaled(by: float) -> list[list[float]]:
+    return [[by * x, by * y] for x, y in SQUARE["footprint_m"]]
+
+
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        ({"name": ""}, "name: .* must not be empty"),
+        ({"name": " "}, "name: .* must not be empty"),
+        ({"footprint_m": scaled(40.0)}, r"got one 40 m away: .* centimetres by 100"),
+        ({"footprint_m": scaled(16.0)}, "32 m wide, and its wheels are 0.5 m apart"),
+        ({"track_m": 16.0}, r"track_m is in metres; 16 m is far wider than footprint_m, 2 m"),
+        ({"wheel_radius_m": 3.3}, r"wheel_radius_m is in metres; 3.3 m is larger than the robot"),
+        ({"limits": {"speed_mps": 50.0}}, "speed_mps"),
+        ({"limits": {"wheel_speed_mps": 50.0}}, "wheel_speed_mps"),
+        ({"height_m": 55.0}, "height_m"),
+        ({"mass_kg": 1e9}, "mass_kg"),
+        ({"lidar": {"mount_z_m": 200.0}}, r"mount_z_m is in metres; 200 m is far above the robot"),
+        ({"lidar": {"mount_z_m": 20.0}}, r"mount_z_m is in metres; 20 m is far above the robot"),
+        ({"lidar": {"mount_z_m": -20.0}}, r"mount_z_m is in metres; -20 m is far below the robot"),
+        ({"lidar": {"range_max_m": 1000.0}}, r"range_max_m is in metres; 1000 looks like milli"),
+        ({"lidar": {"rate_hz": 5000.0}}, "rate_hz"),
+        ({"camera": {"mount_z_m": 30.0}}, r"camera: mount_z_m .* 30 m is far above the robot"),
+        ({"camera": {"rate_hz": 5000.0}}, "rate_hz"),
+    ],
+)
+def test_a_robot_in_centimetres_or_that_no_robot_is_like_is_refused(keys, why):
+    """What is in centimetres is too small for the bounds of what is in millimetres."""
+    with pytest.raises(ValidationError) as refused:
+        RobotModel.model_validate(SQUARE | keys)
+    said = "; ".join(
+        f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in refused.value.errors()
+    )
+    assert re.search(why, said), said
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"track_m": 3.75},  # of one that skids, as its controller counts
+        {"footprint_m": scaled(4.0)},
+        {"footprint_m": scaled(0.05), "track_m": 0.06, "wheel_radius_m": 0.02},
+        {"limits": {"speed_mps": 15.0}},
+        {"height_m": 8.0, "lidar": {"mount_z_m": 8.5, "range_max_m": 500.0}},  # on a tall one
+        {"lidar": {"mount_z_m": 4.0}},  # on a mast
+        {"lidar": {"mount_z_m": -0.3}},  # of one whose origin is not on the floor
+    ],
+    ids=str,
+)
+def test_an_unusual_robot_is_taken(keys):
+    assert RobotModel.model_validate(SQUARE | keys).name == "box"
+
+
+def test_a_robot_made_of_numbers_without_a_track_has_its_wheels_within_its_outline():
+    limits = Limits(1.0, 2.0, 2.0, 6.0)
+    assert RobotModel.of("tiny", scaled(0.05), limits).track_m == pytest.approx(0.1)
+    assert RobotModel.of("box", scaled(0.05), limits._replace(track=0.08)).track_m == 0.08
+
+
+NOISY = {"lidar": {"noise_m": 0.02}, "delay_s": 0.1, "limits": {"wheel_acceleration_mps2": 2.0}}
+
+
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        ({}, ""),
+        ({"delay_s": 0.0}, "its file has no delay_s, which every robot has: measure it"),
+        ({"lidar": {}}, "its file has no noise_m: that a scan repeats is not noticed"),
+        (
+            {"further_lidars": [{"name": "rear"}]},
+            "rear LiDAR: its file has no noise_m",
+        ),
+        ({"further_lidars": [{"name": "sonar", "range_sensor": True, "field_of_view_deg": 9}]}, ""),
+        (
+            {"track_m": 2.4},
+            "its wheels, track_m 2.4 m apart, stand out of its footprint_m, 2 m wide",
+        ),
+        (
+            {"limits": {"acceleration_mps2": 20.0, "yaw_acceleration_radps2": 9.0}},
+            "it brakes with 20 m/s^2 by its file, and no wheels do with more than some 10",
+        ),
+    ],
+)
+def test_what_is_doubtful_in_the_file_of_a_real_robot_is_said_in_a_sentence(keys, why):
+    said = doubts(RobotModel.model_validate(SQUARE | NOISY | keys))
+    assert [one[: len(why)] for one in said] == ([why] if why else [])
 
 
 def test_an_unknown_key_is_refused():

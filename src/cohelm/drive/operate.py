@@ -23,8 +23,7 @@ from cohelm.drive.factory import (
 from cohelm.link.messages import Mode
 from cohelm.link.operator import NullOperator, Scripted
 from cohelm.plan.zones import Zones
-from cohelm.robot.model import SHIPPED
-from cohelm.robot.sensors import of_sensor
+from cohelm.robot.model import SHIPPED, doubts
 from cohelm.scenario import build, load
 from cohelm.scenario.stick import StickNone, StickOperator
 from cohelm.scenario.zones import masked, read_zones
@@ -112,16 +111,11 @@ def robot_factory(options: DriveOptions) -> RobotFactory:
 def remarks(made: RobotFactory) -> str:
     """What to say of a robot at its start: that it is guarded though the site's law has another
     filter, and what no real robot has; empty: nothing."""
-    asked, model, said = made.scenario.law.filter, made.model, list[str]()
+    asked, said = made.scenario.law.filter, list[str]()
     if asked != "guard":
         said.append(f"guarded all the same, though law.filter is {asked}")
-    if made.kind == "own" and model.delay_s == 0.0:
-        said.append("its file has no delay_s, which every robot has: measure it (cohelm calibrate)")
-    exact = [one for one in model.lidars if one.noise_m == 0.0 and not one.range_sensor]
-    if made.kind == "own" and exact:
-        said.append(of_sensor(
-            exact[0].name, "its file has no noise_m: that a scan repeats is not noticed"
-        ))  # fmt: skip
+    if made.kind == "own":  # of a ROS 2 robot it is said where it is looked for
+        said += doubts(made.model)
     return "; ".join(said)
 
 

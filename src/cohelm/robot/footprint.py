@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
 
-_LARGEST = 50.0  # a corner beyond this is given in another unit [m]
+_LARGEST = 20.0  # a corner beyond this is given in another unit [m]
 _STRAIGHT = 1e-9  # largest sine of a turn that counts as straight
 
 
@@ -34,7 +34,7 @@ def convex_outline(corners: ArrayLike) -> Floats:
     if given.size and np.abs(given).max() > _LARGEST:
         raise CohelmError(
             f"an outline's corners are in metres, got one {np.abs(given).max():g} m away: "
-            "divide millimetres by 1000"
+            "divide millimetres by 1000, and centimetres by 100"
         )
     kept = given[(given != np.roll(given, 1, axis=0)).any(axis=1)]
     if len(kept) < 3:

@@ -35,7 +35,10 @@ class Limits(NamedTuple):
     """Distance between the wheels [m]; only the limits of the wheels need it."""
 
 
-LARGEST = dict.fromkeys(Limits._fields, 100.0) | {"yaw_rate": 30.0, "track": 20.0}
+LARGEST = Limits(
+    speed=30.0, acceleration=100.0, yaw_rate=30.0, yaw_acceleration=100.0, wheel_speed=30.0,
+    wheel_acceleration=100.0, track=20.0,
+)._asdict()  # fmt: skip
 """Of each limit that is finite, as in a robot's YAML file."""
 
 

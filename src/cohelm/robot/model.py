@@ -18,8 +18,8 @@ from cohelm.robot.footprint import chord, convex_outline, outside
 from cohelm.robot.limits import LARGEST, Limits, checked_limits, ramps, speeds, unlimited
 from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel, of_sensor
 
-Positive = Annotated[float, Field(gt=0.0)]
-UpTo100 = Annotated[float, Field(gt=0.0, le=LARGEST["speed"])]
+Speed = Annotated[float, Field(gt=0.0, le=LARGEST["speed"])]
+UpTo100 = Annotated[float, Field(gt=0.0, le=LARGEST["acceleration"])]
 """More is millimetres, or degrees a second squared: a filter would count on such brakes."""
 Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
 
@@ -30,6 +30,14 @@ BEYOND = 1.0
 """Largest distance of a LiDAR or contact sensor beyond the outline's reach, on a boom [m]."""
 _SMALLEST = 0.01
 """No robot is shorter [m]."""
+_WIDE, _NARROW = 3.0, 20.0
+"""No wheels are farther apart than so many times the robot's width, not even those that a
+controller of one that skids counts with; and no robot is wider than so many times their distance:
+one of both is in centimetres."""
+_HIGH = 5.0
+"""Largest height of a sensor on a mast [m]."""
+_GRIP = 10.0
+"""No wheels brake harder on a floor [m/s^2]."""
 _INWARDS = 3.0
 """What has so many times as much of the robot before it as behind it faces into it."""
 
@@ -37,7 +45,7 @@ _INWARDS = 3.0
 class LimitsModel(Schema):
     """What drives and wheels can do; leave out what is not limited."""
 
-    speed_mps: UpTo100 | None = None
+    speed_mps: Speed | None = None
     """Largest forward or backward speed."""
     acceleration_mps2: UpTo100 | None = None
     """Largest change of speed."""
@@ -45,7 +53,7 @@ class LimitsModel(Schema):
     """Largest yaw rate."""
     yaw_acceleration_radps2: UpTo100 | None = None
     """Largest change of yaw rate."""
-    wheel_speed_mps: UpTo100 | None = None
+    wheel_speed_mps: Speed | None = None
     """Largest speed of a wheel's rim."""
     wheel_acceleration_mps2: UpTo100 | None = None
     """Largest acceleration of a wheel's rim."""
@@ -74,9 +82,9 @@ class RobotModel(Schema):
     """Radius of the driven wheels."""
     axle_x_m: Annotated[float, Field(ge=-2.0, le=2.0)] = 0.0
     """Where the middle of the wheel axle is in the frame that ROS calls the base."""
-    height_m: Annotated[float, Field(gt=0.0, le=100.0)] = 0.5
+    height_m: Annotated[float, Field(gt=0.0, le=20.0)] = 0.5
     """Height of the body."""
-    mass_kg: Positive = 40.0
+    mass_kg: Annotated[float, Field(gt=0.0, le=1e6)] = 40.0
     """Mass, all in all."""
     limits: LimitsModel = LimitsModel()
     """Speed and acceleration limits."""
@@ -115,6 +123,13 @@ class RobotModel(Schema):
             )
         return corners
 
+    @field_validator("name")
+    @classmethod
+    def _not_empty(cls, name: str) -> str:
+        if not name.strip():
+            raise ValueError("must not be empty: page, log and records call the robot by it")
+        return name
+
     @model_validator(mode="after")
     def _named(self) -> Self:
         if self.further_lidars and self.lidar is None:
@@ -139,8 +154,37 @@ class RobotModel(Schema):
         return self
 
     @model_validator(mode="after")
+    def _of_one_unit(self) -> Self:
+        """Refuse an outline or wheels in centimetres, which bounds in metres do not tell."""
+        (long, wide), track = np.ptp(self.outline, axis=0), self.track_m
+        if track > _WIDE * wide:
+            raise ValueError(
+                f"track_m is in metres; {track:g} m is far wider than footprint_m, {wide:g} m"
+            )
+        if wide > _NARROW * track:
+            raise ValueError(
+                f"footprint_m is in metres; the robot is {wide:g} m wide, and its wheels are "
+                f"{track:g} m apart: divide centimetres by 100"
+            )
+        if self.wheel_radius_m > max(long, wide):
+            raise ValueError(
+                f"wheel_radius_m is in metres; {self.wheel_radius_m:g} m is larger than the robot"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _mounted(self) -> Self:
         """Refuse mounts outside of the robot, as those in millimetres are."""
+        heights = [(of_sensor(one.name, ""), one.mount_z_m or 0.0) for one in self.lidars]
+        if self.camera is not None:
+            heights.append(("camera: ", self.camera.mount_z_m))
+        for whose, z in heights:
+            if abs(z) > max(self.height_m + BEYOND, _HIGH):
+                where = "above" if z > 0.0 else "below"
+                raise ValueError(
+                    f"{whose}mount_z_m is in metres; {z:g} m is far {where} the robot (height_m "
+                    f"{self.height_m:g})"
+                )
         for one in (*self.lidars, *self.contacts):
             away = math.hypot(one.mount_x_m, one.mount_y_m)
             if away > self.reach + BEYOND:
@@ -189,10 +233,14 @@ class RobotModel(Schema):
         """
         numbers = checked_limits(limits)
         keys = dict(zip(LimitsModel.model_fields, numbers[:6], strict=True))
+        corners = convex_outline(outline)
+        wide = float(np.ptp(corners[:, 1]))
+        *_, given = limits
+        track = wide if math.isnan(given) else numbers.track
         try:
             return cls(
-                name=name, footprint_m=convex_outline(outline).tolist(), track_m=numbers.track,
-                wheel_radius_m=0.1, delay_s=delay, lidar=lidar,
+                name=name, footprint_m=corners.tolist(), track_m=track,
+                wheel_radius_m=min(0.1, wide), delay_s=delay, lidar=lidar,
                 limits=LimitsModel.model_validate(
                     {key: value for key, value in keys.items() if value < math.inf}
                 ),
@@ -280,6 +328,31 @@ def checked_sight(model: RobotModel) -> RobotModel:
             f"{needs:.2g} m: set limits.speed_mps to {math.floor(100.0 * most) / 100.0:g} at most"
         )
     return model
+
+
+def doubts(model: RobotModel) -> list[str]:
+    """What no real robot has, and yet this one by its file: a sentence each."""
+    said = list[str]()
+    if model.delay_s == 0.0:
+        said.append("its file has no delay_s, which every robot has: measure it (cohelm calibrate)")
+    exact = [one for one in model.lidars if one.noise_m == 0.0 and not one.range_sensor]
+    if exact:
+        said.append(of_sensor(
+            exact[0].name, "its file has no noise_m: that a scan repeats is not noticed"
+        ))  # fmt: skip
+    wide = float(np.ptp(model.outline[:, 1]))
+    if model.track_m > 1.1 * wide:
+        said.append(
+            f"its wheels, track_m {model.track_m:g} m apart, stand out of its footprint_m, {wide:g}"
+            " m wide: what stands out is not kept clear"
+        )
+    brakes = ramps(model.bounds())[0]
+    if _GRIP < brakes < math.inf:
+        said.append(
+            f"it brakes with {brakes:g} m/s^2 by its file, and no wheels do with more than some "
+            f"{_GRIP:g}: measure it (cohelm calibrate)"
+        )
+    return said
 
 
 SHIPPED = (

@@ -65,7 +65,7 @@ class LidarModel(Schema):
     """Nearer surfaces are seen, but not measured."""
     range_max_m: Annotated[float, Field(gt=0.0)] = 10.0
     """Farther surfaces are not seen."""
-    rate_hz: Annotated[float, Field(gt=0.0)] = 30.0
+    rate_hz: Annotated[float, Field(gt=0.0, le=1000.0)] = 30.0
     """Scans per second."""
     noise_m: Annotated[float, Field(ge=0.0)] = 0.0
     """Standard deviation of a range."""
@@ -137,7 +137,7 @@ class LidarModel(Schema):
             raise ValueError(f"mount_yaw_deg is in degrees; {looks}")
         top = 0.0 if self.height_band_m is None else self.height_band_m[1]
         for key, value, most in (
-            ("range_max_m", farthest, 1000.0), ("range_min_m", self.range_min_m, 10.0),
+            ("range_max_m", farthest, 600.0), ("range_min_m", self.range_min_m, 10.0),
             ("noise_m", self.noise_m, 1.0), ("height_band_m", top, 20.0),
         ):  # fmt: skip
             if value > most:
@@ -275,7 +275,7 @@ class CameraModel(Schema):
     """Pixels."""
     field_of_view_deg: Annotated[float, Field(gt=1.0, lt=170.0)] = 60.0
     """Vertical angle of view."""
-    rate_hz: Annotated[float, Field(gt=0.0)] = 15.0
+    rate_hz: Annotated[float, Field(gt=0.0, le=1000.0)] = 15.0
     """Frames per second."""
     mount_x_m: float = 0.0
     """Forward of the body's origin."""
