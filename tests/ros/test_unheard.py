@@ -27,7 +27,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.record.ros2 import header
 from cohelm.robot.adapter import RobotAdapter
-from cohelm.robot.model import RobotModel
+from cohelm.robot.model import RobotModel, doubts
 from cohelm.robot.port import Odometry as Reading, Scan
 from cohelm.ros import look as looking, rendered
 from cohelm.ros.clock import TYPE
@@ -390,6 +390,16 @@ def test_clocks_that_differ_are_taken_into_account_up_to_a_bound_and_refused_bey
         ENDS, FRAMES + readings(off=-86_400.0)
     )
     assert "use_sim_time:=false" in refused(ENDS, FRAMES + readings(off=time.time() - 100.0))
+
+
+def test_what_is_doubtful_in_the_robots_file_is_noted_as_at_any_start():
+    found = seen(ENDS, FRAMES + readings())
+    assert not any("its file has no" in note for note in found.notes)
+    lidar = SALLY.lidar.model_copy(update={"noise_m": 0.0})
+    model = SALLY.model_copy(update={"delay_s": 0.0, "lidar": lidar})
+    notes = look(Pretended(ENDS, FRAMES + readings()), model, Topics(), Allowed(), 0.06).notes
+    assert [note for note in notes if "its file has no" in note] == doubts(model)
+    assert len(doubts(model)) == 2
 
 
 def test_an_unknown_frame_is_refused_unless_the_mount_comes_from_the_model():

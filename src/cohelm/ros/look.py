@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from cohelm.core.errors import CohelmError
-from cohelm.robot.model import RobotModel, checked_sight
+from cohelm.robot.model import RobotModel, checked_sight, doubts
 from cohelm.ros import clock, depth, mismatch
 from cohelm.ros.clock import Clock, estimated
 from cohelm.ros.connection import Connection
@@ -163,6 +163,8 @@ def _sensed(
             "odometry": model.odometry.model_copy(update={"rate_hz": odom_rate}),
         }
     )
+    if not inspection.simulated:
+        notes += doubts(made)
     checked_sight(made)
     return Found(
         topics, made, out_type, inspection.body(), inspection.odom(), odom_clock,
