@@ -45,10 +45,12 @@ export const clock = signal(0)
 export const isReplay = computed(() => welcome.value?.replay_s != null)
 export const youDrive = computed(() => who.value?.you_drive === true && connection.value === 'open')
 
+/** Whether what is shown is the robot's present state, as far as the station knows. */
+export const linked = computed(() => connection.value === 'open' && link.value?.connected !== false)
+
 /** Of the window, by which one is told from another robot's. */
 export const title = computed(() => {
-  const lost = welcome.value !== null && (connection.value !== 'open' || link.value?.connected === false)
-  const now = lost ? 'No link' : state.value?.stopped ? 'Stopped' : youDrive.value ? 'You drive' : ''
+  const now = welcome.value !== null && !linked.value ? 'No link' : state.value?.stopped ? 'Stopped' : youDrive.value ? 'You drive' : ''
   return [isReplay.value ? 'Replay' : now, robot.value?.name ?? 'cohelm station'].filter((part) => part !== '').join(' · ')
 })
 

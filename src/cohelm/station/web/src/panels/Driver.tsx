@@ -41,7 +41,8 @@ function drives(): boolean {
 export function Driver() {
   const who = s.who.value
   if (s.isReplay.value) return <Replay />
-  if (who === null) return <div class="driver">…</div>
+  if (who === null) return <div class="driver">{s.linked.value || s.welcome.value === null ? '…' : 'No link'}</div>
+  if (!s.linked.value) return <Unlinked mayTake={!who.you_drive && who.driver === null} />
   const left = who.left_s === null ? '' : ` (${Math.max(0, Math.ceil(who.left_s))} s)`
   return (
     <div class="driver" role="group" aria-label="Who drives">
@@ -63,6 +64,16 @@ export function Driver() {
         <button type="button" onClick={() => request('take')}>Request control</button>
       )}
       {who.you_request && <span role="status">requested<span aria-hidden="true">{left}</span></span>}
+    </div>
+  )
+}
+
+/** Who drove then may not drive now. */
+function Unlinked({ mayTake }: { mayTake: boolean }) {
+  return (
+    <div class="driver" role="group" aria-label="Who drives">
+      <span role="status">No link</span>
+      {mayTake && <button type="button" onClick={() => request('take')}>Take over</button>}
     </div>
   )
 }
