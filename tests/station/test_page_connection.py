@@ -11,15 +11,17 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from cohelm.core.types import Pose
-from cohelm.link.bulk_messages import DockPlace, Docks, Hello
-from cohelm.link.messages import RequestKind, ScanPart
+from cohelm.link.bulk_messages import DockPlace, Docks, HealthReport, Hello
+from cohelm.link.messages import Mode, RequestKind, ScanPart
 from cohelm.station import app
 from cohelm.station.serve import Server
+from tests.link.ends import STATUS
 from tests.station.bare import Bare
 from tests.station.conftest import WAIT
 from tests.station.person import take, who
 from tests.station.servers import served
 
+PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
 HANGING = """(() => {
   const Real = WebSocket
   let first = true
@@ -171,6 +173,72 @@ def test_a_display_without_a_link_to_the_robot_is_pale(
         page.keyboard.press("Space")
         alarms = page.get_by_label("Alarms", exact=True)
         expect(alarms).to_contain_text("STOP is sent, but the robot has not answered yet")
+
+
+def test_without_a_link_nobody_is_said_to_drive(context: BrowserContext, tmp_path: Path) -> None:
+    with Bare(tmp_path) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        take(page)
+        robot.die()
+        expect(who(page)).to_contain_text("No link")
+        expect(who(page)).not_to_contain_text("drive")
+        expect(who(page).get_by_role("button")).to_have_count(0)
+    with Bare(tmp_path) as robot:
+        with served(robot.connect) as server:
+            page = shown(context, server)
+            take(page)
+        expect(who(page)).to_contain_text("No link")
+
+
+def test_who_can_not_reset_a_stop_is_told_who_can(context: BrowserContext, tmp_path: Path) -> None:
+    status = STATUS._replace(mode=Mode.HOLD, stopped="the odometry is 92 ms old", why="")
+    with Bare(tmp_path, status) as robot, served(robot.connect) as server:
+        page, other = shown(context, server), context.new_page()
+        reset = page.get_by_role("button", name="Reset")
+        expect(reset).to_be_disabled()
+        expect(reset).to_have_accessible_description("Take over first")
+        expect(page.locator(".why")).to_have_text("stopped: press Take over, then Reset")
+        other.goto(server.address)
+        take(other)
+        expect(reset).to_have_accessible_description("by the driver")
+        expect(page.locator(".why")).to_have_text("stopped: its driver can reset it")
+        expect(other.get_by_role("button", name="Reset")).to_have_accessible_description("")
+        expect(other.locator(".why")).to_have_text("stopped: press Reset, then choose a mode")
+        other.set_viewport_size({"width": 740, "height": 330})  # a phone held sideways
+        assert other.locator(".stopped span").evaluate(
+            "(e) => e.scrollWidth <= e.clientWidth && e.scrollHeight <= e.clientHeight"
+        )
+
+
+def test_a_battery_that_is_low_is_said_on_every_screen(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        page.set_viewport_size({"width": 390, "height": 780})
+        for charge, said in ((0.12, "The battery is at 12 %"), (0.05, "The battery is at 5.0 %")):
+            robot.bulk.publish(HealthReport(charge, ()))
+            expect(page.get_by_label("Alarms", exact=True)).to_contain_text(said)
+        robot.bulk.publish(HealthReport(0.8, ()))
+        expect(page.get_by_label("Alarms", exact=True)).not_to_contain_text("battery")
+
+
+def test_a_button_of_a_gamepad_that_is_held_as_the_page_loads_stops_and_does_nothing_else(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    """Nobody knows for how long the resume button has been held; a STOP too many harms nobody."""
+    stop, resume = 1, 0
+    status = STATUS._replace(mode=Mode.HOLD, stopped="the odometry is 92 ms old")
+    lies = PAD + "\nwindow.layOther([0, 0, 0, 0], [%d])"
+    with Bare(tmp_path, status) as robot, served(robot.connect) as server:
+        page = shown(context, server, lies % resume)
+        take(page)
+        page.wait_for_timeout(1500)
+        page.evaluate("window.layOther([0, 0, 0, 0])")
+        page.wait_for_timeout(300)
+        assert not {RequestKind.RESET, RequestKind.MODE, RequestKind.STOP} & set(robot.requests)
+        shown(context, server, lies % stop)
+        assert requested(robot, RequestKind.STOP)
 
 
 def test_a_button_pressed_without_a_connection_says_so(context: BrowserContext, bare: Bare) -> None:

@@ -281,7 +281,7 @@ def test_a_command_shaped_by_the_robots_own_limits_names_no_obstacle(asked) -> N
     def shaped(limiting: str, clearance: float) -> str:
         return (
             "m.why({why: '', nominal: [0, 1], applied: [0, 0.5], guarding: "
-            f"{{verdict: 'shaped', limiting: {limiting}, clearance: {clearance}}}}})"
+            f"{{verdict: 'shaped', limiting: {limiting}, clearance: {clearance}}}}}, 'driver')"
         )
 
     own, near = "at its speed or acceleration limit", "limited: obstacle near"
@@ -294,7 +294,22 @@ def test_the_end_of_the_route_is_said_and_is_normal(asked) -> None:
     state = json.dumps(
         {"mode": "automatic", "stopped": "", "why": DONE, "nominal": [0, 0], "applied": [0, 0]}
     )
-    assert asked("panels/why.ts", f"m.why({state})", f"m.abnormal({state})") == [DONE, False]
+    said, odd = asked("panels/why.ts", f"m.why({state}, 'other')", f"m.abnormal({state})")
+    assert (said, odd) == (DONE, False)
+
+
+def test_who_can_do_something_next_is_told_what(asked) -> None:
+    readers = ("driver", "anyone", "other")
+    for state, said in (
+        (
+            {"stopped": "stop by anna (3)", "why": "stop by anna (3)"},
+            ["press Reset, then choose a mode", "press Take over, then Reset", "its driver can"],
+        ),
+        ({"stopped": "", "why": "idle"}, ["choose a mode", "press Take over, then choose", "idle"]),
+        ({"stopped": "stop by anna (3)", "why": "no scan"}, 3 * ["no scan"]),
+    ):
+        told = asked("panels/why.ts", *(f"m.why({json.dumps(state)}, '{one}')" for one in readers))
+        assert [one in text for one, text in zip(said, told, strict=True)] == 3 * [True], told
 
 
 def test_where_only_the_stick_commands_the_share_is_the_operators(asked) -> None:

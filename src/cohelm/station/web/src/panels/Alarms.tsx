@@ -5,6 +5,7 @@ import { send } from '../socket'
 import * as s from '../state'
 import { useEscape } from './escape'
 import { mergeAlarms, type ShownAlarm } from './mergeAlarms'
+import { EMPTY_BATTERY, LOW_BATTERY, percent } from './format'
 import { resumeHint, notArmedReason, noEffectReason } from '../input/drive'
 
 const MARK = { alarm: '▲', warning: '◆', notice: '●' } as const
@@ -48,6 +49,8 @@ function localAlarms(): ShownAlarm[] {
   const localised = s.state.value?.localised
   if (localised === 'lost') add('alarm', 'Localization is lost. Drive on a little by hand (speed is limited), so that it can localize again.')
   else if (localised === 'poor') add('warning', 'Localization is uncertain.')
+  const battery = s.health.value?.battery ?? 1
+  if (battery < LOW_BATTERY) add(battery < EMPTY_BATTERY ? 'warning' : 'notice', `The battery is at ${percent(battery)}: bring the robot to its charger.`)
   return out
 }
 

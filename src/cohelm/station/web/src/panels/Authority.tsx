@@ -6,7 +6,7 @@ import { DEVICE_NAMES } from '../input/stick'
 import { points } from '../map/points'
 import { clearances, SECTORS } from '../map/ring'
 import * as s from '../state'
-import { abnormal, CLOSE_M, operatorsShare, why } from './why'
+import { abnormal, CLOSE_M, operatorsShare, why, type Reader } from './why'
 import { metres, speed, yaw } from './format'
 
 const NEAR_M = 0.7
@@ -38,7 +38,7 @@ export function Authority() {
             </tr>
           </tbody>
         </table>
-        <p class={`why ${abnormal(state) ? 'abnormal' : ''}`} role="status">{why(state)}</p>
+        <p class={`why ${abnormal(state) ? 'abnormal' : ''}`} role="status">{why(state, reader())}</p>
         <p class="nearest">
           clearance <b class={near(clearance)}>{metres(clearance)}</b>
         </p>
@@ -46,6 +46,11 @@ export function Authority() {
       </div>
     </section>
   )
+}
+
+function reader(): Reader {
+  if (s.isReplay.value) return 'replay'
+  return s.youDrive.value ? 'driver' : s.who.value?.driver == null ? 'anyone' : 'other'
 }
 
 function near(clearance: number | null): string {

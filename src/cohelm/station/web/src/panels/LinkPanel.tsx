@@ -1,6 +1,6 @@
 // State of the robot and of the link; values out of the normal range are marked.
 import * as s from '../state'
-import { localization, ms, percent, speed } from './format'
+import { LOW_BATTERY, localization, ms, percent, speed } from './format'
 
 function Row({ name, value, odd = false }: { name: string; value: string; odd?: boolean }) {
   return (
@@ -30,7 +30,7 @@ export function LinkPanel() {
           <Row name="robot" value={s.robot.value?.name ?? '–'} />
           <Row name="localization" value={state === null ? '–' : localization(state)} odd={state?.localised === 'poor' || state?.localised === 'lost'} />
           <Row name="speed limit" value={cap === null ? 'none' : `${speed(cap)} · ${state?.cap_reason ?? ''}`} odd={cap !== null} />
-          {health?.battery != null && <Row name="battery" value={percent(health.battery)} odd={health.battery < 0.2} />}
+          {health?.battery != null && <Row name="battery" value={percent(health.battery)} odd={health.battery < LOW_BATTERY} />}
           {health?.faults.map((fault) => <Row key={fault} name="fault" value={fault} odd />)}
           {!s.isReplay.value && <>
             <Row name="link" value={q?.connected ? q.name : 'not connected'} odd={!q?.connected} />

@@ -22,7 +22,7 @@ export function Modes() {
     <section class="modes" aria-label="How to drive">
       <div role="radiogroup" aria-label="Mode" class="segments">
         {MODES.map(([mode, name, meaning]) => (
-          <button key={mode} type="button" role="radio" aria-checked={now === mode} title={meaning}
+          <button key={mode} type="button" role="radio" aria-checked={now === mode} title={s.youDrive.value ? meaning : `${meaning} (the driver chooses)`}
             disabled={!s.youDrive.value} onClick={() => send({ type: 'do', what: mode, value: 0 })}>
             {name}
           </button>

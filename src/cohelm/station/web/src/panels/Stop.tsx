@@ -10,7 +10,10 @@ export function Stop() {
       {why !== '' && (
         <div class="stopped" role="status">
           <span><b>Stopped:</b> {why}</span>
-          <button type="button" disabled={!s.youDrive.value} onClick={() => send({ type: 'do', what: 'reset', value: 0 })}>
+          {/* why it is grey stands beside it, and is read out with it */}
+          {!s.youDrive.value && <small id="reset-by">{s.who.value?.driver == null ? 'Take over first' : 'by the driver'}</small>}
+          <button type="button" disabled={!s.youDrive.value} aria-describedby={s.youDrive.value ? undefined : 'reset-by'}
+            onClick={() => send({ type: 'do', what: 'reset', value: 0 })}>
             Reset
           </button>
         </div>

@@ -1,6 +1,10 @@
 // Formats numbers and modes for display.
 import type { Status } from '../messages'
 
+/** A battery with less of its charge is low, and with less of it soon empty. */
+export const LOW_BATTERY = 0.2
+export const EMPTY_BATTERY = 0.1
+
 /** Mode, its name, and what it means. */
 export const MODES: Array<[Status['mode'], string, string]> = [
   ['hold', 'Hold', 'stand still'],

@@ -14,8 +14,19 @@ export function operatorsShare(state: Pick<Status, 'mode' | 'localised' | 'autho
   return 1 - (state.authority ?? 1)
 }
 
-/** The gate's reason without a command. */
-const IDLE = 'idle'
+/** Who reads it: the driver; somebody while nobody drives, or another; or who can not do anything. */
+export type Reader = 'driver' | 'anyone' | 'other' | 'replay'
+
+/** What to do next where the robot is stopped, or has no command, as the gate says it. */
+const NEXT: { [state: string]: Record<Reader, string> } = {
+  stopped: {
+    driver: 'stopped: press Reset, then choose a mode', anyone: 'stopped: press Take over, then Reset',
+    other: 'stopped: its driver can reset it', replay: 'stopped',
+  },
+  idle: {
+    driver: 'idle: choose a mode', anyone: 'idle: press Take over, then choose a mode', other: 'idle', replay: 'idle',
+  },
+}
 
 /** The robot's reason at the end of its route: nothing is wrong. */
 const DONE = 'the route is done'
@@ -33,10 +44,13 @@ function other({ nominal, applied }: Status): boolean {
   return Math.abs(nominal[0] - applied[0]) > 0.02 || Math.abs(nominal[1] - applied[1]) > 0.05
 }
 
-/** Why the applied command is not the nominal one: by the gate, the guard, or the robot's limits. */
-export function why(state: Status | null): string {
+/** Why the applied command is not the nominal one: by the gate, the guard, or the robot's limits; where there is none,
+ * what to do. */
+export function why(state: Status | null, reader: Reader): string {
   if (state === null) return '–'
-  if (state.why === IDLE) return 'idle: choose a mode'
+  const repeats = state.why === '' || state.why === state.stopped // which stands beside the button that resets it
+  const next = NEXT[state.stopped && repeats ? 'stopped' : state.why]
+  if (next !== undefined) return next[reader]
   if (state.why !== '') return state.why
   if (!other(state)) return 'as commanded'
   return guarded(state) ?? 'at its speed or acceleration limit'
