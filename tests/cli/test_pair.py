@@ -34,7 +34,10 @@ def test_a_station_is_paired_listed_and_removed(on, tmp_path):
     assert [(p["what"], p["name"]) for p in robot] == [("station let in", "anna")]
     assert [(p["what"], p["name"]) for p in station] == [("robot", "sally")]
     assert station[0]["sha256"] in there.stderr
-    assert "anna" in on("robot", "list").stdout
+    shown = on("robot", "list").stdout.splitlines()  # eighty columns wide here
+    assert [line.split() for line in shown[1:]] == [
+        ["station", "let", "in", "anna", robot[0]["sha256"]]
+    ]  # on one line, to be compared and copied whole
     assert on("robot", "remove", "anna").exit_code == 0
     assert json.loads(on("robot", "list", "--json").stdout) == {"pairs": []}
     assert "nothing is paired here" in on("robot", "list").stderr

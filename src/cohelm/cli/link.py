@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cohelm.cli.app import CommandLine, app, examples, idle_beside, idle_without
-from cohelm.cli.output import Json, plain, print_json, print_table, say
+from cohelm.cli.output import Json, plain, print_json, say
 
 pair = CommandLine(
     help="Pair stations with robots: keys that allow to drive.", no_args_is_help=True
@@ -80,7 +80,10 @@ def listed(as_json: Json = False) -> None:
     if as_json:
         print_json({"pairs": [{"what": w, "name": n, "sha256": s} for w, n, s in rows]})
     elif rows:
-        print_table(f"paired here, in {keys.home()}", ("what", "name", "certificate"), rows)
+        print(f"paired here, in {keys.home()}")
+        wide = max(len(name) for _, name, _ in rows)
+        for what, name, shown in rows:  # no table: a certificate is wider than most terminals
+            print(f"{what:14}  {name:{wide}}  {shown}")
     else:
         say(f"nothing is paired here, in {plain(str(keys.home()))}")
 
