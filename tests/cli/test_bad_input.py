@@ -438,6 +438,8 @@ def test_ros_arguments_are_refused_with_the_matching_option(cohelm):
         (["run", "minimal", "--bogus"], "no such option: --bogus"),
         (["run", "minimal", "--robot", "husky"], "--robot: here that is --set robot=VALUE; see"),
         (["nonsense"], "no such command 'nonsense'"),
+        (["stick", "--strongest"], "option '--strongest' requires an argument; see `cohelm stick"),
+        (["robot", "lab-guard", "--rate"], "option '--rate' requires an argument; see `cohelm"),
     ],
 )
 def test_a_wrong_command_line_is_one_sentence_that_names_the_help(cohelm, words, mend):

@@ -32,7 +32,11 @@ class _Command(typer.core.TyperCommand):
     could set off a robot that was given another site, mode or dock."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        rest = super().parse_args(ctx, args)
+        try:
+            rest = super().parse_args(ctx, args)
+        except _UsageError as error:
+            error.ctx = error.ctx or ctx  # an option without its value has none
+            raise
         for one in self.params:
             value = ctx.params.get(one.name)
             given = ctx.get_parameter_source(one.name).name != "DEFAULT"
