@@ -7,6 +7,7 @@ import signal
 import ssl
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +18,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
+from cohelm.link import keys
 from cohelm.station.serve import Server
 from tests.cli.test_bad_input import refused
 
@@ -107,6 +109,31 @@ def test_unencrypted_mode_prints_a_warning(cohelm, monkeypatch):
     assert "in clear: whoever can listen on this network can take the token and drive" in said.err
     for quiet in (["--host", "127.0.0.1"], ["--host", "::1"], []):
         assert "in clear" not in cohelm("station", "--replay", "x.mcap", *quiet).err
+
+
+def test_a_robot_that_is_not_found_is_said_on_the_terminal_too(cohelm, monkeypatch, tmp_path):
+    from cohelm.cli import station as told
+    from cohelm.link import udp
+
+    def look_up_ends(*_: object) -> None:
+        for thread in threading.enumerate():
+            if thread.name == "look-up":
+                thread.join(30.0)
+
+    def unknown(*_: object, **__: object) -> None:
+        raise OSError("Name or service not known")
+
+    monkeypatch.setenv("COHELM_KEYS", str(tmp_path))
+    keys.robot("sally")
+    keys.pair("desk", tmp_path / "desk.pair")
+    keys.install(tmp_path / "desk.pair")
+    monkeypatch.setattr(told, "serve", look_up_ends)
+    assert cohelm("station", "--robot", "127.0.0.1").err == ""
+    monkeypatch.setattr(udp.socket, "getaddrinfo", unknown)
+    said = cohelm("station", "--robot", "sally.example")
+    assert "the host 'sally.example' can not be found: check its name" in said.err
+    assert "looked up again for each page" in said.err
+    assert said.code == 0  # it may be there later
 
 
 def test_the_printed_address_has_the_token(record):

@@ -235,12 +235,26 @@ def _recorded(path: Path) -> Connect:
 
 
 def _linked(robot: str, name: str | None) -> Connect:
+    import socket
+    import threading
+
+    from cohelm.core.errors import CohelmError
     from cohelm.link import keys
-    from cohelm.link.udp import PORT, address
+    from cohelm.link.udp import PORT, address, resolved
     from cohelm.station.robot_link import Linked
 
     own = keys.station(name)
     host, port = address(robot, PORT)
+
+    def look_up() -> None:
+        try:
+            resolved(host, port, socket.SOCK_DGRAM)
+        except CohelmError as error:
+            why = f"{error}; it is looked up again for each page"
+            say(f"[yellow]warning:[/yellow] {plain(why)}")
+
+    # beside the server: it may take seconds, and the robot may be there later
+    threading.Thread(target=look_up, name="look-up", daemon=True).start()
     return lambda _: Linked(own, host, port)
 
 
