@@ -90,7 +90,42 @@ def test_a_limit_is_never_raised():
     straight = SALLY.model_copy(update={"limits": LimitsModel(acceleration_mps2=2.0)})
     key = "limits.acceleration_mps2"
     assert said(key, answered(brake=9.0), placed(), model=straight) == ("wasteful", 2.0)
-    assert said(key, answered(rise=1.97, off=0.5), placed(), model=straight) == ("safe", 2.0)
+
+
+@pytest.mark.parametrize(
+    ("off", "expected"), [(0.1, ("safe", 2.0)), (0.5, ("unsure", 1.47)), (3.0, ("unsure", 0.985))]
+)
+def test_a_limit_in_a_wide_interval_is_not_safe_and_its_low_end_is_written(off, expected):
+    """That it may be as assumed says nothing of what it may be."""
+    straight = SALLY.model_copy(update={"limits": LimitsModel(acceleration_mps2=2.0)})
+    (one,) = (
+        one
+        for one in findings(straight, answered(rise=1.97, off=off), placed())
+        if one.key == "limits.acceleration_mps2"
+    )
+    assert (one.verdict, one.write) == expected
+    if one.verdict == "unsure":
+        assert one.why == f"it may be only {one.write:g}: drive it again, with more --floor"
+        assert one.measured.value == 1.97
+
+
+def test_a_delay_in_a_wide_interval_is_not_safe_and_its_late_end_is_written():
+    assert said("delay_s", wide(0.05, 0.015), placed()) == ("safe", 0.05)
+    assert said("delay_s", wide(0.05, 0.03), placed()) == ("unsure", 0.08)
+    assert said("delay_s", wide(0.02, 0.2), placed()) == ("unsure", 0.22)
+    (one, *_) = findings(SALLY, wide(0.05, 0.03), placed())
+    assert one.why == "it may obey 30 ms later: drive it again, with more --floor"
+
+
+def wide(total, off):
+    made = answered()
+    made = made._replace(straight=made.straight._replace(total=Measured(total, off)))
+    return made._replace(turn=made.straight)
+
+
+def test_a_mount_that_is_hardly_known_is_not_safe_and_stays():
+    far = placed()._replace(x=Measured(0.31, 0.05))
+    assert said("lidar.mount_x_m", answered(), far) == ("unsure", 0.3)
 
 
 def test_an_uncertain_value_does_not_make_a_limit_of_zero():

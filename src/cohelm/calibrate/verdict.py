@@ -14,10 +14,12 @@ from cohelm.calibrate.response import Measured, Response
 from cohelm.core.errors import CohelmError
 from cohelm.robot.model import LONGEST_DELAY, RobotModel
 
-Verdict = Literal["safe", "unsafe", "wasteful"]
+Verdict = Literal["safe", "unsafe", "unsure", "wasteful"]
 _WASTE = 0.15  # an assumption that gives away more than this share is wasteful
 _DELAY = 0.02  # ... or so much time [s]
 _ALMOST = 0.97  # of a limit: it is reached
+_SURE = 0.9  # of a limit: it must not be less by the low end of its interval
+_AGAIN = "drive it again, with more --floor"
 _PLACE, _TURN = 0.01, math.radians(0.5)  # a mount is well enough known within this [m, rad]
 _WHEEL = 0.01  # and a wheel or track within this share
 _EXACT = Measured(1.0, 0.0)
@@ -173,6 +175,9 @@ def _delay(assumed: float, total: Measured, added: float) -> Comparison:
     if seen.value + seen.off < assumed - _DELAY:
         return Comparison("delay_s", assumed, seen, write, "wasteful",
                        "it obeys earlier: it keeps away farther than it has to")  # fmt: skip
+    if (late := seen.value + seen.off - assumed) > _DELAY:
+        return Comparison("delay_s", assumed, seen, write, "unsure",
+                       f"it may obey {1e3 * late:.0f} ms later: {_AGAIN}")  # fmt: skip
     return Comparison("delay_s", assumed, seen, assumed, "safe", "it obeys as predicted")
 
 
@@ -189,6 +194,9 @@ def _limit(key: str, assumed: float | None, rise: Measured, brake: Measured) -> 
         why = ("it can not stop where the guard counts on it" if least is brake
                else "it gains speed more slowly than the guard counts on")  # fmt: skip
         return Comparison(key, assumed, least, min(sure, assumed), "unsafe", why)
+    if least.value - least.off < _SURE * assumed:
+        sure = min(sure, assumed)
+        return Comparison(key, assumed, least, sure, "unsure", f"it may be only {sure:g}: {_AGAIN}")
     if brake.value - brake.off > (1.0 + _WASTE) * assumed:
         return Comparison(key, assumed, brake, assumed, "wasteful", "it can brake harder")
     return Comparison(key, assumed, brake, assumed, "safe", "it does what is assumed")
@@ -212,6 +220,9 @@ def _exact(key: str, assumed: float, seen: Measured, room: float, unit: str) -> 
         return Comparison(
             key, assumed, seen, round(seen.value, 4), "unsafe", f"it is {off:+.3g} {unit} off"
         )
+    if seen.off > 2.0 * room:  # neither side of it is the safe one
+        why = f"it is known within {seen.off:.2g} {unit} only: {_AGAIN}"
+        return Comparison(key, assumed, seen, assumed, "unsure", why)
     return Comparison(key, assumed, seen, assumed, "safe", "it is as assumed")
 
 
