@@ -73,6 +73,27 @@ def test_a_route_that_the_robot_does_not_answer_is_said_to_be_lost(
     assert told["why"] == "the robot did not answer: send it again"
 
 
+def test_a_request_for_control_that_waits_for_the_driver_is_not_told_as_refused(
+    server: Server, bare: Bare
+) -> None:
+    with opened(server) as one, opened(server) as two:
+        do(one, "take")
+        until(lambda: bare.end.driver)
+        do(two, "take")
+        told = []
+        end = time.monotonic() + 1.0
+        while time.monotonic() < end:
+            text = two.recv(timeout=5.0)
+            if isinstance(text, str):
+                told.append(json.loads(text))
+        assert any(one["type"] == "who" and one["you_request"] for one in told)
+        assert not [one for one in told if one["type"] == "refused"]
+        do(one, "refuse")
+        assert next(one for one in heard(two, "who") if not one["you_request"])
+        do(two, "reset")
+        assert next(heard(two, "refused"))["why"] == "you are not the driver"
+
+
 def test_a_page_that_leaves_does_not_raise_the_speed(server: Server, bare: Bare) -> None:
     """In automatic mode the station speaks for it until it is back."""
     with opened(server) as page:

@@ -90,7 +90,8 @@ class PageOperator:
             if answer is None:
                 continue
             del self._requested[number]
-            if not answer.granted:
+            waits = what == "take" and self._waits  # which the page shows, with its time
+            if not answer.granted and not waits:
                 why = view.persons(answer.reason, self.client, self.names)
                 refused = page.Refused(what=what, why=why)
                 self._send(refused, number)
@@ -267,6 +268,11 @@ class PageOperator:
     def _drives(self) -> bool:
         """Whether this operator has the lease, by the newest status."""
         return self._status is not None and 0 != self._status.lease.driver == self.client
+
+    @property
+    def _waits(self) -> bool:
+        """Whether its request for the lease waits for the driver's answer."""
+        return self._status is not None and 0 != self._status.lease.requester == self.client
 
     def _send_due(self, now: float) -> None:
         """Send what is due periodically."""
