@@ -204,6 +204,9 @@ def test_who_can_not_reset_a_stop_is_told_who_can(context: BrowserContext, tmp_p
         expect(page.locator(".why")).to_have_text("stopped: its driver can reset it")
         expect(other.get_by_role("button", name="Reset")).to_have_accessible_description("")
         expect(other.locator(".why")).to_have_text("stopped: press Reset, then choose a mode")
+        robot.die()
+        expect(page.locator(".why")).to_have_text("stopped")  # nobody knows what to do next
+        expect(reset).to_have_accessible_description("")
         other.set_viewport_size({"width": 740, "height": 330})  # a phone held sideways
         assert other.locator(".stopped span").evaluate(
             "(e) => e.scrollWidth <= e.clientWidth && e.scrollHeight <= e.clientHeight"

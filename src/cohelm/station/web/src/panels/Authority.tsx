@@ -49,7 +49,7 @@ export function Authority() {
 }
 
 function reader(): Reader {
-  if (s.isReplay.value) return 'replay'
+  if (s.isReplay.value || !s.linked.value) return 'nobody'
   return s.youDrive.value ? 'driver' : s.who.value?.driver == null ? 'anyone' : 'other'
 }
 

@@ -5,14 +5,15 @@ import * as s from '../state'
 export function Stop() {
   if (s.isReplay.value) return null
   const why = s.state.value?.stopped ?? ''
+  const other = !s.youDrive.value && s.linked.value
   return (
     <div class="stop">
       {why !== '' && (
         <div class="stopped" role="status">
           <span><b>Stopped:</b> {why}</span>
           {/* why it is grey stands beside it, and is read out with it */}
-          {!s.youDrive.value && <small id="reset-by">{s.who.value?.driver == null ? 'Take over first' : 'by the driver'}</small>}
-          <button type="button" disabled={!s.youDrive.value} aria-describedby={s.youDrive.value ? undefined : 'reset-by'}
+          {other && <small id="reset-by">{s.who.value?.driver == null ? 'Take over first' : 'by the driver'}</small>}
+          <button type="button" disabled={!s.youDrive.value} aria-describedby={other ? 'reset-by' : undefined}
             onClick={() => send({ type: 'do', what: 'reset', value: 0 })}>
             Reset
           </button>

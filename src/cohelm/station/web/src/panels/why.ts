@@ -14,17 +14,17 @@ export function operatorsShare(state: Pick<Status, 'mode' | 'localised' | 'autho
   return 1 - (state.authority ?? 1)
 }
 
-/** Who reads it: the driver; somebody while nobody drives, or another; or who can not do anything. */
-export type Reader = 'driver' | 'anyone' | 'other' | 'replay'
+/** Who reads it: the driver; somebody while nobody drives, or another; or nobody who can do anything, as in a replay. */
+export type Reader = 'driver' | 'anyone' | 'other' | 'nobody'
 
 /** What to do next where the robot is stopped, or has no command, as the gate says it. */
 const NEXT: { [state: string]: Record<Reader, string> } = {
   stopped: {
     driver: 'stopped: press Reset, then choose a mode', anyone: 'stopped: press Take over, then Reset',
-    other: 'stopped: its driver can reset it', replay: 'stopped',
+    other: 'stopped: its driver can reset it', nobody: 'stopped',
   },
   idle: {
-    driver: 'idle: choose a mode', anyone: 'idle: press Take over, then choose a mode', other: 'idle', replay: 'idle',
+    driver: 'idle: choose a mode', anyone: 'idle: press Take over, then choose a mode', other: 'idle', nobody: 'idle',
   },
 }
 
