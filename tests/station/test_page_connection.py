@@ -13,6 +13,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 from cohelm.core.types import Pose
 from cohelm.link.bulk_messages import DockPlace, Docks, HealthReport, Hello
 from cohelm.link.messages import Mode, RequestKind, ScanPart
+from cohelm.link.robot_end import RobotEnd
 from cohelm.station import app
 from cohelm.station.serve import Server
 from tests.link.ends import STATUS
@@ -173,6 +174,23 @@ def test_a_display_without_a_link_to_the_robot_is_pale(
         page.keyboard.press("Space")
         alarms = page.get_by_label("Alarms", exact=True)
         expect(alarms).to_contain_text("STOP is sent, but the robot has not answered yet")
+
+
+def test_before_the_first_status_there_is_no_link_to_be_lost(
+    context: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The robot's description comes by another way than its state, and may be there before."""
+    monkeypatch.setattr(RobotEnd, "send_status", lambda *_: None)
+    with Bare(tmp_path) as robot, served(robot.connect) as server:
+        robot.bulk.publish(
+            Hello("sally", np.zeros((3, 2), np.float32), 2.0, 1.0, (np.nan,) * 4)  # type: ignore[arg-type]
+        )
+        page = shown(context, server)
+        expect(page.get_by_role("row", name="robot").first).to_contain_text("sally")
+        alarms = page.get_by_label("Alarms", exact=True)
+        expect(alarms).to_contain_text("Not connected to a robot yet")
+        expect(alarms).not_to_contain_text("stale")
+        expect(page.locator(".station.stale")).to_have_count(0)
 
 
 def test_without_a_link_nobody_is_said_to_drive(context: BrowserContext, tmp_path: Path) -> None:

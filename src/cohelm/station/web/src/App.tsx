@@ -23,7 +23,7 @@ const tab = signal<(typeof TABS)[number]>('Drive')
 export function App() {
   if (s.connection.value === 'login') return <Login />
   const link = s.link.value
-  const unlinked = link !== null && !link.connected && s.robot.value !== null
+  const unlinked = link !== null && !link.connected && s.state.value !== null
   const stale = s.welcome.value !== null && (s.connection.value !== 'open' || unlinked)
   return (
     <div class={`station tab-${tab.value.toLowerCase()} ${stale ? 'stale' : ''} ${s.youDrive.value ? 'driving' : ''} ${editing.value ? 'editing' : ''}`}>

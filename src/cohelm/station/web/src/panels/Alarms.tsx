@@ -30,7 +30,7 @@ function localAlarms(): ShownAlarm[] {
       if (s.clock.value > BEGUN) add('warning', `No connection yet: ${said}. It is tried again and again.`)
     } else add('alarm', `No connection to the station${why}. The display is stale. The robot stops by itself.`)
   } else if (c === 'silent') add('alarm', 'No data from the station. The display is stale.')
-  else if (s.link.value !== null && !s.link.value.connected && s.robot.value === null) {
+  else if (s.link.value !== null && !s.link.value.connected && s.state.value === null) {
     add('notice', `Not connected to a robot yet${s.link.value.why === '' ? '' : `: ${s.link.value.why}`}.`)
   } else if (s.link.value !== null && !s.link.value.connected) {
     add('alarm', `No link to the robot${why}. The display is stale. The robot stops by itself.`)
