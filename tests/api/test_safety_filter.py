@@ -190,6 +190,8 @@ def test_a_beam_that_hit_nothing_is_no_obstacle_and_a_broken_disc_is():
         ((HERE, 0.3, AHEAD, NOTHING), "twist"),
         (((0.0, 0.0), REST, AHEAD, NOTHING), "pose"),
         ((HERE, REST, ("fast", 0.0), NOTHING), "nominal"),
+        (((10**400, 0.0, 0.0), REST, AHEAD, NOTHING), "pose"),
+        ((HERE, REST, AHEAD, NOTHING, "soon"), "after is the time since the last call in seconds"),
         ((HERE, REST, AHEAD, None), "obstacles must be cohelm.Obstacles"),  # a scan that is missing
         ((HERE, REST, AHEAD, np.zeros((3, 2))), "obstacles must be cohelm.Obstacles"),
         ((HERE, REST, AHEAD, [[1.0, 2.0]]), "obstacles must be cohelm.Obstacles"),
@@ -314,6 +316,36 @@ def test_ranges_in_millimetres_are_no_scan():
 def test_a_scan_that_did_not_come_is_not_free_space(ranges):
     with pytest.raises(CohelmError, match="no scan has come"):
         Obstacles.from_ranges(ranges, 0.0, 0.1)
+
+
+@pytest.mark.parametrize("ranges", [[math.nan] * 720, np.full(2, math.nan)])
+def test_a_scan_that_measured_nothing_is_not_free_space(ranges):
+    with pytest.raises(CohelmError, match="all ranges are NaN"):
+        Obstacles.from_ranges(ranges, -math.pi, 0.0087)
+
+
+def test_beams_that_all_look_the_same_way_are_no_scan():
+    with pytest.raises(CohelmError, match="goes round once"):
+        Obstacles.from_ranges(np.ones(720), 0.0, 0.0)
+    assert len(Obstacles.from_ranges([1.0], 0.0, 0.0)) == 1
+
+
+@pytest.mark.parametrize("angles", [("a", 0.1), (None, 0.1), (0.0, None)])
+def test_angles_that_are_no_numbers_are_said(angles):
+    with pytest.raises(CohelmError, match="angle_min, angle_increment and range_min are numbers"):
+        Obstacles.from_ranges(np.ones(7), *angles)
+
+
+@pytest.mark.parametrize("at", [Pose(math.nan, 0.0, 0.0), Pose(0.0, math.inf, 0.0)])
+def test_obstacles_placed_nobody_knows_where_are_not_free_space(at):
+    with pytest.raises(CohelmError, match="which is no place: stop the robot"):
+        Obstacles(points=[[0.6, 0.0]]).placed(at)
+
+
+@pytest.mark.parametrize("at", [None, (1.0, 2.0), "here"])
+def test_what_is_no_pose_to_place_obstacles_at_is_said(at):
+    with pytest.raises(CohelmError, match="placed takes a"):
+        Obstacles(points=[[0.6, 0.0]]).placed(at)
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,8 @@ class Obstacles:
         needs inf there. angle_min: bearing of the first beam, angle_increment: to the next one,
         counter-clockwise [rad]; negative where it turns clockwise. mount: of the sensor in the
         body. Raises CohelmError where angles, mount or most of the ranges are no scan's, as they
-        are in degrees or millimetres, and where there are none at all: no scan is not free space.
+        are in degrees or millimetres, and where there are none at all or all are NaN: no scan is
+        not free space.
         """
         far = _array("ranges", ranges)
         if far.ndim != 1:
@@ -89,15 +90,26 @@ class Obstacles:
             raise CohelmError(
                 "there are no ranges, as no scan has come: give the last one, or stop the robot"
             )
-        turn = abs(angle_increment) * max(len(far) - 1, 0)
-        if not (abs(angle_min) <= _TURNS and turn <= _TURN and math.isfinite(range_min)):
+        if np.isnan(far).all():
             raise CohelmError(
-                f"a scan begins within two turns and goes round once, got angle_min={angle_min:g} "
-                f"and {len(far)} beams {angle_increment:g} apart: give radians, and range_min in "
-                "metres"
+                "all ranges are NaN, so nothing was measured: look at the LiDAR, or stop the robot"
+            )
+        try:
+            first, step, range_min = float(angle_min), float(angle_increment), float(range_min)
+        except (TypeError, ValueError) as error:
+            raise CohelmError(
+                f"angle_min, angle_increment and range_min are numbers, got {angle_min!r}, "
+                f"{angle_increment!r} and {range_min!r}"
+            ) from error
+        turn = abs(step) * (len(far) - 1)
+        round_once = turn <= _TURN and (turn > 0.0 or len(far) == 1)
+        if not (abs(first) <= _TURNS and round_once and math.isfinite(range_min)):
+            raise CohelmError(
+                f"a scan begins within two turns and goes round once, got angle_min={first:g} "
+                f"and {len(far)} beams {step:g} apart: give radians, and range_min in metres"
             )
         x, y, yaw = _mounted(mount)
-        bearings = yaw + angle_min + angle_increment * np.arange(len(far))
+        bearings = yaw + first + step * np.arange(len(far))
         real = np.where(far < range_min, range_min, far)
         hit = np.isfinite(real)
         if 2 * np.count_nonzero(real[hit] > _LONGEST) > np.count_nonzero(hit):
@@ -109,9 +121,21 @@ class Obstacles:
         return cls(points=points * real[hit, None] + (x, y))
 
     def placed(self, body: Pose) -> Obstacles:
-        """The same, given in the body frame, in the frame in which the body is at this pose."""
-        c, s = math.cos(body.psi), math.sin(body.psi)
-        turn, at = np.array([[c, s], [-s, c]]), np.array(body[:2])
+        """The same, given in the body frame, in the frame in which the body is at this pose.
+
+        Raises CohelmError for what is no pose, or is not finite: nobody knows where they are then.
+        """
+        try:
+            x, y, psi = map(float, body)
+        except (TypeError, ValueError) as error:
+            raise CohelmError(f"placed takes a cohelm.Pose(x, y, psi), got {body!r}") from error
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(psi)):
+            raise CohelmError(
+                f"obstacles can not be placed at ({x:g}, {y:g}, {psi:g}), which is no place: "
+                "stop the robot until its pose is known"
+            )
+        c, s = math.cos(psi), math.sin(psi)
+        turn, at = np.array([[c, s], [-s, c]]), np.array((x, y))
         made = Obstacles.__new__(Obstacles)
         made.points = self.points @ turn + at
         made.segments = (self.segments.reshape(-1, 2) @ turn + at).reshape(-1, 4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import NoneType
 from typing import NamedTuple
 
 import numpy as np
@@ -165,8 +166,8 @@ class SafetyFilter:
                 obstacles.velocity_error, obstacles.segments, obstacles.points, self._outline,
                 self._settings, lasted, self._sent, self._count, self._off,
             )  # fmt: skip
-        except (TypeError, ValueError, AttributeError) as error:
-            raise CohelmError(_meant(pose, twist, nominal, obstacles)) from error
+        except (TypeError, ValueError, OverflowError, AttributeError) as error:
+            raise CohelmError(_meant(pose, twist, nominal, obstacles, after)) from error
         limiting = None if row == NOTHING else _limiting(row, obstacles)
         return FilterResult(Twist(v, omega), _VERDICTS[verdict], limiting, clearance, change)
 
@@ -258,10 +259,12 @@ def _limiting(row: int, seen: Obstacles) -> LimitingObstacle:
     return LimitingObstacle("point", row - discs - segments)
 
 
-def _meant(pose: object, twist: object, nominal: object, seen: object) -> str:
+def _meant(pose: object, twist: object, nominal: object, seen: object, after: object) -> str:
     """Which argument is not what it should be."""
     if not isinstance(seen, Obstacles):
         return f"obstacles must be cohelm.Obstacles(points=...), got {type(seen).__name__}"
+    if not isinstance(after, (NoneType, float, int, np.number)):
+        return f"after is the time since the last call in seconds, got {after!r}"
     return (
         "the filter takes pose (x, y, psi), twist (v, omega) and nominal (v, omega), each of "
         f"numbers, got {pose!r}, {twist!r} and {nominal!r}"
