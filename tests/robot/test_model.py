@@ -11,6 +11,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.robot.contacts import ContactModel
 from cohelm.robot.limits import Limits, unlimited
 from cohelm.robot.model import SHIPPED, RobotModel, doubts, shipped_path
+from cohelm.robot.sensors import LidarModel
 
 
 def shipped(name):
@@ -304,6 +305,19 @@ def test_further_lidars_that_can_not_be_told_apart_are_refused(keys, why):
 def test_a_lidar_in_wrong_units_is_refused_with_the_unit(lidar, why):
     with pytest.raises(ValidationError, match=why):
         RobotModel.model_validate(SQUARE | {"lidar": lidar})
+
+
+def test_numbers_that_make_no_robot_are_one_sentence():
+    limits = Limits(1.0, acceleration=1.0, yaw_rate=1.0, yaw_acceleration=1.0)
+    corners = [[0.5, 0.3], [-0.5, 0.3], [-0.5, -0.3], [0.5, -0.3]]
+    with pytest.raises(CohelmError) as error:
+        RobotModel.of("cart", corners, limits, lidar=LidarModel(mount_x_m=300.0))
+    assert str(error.value) == (
+        "mount_x_m and mount_y_m are in metres, from the middle of the axle; 300 m is outside of "
+        "the robot"
+    )
+    with pytest.raises(CohelmError, match=r"^delay_s: .* less than or equal to 1, got 50$"):
+        RobotModel.of("cart", corners, limits, delay=50)
 
 
 @pytest.mark.parametrize("yaw", [3.1, 1.5, 90.0, 180.0, -1.6, 1.5703125, 3.1402])

@@ -80,6 +80,20 @@ class Pretended:
     def close(self) -> None: ...
 
 
+class Apart(Pretended):
+    """One on which the messages of a topic came this long apart [s]."""
+
+    def __init__(self, ends, messages, topic: str, apart: float) -> None:
+        super().__init__(ends, messages)
+        self._topic, self._apart = topic, apart
+
+    def subscribe(self, topic, kind, qos, heard):
+        count = iter(range(len(self.messages)))
+        return super().subscribe(topic, kind, qos, heard if topic != self._topic else lambda one: (
+            heard(one._replace(stamp=one.stamp + next(count) * self._apart))
+        ))  # fmt: skip
+
+
 class Spoken(Pretended):
     """One on which may be spoken too; nobody hears it."""
 
@@ -299,6 +313,66 @@ def test_a_robot_that_is_all_there_is_found_as_it_is():
     assert found.model.lidar.mount_x_m == pytest.approx(SALLY.lidar.mount_x_m)
     assert found.model.lidar.mount_z_m == pytest.approx(SALLY.lidar.mount_z_m)
     assert found.odom_clock.ahead == 0.0
+
+
+@pytest.mark.parametrize("topic", ["/odom", "/scan_rear", "/scan"])
+@pytest.mark.parametrize("kind", ["planar", "cloud"])
+def test_what_comes_too_seldom_to_drive_by_is_refused_in_words(topic, kind):
+    """The watchdog waits for 3.5 missing readings: for a minute, of odometry at 1/17 Hz."""
+    model, ends, said = REAR, REAR_ENDS, behind()
+    if kind == "cloud":
+        deep = REAR.lidars[1].model_copy(update={"height_band_m": (0.05, 1.0)})
+        model = REAR.model_copy(update={"further_lidars": (deep,)})
+        made = cloud([[1.0, 0.0, 0.0]])
+        made.header = header(round((time.time() - 0.02) * 1e9), "laser_rear")
+        ends, said = [*ENDS, out("/scan_rear", CLOUD, BEST_EFFORT)], [(("/scan_rear", CLOUD), made)]
+        said = said * 20
+    messages = REAR_FRAMES + readings() + said
+
+    def found(apart):
+        return look(Apart(ends, messages, topic, apart), model, Topics(), Allowed(), 0.06)
+
+    with pytest.raises(CohelmError) as error:
+        found(1.5)
+    assert str(error.value) == (
+        f"{topic} comes once in 1.5 s, which is too seldom to drive by: let its driver publish it "
+        "at least once a second"
+    )
+    found(0.9)
+
+
+@pytest.mark.parametrize("kind", ["planar", "cloud"])
+def test_a_mount_in_millimetres_is_refused_as_in_the_robots_file(kind):
+    frames = mounts(REAR)
+    frames.transforms[1].transform.translation.x = -300.0
+    said, kinds = (behind(), SCAN) if kind == "planar" else ([], CLOUD)
+    model = REAR
+    if kind == "cloud":
+        deep = REAR.lidars[1].model_copy(update={"height_band_m": (0.05, 1.0)})
+        model = REAR.model_copy(update={"further_lidars": (deep,)})
+        made = cloud([[1.0, 0.0, 0.0]])
+        made.header = header(round((time.time() - 0.02) * 1e9), "laser_rear")
+        said = [(("/scan_rear", CLOUD), made)] * 20
+    ends = [*ENDS, out("/scan_rear", kinds, BEST_EFFORT)]
+    with pytest.raises(CohelmError) as error:
+        look(
+            Pretended(ends, [(("/tf_static", TF), frames), *readings(), *said]), model, Topics(),
+            Allowed(), 0.06,
+        )  # fmt: skip
+    assert str(error.value) == (
+        "/scan, /scan_rear and /tf_static do not fit the robot: rear LiDAR: mount_x_m and "
+        "mount_y_m are in metres, from the middle of the axle; 300 m is outside of the robot"
+    )
+
+
+def test_a_scan_with_impossible_ranges_is_refused_in_one_sentence():
+    given = readings()
+    for (topic, _), message in given:
+        if topic == "/scan":
+            message.range_max = 12_000.0
+    assert refused(ENDS, FRAMES + given) == (
+        "/scan: range_max_m is in metres; 12000 looks like millimetres (12 m)"
+    )
 
 
 def test_the_printed_config_is_a_readable_robot_file(capsys):

@@ -7,7 +7,7 @@ import inspect
 from itertools import pairwise
 from typing import Annotated, Any, NoReturn
 
-from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, ValidationError
 from pydantic_core import CoreSchema, PydanticCustomError
 
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
@@ -17,6 +17,15 @@ Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 def refuse(*problems: tuple[str, str]) -> NoReturn:
     """Raise, from a validator, problems as (key path below the model, sentence)."""
     raise PydanticCustomError("problems", "{said}", {"said": problems})
+
+
+def first_fault(error: ValidationError) -> str:
+    """What is wrong with keys that no file has, as one sentence: the key's path, if it is of one,
+    and why."""
+    fault = error.errors(include_url=False)[0]
+    place = ".".join(str(key) for key in fault["loc"])
+    text = fault["msg"].removeprefix("Value error, ")
+    return f"{place}: {text}" if place else text
 
 
 def renamed(**keys: str) -> ConfigDict:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.schema import Schema
+from cohelm.core.schema import Schema, first_fault
 from cohelm.core.types import Floats
 from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.footprint import chord, convex_outline, outside
@@ -247,8 +247,8 @@ class RobotModel(Schema):
             )  # fmt: skip
         except ValidationError as error:
             fault = error.errors()[0]
-            place = ".".join(str(key) for key in fault["loc"])
-            raise CohelmError(f"{place}: {fault['msg']}, got {fault['input']!r}") from error
+            got = f", got {fault['input']!r}" if fault["loc"] else ""
+            raise CohelmError(f"{first_fault(error)}{got}") from error
 
     @property
     def scan_age(self) -> float:

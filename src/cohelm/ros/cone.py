@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.schema import first_fault
 from cohelm.core.types import Floats
 from cohelm.robot.sensors import LidarModel
 
@@ -57,8 +58,7 @@ def described(
     try:
         return LidarModel.model_validate(keys)  # as many beams as the cone needs
     except ValidationError as error:
-        fault = error.errors()[0]
-        raise CohelmError(f"{topic} describes no range sensor: {fault['msg']}") from error
+        raise CohelmError(f"{topic} describes no range sensor: {first_fault(error)}") from error
 
 
 class ConeRanges:

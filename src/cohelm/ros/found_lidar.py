@@ -6,8 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.schema import first_fault
 from cohelm.core.types import Floats, Pose
 from cohelm.robot.sensors import FloorModel, LidarModel
 from cohelm.ros import clock, cloud, cone, depth, laser, mismatch
@@ -56,8 +58,8 @@ def _planar(
     ticks = estimated(ages, topic, allowed.clock)
     try:
         lidar = laser.lidar_model(scan, topic, mount, rate, min(ages) + ticks.ahead, configured)
-    except ValueError as error:  # a LiDAR model that is none
-        raise CohelmError(f"{topic}: {error}") from error
+    except ValidationError as error:
+        raise CohelmError(f"{topic}: {first_fault(error)}") from error
     note = (
         f"LiDAR: {topic}, {rate:.1f} Hz, {lidar.beams} beams over "
         f"{lidar.field_of_view_deg:.0f} deg, at x {lidar.mount_x_m:.3f} y "

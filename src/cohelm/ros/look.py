@@ -6,7 +6,10 @@ import math
 import time
 from collections.abc import Callable
 
+from pydantic import ValidationError
+
 from cohelm.core.errors import CohelmError
+from cohelm.core.schema import first_fault
 from cohelm.robot.model import RobotModel, checked_sight, doubts
 from cohelm.ros import clock, depth, mismatch
 from cohelm.ros.clock import Clock, estimated
@@ -139,6 +142,9 @@ def _sensed(
         notes.append(f"simulated time: {clock.TOPIC}, {inspection.clock.rate:.2f} of the wall's")
     odom_clock = estimated(inspection.ages(inspection.odometry), topics.odom, allowed.clock)
     odom_rate = inspection.rate(inspection.odometry)
+    rates = {topics.odom: odom_rate, **{k: inspection.rate(v) for k, v in inspection.scans.items()}}
+    if errors := [why for topic, rate in rates.items() if (why := mismatch.seldom(topic, rate))]:
+        raise CohelmError("\n".join(errors))
     notes.append(
         f"odometry: {topics.odom}, {odom_rate:.0f} Hz, {inspection.odom()} -> {inspection.body()}"
     )
@@ -155,14 +161,16 @@ def _sensed(
         f"{one.found.topic} is stamped at the end of each scan, and taken so"
         for one in lidars if one.found.stamped_at_end
     ]  # fmt: skip
-    first, *further = (one.model for one in lidars)
-    made = model.model_copy(
-        update={
-            "lidar": first,
-            "further_lidars": tuple(further),
-            "odometry": model.odometry.model_copy(update={"rate_hz": odom_rate}),
-        }
-    )
+    first, *further = (one.model.model_dump() for one in lidars)
+    keys = model.model_dump() | {
+        "lidar": first, "further_lidars": further,
+        "odometry": model.odometry.model_dump() | {"rate_hz": odom_rate},
+    }  # fmt: skip
+    try:
+        made = RobotModel.model_validate(keys)
+    except ValidationError as error:
+        said = f"{', '.join(inspection.scans)} and /tf_static"
+        raise CohelmError(f"{said} do not fit the robot: {first_fault(error)}") from error
     if not inspection.simulated:
         notes += doubts(made)
     checked_sight(made)

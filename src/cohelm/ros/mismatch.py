@@ -239,6 +239,17 @@ def two_places(topic: str, places: str) -> str:
     )
 
 
+def seldom(topic: str, rate: float) -> str:
+    """That a sensor's readings are too rare to drive by, as they are in a robot's file; empty: they
+    are not."""
+    if rate >= 1.0:
+        return ""
+    return (
+        f"{topic} comes once in {1.0 / rate:.1f} s, which is too seldom to drive by: let its "
+        "driver publish it at least once a second"
+    )
+
+
 def slow(topic: str, rate: float) -> str:
     """That scans are too rare for what moves; empty: they are not."""
     if rate >= _OFTEN:

@@ -116,3 +116,12 @@ def test_odometry_errors_can_be_set_for_the_twin():
 def test_a_sweep_longer_than_the_time_between_scans_is_refused():
     with pytest.raises(CohelmError, match=r"simulation.twin: .*lidar.*sweep_s must not be longer"):
         TwinModel(lidar_sweep_s=0.2).fitted(sally())
+
+
+def test_sensors_that_no_robot_could_have_are_one_sentence():
+    with pytest.raises(CohelmError) as error:
+        TwinModel(lidar_rate_hz=0.5).fitted(sally())
+    assert str(error.value) == (
+        "simulation.twin: makes an impossible robot: lidar: rate_hz is in scans per second; one "
+        "every 2 s is too seldom to drive by"
+    )

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.schema import Schema
+from cohelm.core.schema import Schema, first_fault
 from cohelm.robot.model import RobotModel
 
 _AtLeast0 = Annotated[float, Field(ge=0.0)] | None
@@ -64,10 +64,8 @@ class TwinModel(Schema):
         try:
             return RobotModel.model_validate(changed)
         except ValidationError as error:
-            fault = error.errors()[0]
-            place = ".".join(str(key) for key in fault["loc"])
             raise CohelmError(
-                f"simulation.twin: makes the robot's {place} impossible: {fault['msg']}"
+                f"simulation.twin: makes an impossible robot: {first_fault(error)}"
             ) from error
 
 
