@@ -1,14 +1,17 @@
 """A law by somebody else in a campaign: the same episodes and judge, errors with a sentence."""
 
 import math
+import re
 import sys
 
+import numpy as np
 import pytest
 
 import cohelm
 from cohelm.core.errors import CohelmError
+from cohelm.study.campaign import report
 from cohelm.study.campaign.laws import own_code
-from cohelm.study.campaign.replay_episode import drive
+from cohelm.study.campaign.replay_episode import again, drive
 from cohelm.study.campaign.runner import CampaignConfig, run
 from cohelm.study.campaign.suites import suite
 from cohelm.study.campaign.worker import chunk
@@ -36,6 +39,41 @@ def filtered(robot: cohelm.RobotModel, period: float):
 number = 3
 
 
+def leaves(robot: cohelm.RobotModel, period: float):
+    """Ends the program, as one with a bare sys.exit does."""
+    return lambda now: sys.exit(0)
+
+
+def forgets(robot: cohelm.RobotModel, period: float):
+    """Returns nothing, after a while."""
+    return lambda now: cohelm.Twist(0.2, 0.0) if now.t < 1.0 else None
+
+
+def asks_wrongly(robot: cohelm.RobotModel, period: float):
+    """Has a sentence of ours raised inside."""
+    return lambda now: now.obstacles.placed(None)
+
+
+def solves(robot: cohelm.RobotModel, period: float):
+    """Fails deep inside of a library."""
+    return lambda now: np.linalg.inv(np.zeros((2, 2)))
+
+
+made = []
+
+
+def moody(robot: cohelm.RobotModel, period: float):
+    """Drives once, and raises whenever it is driven again."""
+    made.append(robot)
+    return (lambda now: cohelm.Twist(0.2, 0.0)) if len(made) == 1 else lambda now: 1 / 0
+
+
+def restless(robot: cohelm.RobotModel, period: float):
+    """Another drive each time."""
+    made.append(robot)
+    return lambda now: cohelm.Twist(0.1 * len(made), 0.0)
+
+
 def test_an_external_law_is_judged_like_ours_and_replayed_equally():
     bare = chunk(ROOMS, f"{HERE}:ram", (0, 1, 2))
     safe = chunk(ROOMS, f"{HERE}:filtered", (0, 1, 2))
@@ -44,6 +82,59 @@ def test_an_external_law_is_judged_like_ours_and_replayed_equally():
     assert sum(row.contacts_moving for row in safe) == 0
     assert all(row.limit_excess == 0.0 for row in (*bare, *safe))
     assert drive(ROOMS.case(1), safe[1]).same
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        ("leaves", r"SystemExit: 0 \(test_external_law.py:\d+\)"),
+        ("forgets", r"the controller must return a Twist \(v, omega\), got None at t = 1.00 s"),
+        ("asks_wrongly", r"placed takes a cohelm.Pose\(x, y, psi\), got None"),
+        ("solves", r"LinAlgError: Singular matrix \(test_external_law.py:\d+, .*linalg.py:\d+\)"),
+    ],
+)
+def test_a_law_that_ends_in_any_way_has_failed_that_episode_and_no_other(law, said):
+    rows = chunk(ROOMS, f"{HERE}:{law}", (0, 1))
+    assert [row.episode for row in rows] == [0, 1]
+    for row in rows:
+        assert re.fullmatch(said, row.fault), row.fault
+        assert (row.suite, row.plant, row.law) == ("random", "kinematic", f"{HERE}:{law}")
+
+
+def test_a_law_that_is_not_there_fails_no_episode_but_all_of_it():
+    """As on a worker of a cluster that lacks it: rows that failed would stay."""
+    with pytest.raises(CohelmError, match="can not be imported"):
+        chunk(ROOMS, f"{HERE}:gone", (0,))
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        ("moody", "driven again for this picture it failed: ZeroDivisionError"),
+        ("restless", "driven again for this picture it came out otherwise"),
+    ],
+)
+def test_a_law_that_is_not_the_same_again_is_reported_so(law, said, tmp_path):
+    made.clear()
+    plan = CampaignConfig("random", (f"{HERE}:{law}",), 1, 1)
+    suite_, rows = run(plan, tmp_path, 1, None, lambda *_: None)
+    assert rows[0].fault == ""
+    page = report.write(report.outcome(suite_, plan.laws, rows), tmp_path, lambda *_: None)
+    assert said in page.read_text()
+    made.append(None)
+    if law == "moody":
+        with pytest.raises(CohelmError, match=r"fails when it is driven again: ZeroDivision.*\.py"):
+            again(tmp_path, "0")
+    else:
+        assert not again(tmp_path, "0").same
+
+
+def test_a_row_that_failed_can_be_driven_again_and_fails_in_a_sentence(tmp_path):
+    run(CampaignConfig("random", (f"{HERE}:leaves",), 1, 1), tmp_path, 1, None, lambda *_: None)
+    with pytest.raises(CohelmError) as error:
+        again(tmp_path, "0")
+    said = f"{HERE}:leaves/0 fails when it is driven again: SystemExit: 0 "
+    assert str(error.value).startswith(said)
 
 
 @pytest.mark.parametrize("beside", [False, True])

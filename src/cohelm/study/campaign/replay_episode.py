@@ -15,7 +15,7 @@ from cohelm.record.write import Recorder
 from cohelm.study.campaign import laws
 from cohelm.study.campaign.adversary import scripted
 from cohelm.study.campaign.episode import Episode, Interventions
-from cohelm.study.campaign.result import EpisodeResult
+from cohelm.study.campaign.result import FAILS, EpisodeResult, fault_of
 from cohelm.study.campaign.runner import planned
 from cohelm.study.campaign.scoring import arrival, scored
 from cohelm.study.campaign.store import read_plan, read_rows
@@ -23,6 +23,8 @@ from cohelm.study.metrics import plain
 from cohelm.study.single import RECORD, scene
 
 ROW, PICTURE, STRIP = "row.json", "episode.png", "evasion.png"
+_DIGITS = 12
+"""No row's number has so many."""
 
 
 class Again(NamedTuple):
@@ -39,7 +41,7 @@ class Again(NamedTuple):
 def again(folder: Path, which: str) -> Again:
     """The episode that `which` names in a campaign's folder: NUMBER, or LAW/NUMBER.
 
-    Raises CohelmError where there is no such row.
+    Raises CohelmError where there is no such row, or it fails when it is driven again.
     """
     kept = read_plan(folder)
     if kept is None:
@@ -48,14 +50,18 @@ def again(folder: Path, which: str) -> Again:
     law, _, number = which.rpartition("/")
     law = law or plan.laws[0]
     rows = read_rows(folder)
-    key = (law, int(number)) if number.isdecimal() else None
-    row = None if key is None else rows.get(key)
+    row = rows.get((law, int(number))) if number.isdecimal() and len(number) < _DIGITS else None
     if row is None:
         raise CohelmError(
             f"--replay {which}: there is no such row; write NUMBER or LAW/NUMBER, of the laws "
             f"{', '.join(plan.laws)} and {len(rows)} rows"
         )
-    return drive(plan.prepared().case(row.episode), row)
+    case = plan.prepared().case(row.episode)
+    try:
+        return drive(case, row)
+    except FAILS as error:
+        said = f"{law}/{row.episode} fails when it is driven again: {fault_of(error)}"
+        raise CohelmError(said) from error
 
 
 def drive(case: Episode, row: EpisodeResult) -> Again:

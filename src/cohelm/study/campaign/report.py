@@ -15,7 +15,7 @@ from cohelm.core.types import Progress
 from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
 from cohelm.study.campaign.replay_episode import drive
-from cohelm.study.campaign.result import EpisodeResult, clearance_then
+from cohelm.study.campaign.result import FAILS, EpisodeResult, clearance_then, fault_of
 from cohelm.study.campaign.stats import Share, Spread, Summary, summary
 from cohelm.study.campaign.suites import Suite
 
@@ -211,9 +211,15 @@ def write(found: Outcome, folder: Path, progress: Progress) -> Path:
 def _figure(made: Suite, row: EpisodeResult) -> str:
     from cohelm.study.campaign.pictures import picture  # matplotlib takes a second to import
 
-    again = drive(made.case(row.episode), row)
-    png = base64.b64encode(picture(again.case, again.trace, row)).decode()
     text = caption(row)
+    try:
+        again = drive(made.case(row.episode), row)
+    except FAILS as error:  # of a law of the user's own
+        text += f"; driven again for this picture it failed: {fault_of(error)}"
+        return f"<figure><figcaption>{escape(text)}</figcaption></figure>"
+    png = base64.b64encode(picture(again.case, again.trace, row)).decode()
+    if not again.same:
+        text += "; driven again for this picture it came out otherwise"
     return (
         f'<figure><img alt="{escape(text)}" src="data:image/png;base64,{png}">'
         f"<figcaption>{escape(text)}</figcaption></figure>"

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import traceback
+from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
+from cohelm.core.errors import CohelmError
 from cohelm.sim.judge import FAR
 
 
@@ -18,7 +21,8 @@ class EpisodeResult(NamedTuple):
     episode: int
     kind: str
     fault: str
-    """What went wrong in our own code, if anything did; the numbers are then worth nothing."""
+    """What went wrong in a law, or in our own code, if anything did; the numbers are then worth
+    nothing."""
     arrived: bool
     duration_s: float
     """Until arrival, or the whole."""
@@ -104,3 +108,18 @@ NOT_DRIVEN = EpisodeResult(
     **{name: _NOTHING[kind] for name, kind in get_type_hints(EpisodeResult).items()}
 )
 """What remains of an episode that could not be driven."""
+
+FAILS = (Exception, SystemExit)
+"""What a law may raise: one that calls sys.exit has failed, and no more."""
+_PACKAGE = Path(__file__).resolve().parents[2]
+
+
+def fault_of(error: BaseException) -> str:
+    """What went wrong, for a row: a sentence of ours as it is, else the error and the lines that it
+    came through, of others' code if there is any."""
+    if isinstance(error, CohelmError):
+        return str(error)
+    frames = traceback.extract_tb(error.__traceback__)
+    others = [one for one in frames if not Path(one.filename).is_relative_to(_PACKAGE)]
+    lines = ", ".join(f"{Path(one.filename).name}:{one.lineno}" for one in others or frames[-1:])
+    return f"{type(error).__name__}: {error} ({lines})"

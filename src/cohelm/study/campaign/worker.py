@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import traceback
 from functools import cache
 from pathlib import Path
 
 from cohelm.core.errors import CohelmError
 from cohelm.scenario.load import shipped
-from cohelm.study.campaign import adversary
-from cohelm.study.campaign.result import NOT_DRIVEN, EpisodeResult
+from cohelm.study.campaign import adversary, laws
+from cohelm.study.campaign.result import FAILS, NOT_DRIVEN, EpisodeResult, fault_of
 from cohelm.study.campaign.scoring import run_episode
 from cohelm.study.campaign.suites import Suite
 
@@ -39,8 +38,11 @@ def chunk(suite: Suite, law: str, numbers: tuple[int, ...]) -> list[EpisodeResul
     """The rows of some episodes under a law.
 
     An error that is not the user's is reported in the episode's row, so that one episode does not
-    stop ten thousand.
+    stop ten thousand; nor do those of a law of the user's own. CohelmError where there is no such
+    law here.
     """
+    if laws.is_own(law):
+        laws.factory(law)
     return [_one(suite, law, number) for number in numbers]
 
 
@@ -52,9 +54,9 @@ def _one(suite: Suite, law: str, number: int) -> EpisodeResult:
             assert case.rollout is not None
             stick = case.rollout.attack.script.ravel().tolist()
         return run_episode(case, law)._replace(stick=stick)
-    except CohelmError:
-        raise
-    except Exception as error:  # the campaign goes on; the report and the exit say so
-        place = traceback.extract_tb(error.__traceback__)[-1]
-        fault = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
-        return NOT_DRIVEN._replace(suite=suite.name, law=law, episode=number, fault=fault)
+    except FAILS as error:  # the campaign goes on; the report and the exit say so
+        if isinstance(error, CohelmError) and not laws.is_own(law):
+            raise
+        return NOT_DRIVEN._replace(
+            suite=suite.name, plant=suite.plant, law=law, episode=number, fault=fault_of(error)
+        )
