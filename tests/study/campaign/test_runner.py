@@ -12,7 +12,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.study.campaign import runner, suites, worker as drive
 from cohelm.study.campaign.runner import CampaignConfig, planned, remaining, run
-from cohelm.study.campaign.store import read_plan, read_rows
+from cohelm.study.campaign.store import Store, read_plan, read_rows
 
 pytestmark = pytest.mark.xdist_group("adversarial")  # which is compiled once for them
 PLAN = CampaignConfig("adversary", ("guard", "none"), 7, 30)
@@ -156,6 +156,48 @@ def test_all_laws_drive_an_episode_before_the_next_ones_come():
         ("guard", (0, 2)), ("none", (0, 1, 2)), ("guard", (3, 4, 5)), ("none", (3, 4, 5)),
         ("guard", (6,)),
     ]  # fmt: skip
+
+
+WALK = "t,id,x,y\n" + "".join(f"{0.4 * k:.1f},1,{0.4 * k:.1f},9\n" for k in range(9))
+STICK = "t,x,psi\n" + "".join(f"{0.1 * k:.1f},0.5,0.1\n" for k in range(20))
+WORLDS = '{"worlds": [{"id": 3, "cyl": [[1, 5]], "path": [[-2, 3], [-2, 13]]}]}'
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "text", "other"),
+    [
+        ("adversary", "stick/hand.csv", STICK, "stick/another.csv"),
+        ("hands", "stick/hand.csv", STICK, "hand.csv"),
+        ("crowd", "scene.csv", WALK, "another.csv"),
+        ("barn", "barn/worlds.json", WORLDS, ""),
+    ],
+)
+def test_data_that_were_changed_do_not_continue_a_campaign(tmp_path, name, file, text, other):
+    """Their rows are of other episodes of the same numbers."""
+    data, out = tmp_path / "data", tmp_path / "out"
+    (data / file).parent.mkdir(parents=True)
+    (data / file).write_text(text)
+    plan = CampaignConfig(name, ("none",), 1, 1, data)
+
+    def opened():
+        with Store(out, plan.as_dict(plan.prepared())):
+            pass
+
+    def refused():
+        with pytest.raises(CohelmError, match=r"another version of the data in --data, .* --out"):
+            opened()
+
+    opened()
+    (data / file).touch()
+    (data / "README").write_text("whose they are")
+    opened()
+    (data / file).write_text(text.replace("5", "4").replace("9", "8"))
+    refused()
+    (data / file).write_text(text)
+    opened()
+    if other:
+        (data / other).write_text(text)
+        (opened if name == "hands" else refused)()  # hands has a folder of its own here
 
 
 @pytest.mark.parametrize(

@@ -28,20 +28,29 @@ GAINS = PAPER._replace(k_x=1.0, k_psi=5.0, u_d=SPEED)
 """Of the pilot: Jackal is quicker than the paper's robot. The paper's law has its own."""
 
 
+def files(folder: Path) -> tuple[Path, list[Path]]:
+    """The folder that the worlds are in, which may be `barn` in the given one; and those files in
+    it that are of worlds."""
+    inside = folder / "barn" if (folder / "barn").is_dir() else folder
+    if (inside / "worlds.json").exists():
+        return inside, [inside / "worlds.json"]
+    return inside, sorted([*inside.rglob("world_*.world*"), *inside.rglob("path_*.npy")])
+
+
 def read(folder: Path) -> tuple[Barn, ...]:
     """The worlds in a folder, or in `barn` in it: worlds.json, or pairs as the challenge has them,
     world_N.world (or .gz) and path_N.npy.
 
     Raises CohelmError where there are none.
     """
-    inside = folder / "barn" if (folder / "barn").is_dir() else folder
+    inside, there = files(folder)
     reach = robot("jackal").reach
-    if (inside / "worlds.json").exists():
-        found = read_collection(inside / "worlds.json", reach)
+    if there == [inside / "worlds.json"]:
+        found = read_collection(there[0], reach)
         return tuple(found[number] for number in sorted(found))
     pairs = {
         int(file.name.split(".")[0].removeprefix("world_")): file
-        for file in sorted(inside.rglob("world_*.world*"))
+        for file in there
         if file.name.split(".")[0].removeprefix("world_").isdigit()
     }
     worlds: list[Barn] = []

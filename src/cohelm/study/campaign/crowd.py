@@ -61,18 +61,24 @@ class Crowd(NamedTuple):
     """Pedestrians left out, and why."""
 
 
+def files(folder: Path) -> tuple[Path, list[Path]]:
+    """The folder that the scenes are in, which may be `crowd` in the given one; and its CSV files,
+    plain or gzip."""
+    inside = folder / "crowd" if (folder / "crowd").is_dir() else folder
+    return inside, sorted([*inside.glob("*.csv"), *inside.glob("*.csv.gz")])
+
+
 def read(folder: Path) -> tuple[Crowd, ...]:
     """The scenes in a folder, or in `crowd` in it: CSV files with t, id, x, y.
 
     Raises CohelmError where there are none.
     """
-    inside = folder / "crowd" if (folder / "crowd").is_dir() else folder
-    files = sorted([*inside.glob("*.csv"), *inside.glob("*.csv.gz")])
-    if not files:
+    inside, there = files(folder)
+    if not there:
         raise CohelmError(
             f"{inside}: holds no CSV file of tracks (t,id,x,y); give their folder with --data"
         )
-    return tuple(crowd(file.name.split(".")[0], read_tracks(file)) for file in files)
+    return tuple(crowd(file.name.split(".")[0], read_tracks(file)) for file in there)
 
 
 def crowd(name: str, tracks: list[Track]) -> Crowd:

@@ -30,17 +30,23 @@ class Hands(NamedTuple):
     """Files that are no sticks, a sentence each."""
 
 
+def files(folder: Path) -> tuple[Path, list[Path]]:
+    """The folder that the sticks are in, which may be `stick` in the given one; and its CSV files,
+    plain or gzip."""
+    inside = folder / "stick" if (folder / "stick").is_dir() else folder
+    return inside, sorted([*inside.glob("*.csv"), *inside.glob("*.csv.gz")])
+
+
 def read(folder: Path) -> Hands:
     """Every run of every stick file (CSV, plain or gzip) in a folder, or in `stick` in it.
 
     Raises CohelmError where there is none.
     """
-    inside = folder / "stick" if (folder / "stick").is_dir() else folder
-    files = sorted([*inside.glob("*.csv"), *inside.glob("*.csv.gz")])
+    inside, there = files(folder)
     names: list[str] = []
     found: list[StickRecording] = []
     left_out: list[str] = []
-    for file in files:
+    for file in there:
         try:
             names_here, here, cut = _runs(file)
         except CohelmError as error:

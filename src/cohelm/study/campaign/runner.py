@@ -95,6 +95,7 @@ class CampaignConfig:
             "plant": made.plant,
             "robot": self.robot and self.robot.model_dump(mode="json", exclude_defaults=True),
             "code": code(),
+            "data_digest": made.data,
             "own": {law: own_code(law) for law in self.laws if is_own(law)},
         }
 

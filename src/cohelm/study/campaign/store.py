@@ -30,7 +30,9 @@ pq: Any = importlib.import_module("pyarrow.parquet")
 PLAN, ROWS = "campaign.json", "rows"
 _LOCK = ".lock"
 
-_VERSIONS = {"code": "this code", "own": "your law"}
+_VERSIONS = {
+    "code": "this code", "own": "your law", "data_digest": "the data in --data",
+}  # fmt: skip
 """Digests in a plan, and what they are of."""
 
 Key = tuple[str, int]

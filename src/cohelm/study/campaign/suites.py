@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +24,6 @@ from cohelm.study.campaign.episode import LAWS, PAPER, PLANTS, Episode, lively
 NAMES = ("lab", "random", "movers", "barn", "crowd", "adversary", "hands", "heights")
 
 _NEEDS_DATA = ("barn", "crowd", "hands")
-_TAKES_DATA = (*_NEEDS_DATA, "adversary")
 _DRIVEN_ON: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("lab", "random", "movers", "adversary"), PLANTS), "heights": ("twin",),
 }  # fmt: skip
@@ -47,6 +48,8 @@ class Suite:
     plant: str = "kinematic"
     robot: RobotModel | None = None
     """Drives instead of the suite's own."""
+    data: str = ""
+    """A digest of the files of --data that it has read; empty where it reads none."""
 
     @property
     def goals(self) -> bool:
@@ -115,9 +118,25 @@ def suite(
         _check(robot, name, plant)
     made = _suite(name, seed, data)
     notes = made.notes
-    if data is not None and name not in _TAKES_DATA:
+    if data is not None and name not in _FILES:
         notes = (*notes, f"the recordings of --data: {name} drives on none")
-    return replace(made, plant=plant, notes=notes, robot=robot)
+    read = "" if data is None or name not in _FILES else _digest(*_FILES[name](data))
+    return replace(made, plant=plant, notes=notes, robot=robot, data=read)
+
+
+_FILES = {
+    "barn": barn.files, "crowd": crowd.files, "hands": hands.files, "adversary": hands.files,
+}  # fmt: skip
+
+
+def _digest(folder: Path, files: list[Path]) -> str:
+    """Of files in a folder, by their names in it and what they hold."""
+    digest = hashlib.sha256()
+    for file in filter(Path.is_file, files):
+        digest.update(file.relative_to(folder).as_posix().encode() + b"\0")
+        with suppress(PermissionError), file.open("rb") as held:  # those a suite leaves out
+            digest.update(hashlib.file_digest(held, "sha256").digest())
+    return digest.hexdigest()[:16]
 
 
 def _check(robot: RobotModel, name: str, plant: str) -> None:
