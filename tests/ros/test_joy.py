@@ -29,8 +29,9 @@ class Topic:
     def endpoints(self):
         return []
 
-    def say(self, x=0.0, psi=0.0, held=True, axes=6, buttons=8, late=0.0, stamp=None):
-        given = [0.0] * axes
+    def say(self, x=0.0, psi=0.0, held=True, axes=6, buttons=8, late=0.0, stamp=None,
+            odd=0.0):  # fmt: skip
+        given = ([odd] + [0.0] * axes)[:axes]
         if axes > 5:
             given[5], given[2] = x, psi
         pressed = [0] * buttons
@@ -127,6 +128,15 @@ def test_a_deflection_that_nothing_changes_is_of_no_hand(x, patience):
         joy.say(0.0)
         joy.now += 0.05
     assert joy.operator.problem() == ""
+
+
+def test_an_axis_that_is_no_number_does_not_hide_that_nothing_changes():
+    """NaN differs from itself: with one on any other axis a frozen stick would be held for ever."""
+    joy = Topic()
+    for _ in range(40):
+        joy.now += 0.1
+        joy.say(0.5, odd=float("nan"))
+    assert "nothing of it has changed" in joy.operator.problem()
 
 
 def test_the_reason_of_a_lost_stick_comes_from_its_topic():

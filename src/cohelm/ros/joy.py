@@ -179,5 +179,5 @@ class JoyOperator(NullOperator):
             if received.sender != self._sender:
                 self._sender, self._lateness = received.sender, Lateness()
             self._late = self._lateness.update(seconds(message.header.stamp), self._came)
-            if newest != self._newest:
+            if repr(newest) != repr(self._newest):  # NaN is equal to itself so
                 self._newest, self._changed = newest, self._came
