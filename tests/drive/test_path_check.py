@@ -86,3 +86,12 @@ def test_an_unreachable_goal_is_refused_with_a_reason(goal, why) -> None:
     said = PathChecker(0.5, OUTLINE, shut, BOUNDS)(Goal(*goal), HERE)
     assert said.reference is None
     assert said.why == why
+
+
+@pytest.mark.parametrize("far", [201.0, 1e12, 1e300])
+def test_a_goal_beyond_any_path_is_refused_at_once(far) -> None:
+    """Without a map nothing else bounds it, and a line of 10 cm steps to there fills the memory."""
+    nothing = np.empty((0, 2))
+    said = PathChecker(0.5, OUTLINE, nothing, nothing)(Goal(far, 0.0), HERE)
+    assert said.reference is None
+    assert said.why == f"the goal {far:.1f}, 0.0 is more than 200 m away"

@@ -112,6 +112,8 @@ class PathChecker(NamedTuple):
         far = math.hypot(goal.x - robot.x, goal.y - robot.y)
         if far < _AT_GOAL:
             return CheckedPath(None, f"the robot is at {at} already", 0)
+        if far > _MAX_LENGTH:
+            return CheckedPath(None, f"the goal {at} is more than {_MAX_LENGTH:.0f} m away", 0)
         share = np.linspace(0.0, 1.0, math.ceil(far / _DENSE) + 1)[:, None]
         line: Floats = (1.0 - share) * np.array([robot[:2]]) + share * point
         fenced = np.vstack((self.known, _border(self.bounds)))
