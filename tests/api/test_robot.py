@@ -9,6 +9,7 @@ import pytest
 
 import cohelm
 from cohelm.robot.adapter import AdaptedMaker, RobotAdapter
+from cohelm.robot.contacts import ContactModel
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.port import Health
 
@@ -239,13 +240,14 @@ SCAN = cohelm.Scan(0.0, 0, np.ones(3), 0.0)
         (cohelm.Readings(ODOMETRY, SCAN._replace(stamp="now")), "made by self.scan(...)"),
         (cohelm.Readings(ODOMETRY, SCAN._replace(number=None)), "made by self.scan(...)"),
         (cohelm.Readings(ODOMETRY, SCAN._replace(edges=[True])), "made by self.scan(...)"),
-        (cohelm.Readings(further=SCAN), "further must be made by self.scan(...), got float"),
+        (cohelm.Readings(further=SCAN), "further must be a tuple, further=(...,), got Scan"),
+        (cohelm.Readings(contacts=True), "contacts must be a tuple, contacts=(...,), got bool"),
         (cohelm.Readings(further=[None]), "further must be made by self.scan(...), got NoneType"),
         (cohelm.Readings(contacts=(True,)), "contacts must be made by self.contact(...), got bool"),
         (cohelm.Readings(health="well"), "health must be a cohelm.robot.port.Health, got str"),
         (cohelm.Readings(health=Health(0.0, 0.5, None)), "health must be a cohelm.robot.port."),
         (cohelm.Readings(health=Health(0.0, 0.5, "low")), "health must be a cohelm.robot.port."),
-        (cohelm.Readings(further=None), "NoneType"),
+        (cohelm.Readings(further=None), "further must be a tuple, further=(...,), got NoneType"),
     ],
 )  # fmt: skip
 def test_what_read_returns_and_is_no_reading_is_a_fault_that_says_so(given, why):
@@ -257,6 +259,60 @@ def test_what_read_returns_and_is_no_reading_is_a_fault_that_says_so(given, why)
     (said,) = found.health.faults
     assert why in said
     assert (found.odometry, found.scan, found.further, found.contacts) == (None, None, (), ())
+
+
+_STAMP = 1_795_839_233.0
+
+
+@pytest.mark.parametrize(
+    ("made", "why"),
+    [
+        (
+            lambda c: c.odometry(None, REST),
+            "odometry takes pose (x, y, psi) and twist (v, omega), ",
+        ),
+        (lambda c: c.odometry(HERE, 0.3), "odometry takes pose (x, y, psi) and twist (v, omega), "),
+        (
+            lambda c: c.odometry(REST, HERE),
+            "odometry takes pose (x, y, psi) and twist (v, omega), ",
+        ),
+        (
+            lambda c: c.odometry(HERE, REST, age="new"),
+            "age is how old a reading is in seconds, got 'new'",
+        ),
+        (
+            lambda c: c.odometry(HERE, REST, age=None),
+            "age is how old a reading is in seconds, got No",
+        ),
+        (
+            lambda c: c.odometry(HERE, REST, age=_STAMP),
+            "give the driver's clock of now less the stamp",
+        ),
+        (
+            lambda c: c.scan(np.ones(720), age=_STAMP),
+            "give the driver's clock of now less the stamp",
+        ),
+        (
+            lambda c: c.scan(np.ones(720), duration="short"),
+            "duration is a scan's in seconds, got 'short'",
+        ),
+        (lambda c: c.contact("front", None), "is pressed or is not, got None"),
+    ],
+)
+def test_what_makes_no_reading_is_a_fault_that_says_what_to_give(made, why):
+    cart = Cart()
+    bumper = ContactModel(name="front", mount_x_m=0.36, width_m=0.4)
+    cart.model = SALLY.model_copy(update={"bumpers": (bumper,)})
+    cart.read = lambda: made(cart)
+    (said,) = RobotAdapter(cart).read().health.faults
+    assert why in said
+    assert "Error" not in said
+
+
+def test_an_error_of_several_lines_is_a_fault_of_one():
+    cart = Cart()
+    cart.broken, cart.error = "read", OSError("usb\n  unplugged\n")
+    assert RobotAdapter(cart).read().health.faults == ("read failed: OSError: usb unplugged",)
 
 
 @pytest.mark.parametrize(

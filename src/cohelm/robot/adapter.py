@@ -204,6 +204,9 @@ def _checked(given: object) -> Readings:
     for name, (kind, how) in _MADE.items():
         value: Any = getattr(given, name)
         several = name in ("further", "contacts")
+        if several and type(value) not in (tuple, list):  # a Scan is a tuple too
+            got = type(value).__name__
+            raise CohelmError(f"{name} must be a tuple, {name}=(...,), got {got}")
         for one in value if several else (value,):
             if (one is not None or several) and not (isinstance(one, kind) and _sound(one)):
                 raise CohelmError(f"{name} must be {how}, got {type(one).__name__}")
@@ -268,7 +271,7 @@ def _newest(new: Readings, old: Readings) -> Readings:
 def _said(method: str, error: BaseException) -> str:
     if isinstance(error, CohelmError):  # a sentence already
         return str(error)
-    return f"{method} failed: {type(error).__name__}: {error}"
+    return f"{method} failed: {type(error).__name__}: {' '.join(str(error).split())}"
 
 
 class AdaptedMaker(NamedTuple):

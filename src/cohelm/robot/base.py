@@ -78,8 +78,15 @@ class Robot(ABC):
 
     def odometry(self, pose: Pose, twist: Twist, age: float = 0.0) -> Odometry:
         """An odometry reading: pose in a continuous frame with any origin [m, m, rad], measured
-        twist [m/s, rad/s], and its age [s]."""
-        return Odometry(self.now() - age, Pose(*map(float, pose)), Twist(*map(float, twist)))
+        twist [m/s, rad/s], and its age [s]. Raises CohelmError for what is none."""
+        try:
+            at, measured = Pose(*map(float, pose)), Twist(*map(float, twist))
+        except (TypeError, ValueError) as error:
+            raise CohelmError(
+                "odometry takes pose (x, y, psi) and twist (v, omega), each of numbers, got "
+                f"{pose!r} and {twist!r}"
+            ) from error
+        return Odometry(self.now() - _aged(age), at, measured)
 
     def scan(
         self, ranges: ArrayLike, age: float = 0.0, duration: float = 0.0, sensor: str | None = None,
@@ -115,7 +122,11 @@ class Robot(ABC):
         made.flags.writeable = False
         number = self._scans.get(name, 0)
         self._scans[name] = number + 1
-        return Scan(self.now() - age - duration, number, made, duration, name, edges)
+        try:
+            lasted = float(duration)
+        except (TypeError, ValueError) as error:
+            raise CohelmError(f"duration is a scan's in seconds, got {duration!r}") from error
+        return Scan(self.now() - _aged(age) - lasted, number, made, lasted, name, edges)
 
     def contact(self, sensor: str, on: bool, age: float = 0.0) -> Contact:
         """A reading of a bumper or cliff sensor, for `Readings.contacts`: give it repeatedly, as a
@@ -131,4 +142,24 @@ class Robot(ABC):
                 f"{self.model.name} has no bumper or cliff sensor {sensor!r}: {there}describe it "
                 "in the robot's YAML"
             )
-        return Contact(self.now() - age, sensor, bool(on))
+        if on is None:  # pyright: ignore[reportUnnecessaryComparison]
+            raise CohelmError(f"{sensor} is pressed or is not, got None: give its last reading")
+        return Contact(self.now() - _aged(age), sensor, bool(on))
+
+
+_OLDEST = 1e6
+"""Older than this is no reading but a stamp's own number [s]."""
+
+
+def _aged(age: float) -> float:
+    """An age [s]. Raises CohelmError for what is none."""
+    try:
+        made = float(age)
+    except (TypeError, ValueError) as error:
+        raise CohelmError(f"age is how old a reading is in seconds, got {age!r}") from error
+    if made > _OLDEST:
+        raise CohelmError(
+            f"age is how old a reading is in seconds, got {made:.0f}: give the driver's clock of "
+            "now less the stamp, not the stamp"
+        )
+    return made
