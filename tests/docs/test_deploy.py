@@ -35,13 +35,15 @@ def test_there_are_two_units():
 def test_the_command_of_a_unit_is_one_that_cohelm_takes(unit):
     line = exec_start(unit)
     if line.startswith("/bin/sh -c "):  # as systemd and then the shell read it
-        script = shlex.split(line.replace("%%", "%").replace("$$", "$"))[2]
+        boot = "6f0e8c39a2f04b3a9f6f5b3f1c0a7d21"
+        script = shlex.split(line.replace("%b", boot).replace("%%", "%").replace("$$", "$"))[2]
         ran = subprocess.run(
             ["/bin/sh", "-c", script.replace("exec ", "echo ", 1)],
             capture_output=True, text=True, check=True,
         )  # fmt: skip
         line = ran.stdout
-        assert re.search(r"--record /var/lib/cohelm/\d{4}-\d\d-\d\d-\d{6}\.mcap$", line.strip())
+        named = rf"--record /var/lib/cohelm/records/\d{{4}}-\d\d-\d\d-\d{{6}}-{boot}\.mcap$"
+        assert re.search(named, line.strip())
     program, name, *words = shlex.split(line)
     assert program == "/opt/cohelm/bin/cohelm"
     command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
@@ -53,9 +55,16 @@ def test_the_compiled_code_is_kept_where_the_service_may_write():
     assert unit["ProtectSystem"] == "strict"
     assert "COHELM_CACHE_DIR=/var/cache/" + unit["CacheDirectory"] in UNITS[0]
     robot = service(UNITS[1])
-    state = "/var/lib/" + robot["StateDirectory"]
+    state, records = ("/var/lib/" + one for one in robot["StateDirectory"].split())
     assert f"COHELM_KEYS={state}/" in UNITS[1]
-    assert f"--record {state}/" in exec_start(UNITS[1])
+    assert f"--record {records}/" in exec_start(UNITS[1])
+    assert re.search(rf"^e {records} 0750 cohelm cohelm \d+d$", PAGE, re.M)  # old ones go
+
+
+def test_the_service_has_no_right_but_the_one_it_needs_and_compiles():
+    unit = service(UNITS[0])
+    assert unit["AmbientCapabilities"] == unit["CapabilityBoundingSet"] == "CAP_SYS_NICE"
+    assert not {"MemoryDenyWriteExecute", "RestrictRealtime", "PrivateNetwork"} & set(unit)
 
 
 def test_what_may_have_driven_is_not_started_again_by_itself():
