@@ -1,6 +1,7 @@
 """The report says what is to be seen: legend, axes, whole rooms, contacts by their kind."""
 
 import io
+import os
 import re
 from dataclasses import replace
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.row import ROW
 from cohelm.core.trace import Trace
 from cohelm.pilot.behavior import EVADING
@@ -15,9 +17,9 @@ from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
 from cohelm.study.campaign.episode import Episode, EpisodeGoal
 from cohelm.study.campaign.pictures import drawn, strip
-from cohelm.study.campaign.report import caption
+from cohelm.study.campaign.report import caption, outcome, table, write
 from cohelm.study.campaign.result import NOT_DRIVEN
-from cohelm.study.campaign.suites import NAMES
+from cohelm.study.campaign.suites import NAMES, suite
 from tests.record.runs import lab
 
 CAME = NOT_DRIVEN._replace(
@@ -111,8 +113,28 @@ def test_the_clearance_in_a_caption_is_that_of_its_moment():
     assert caption(stood).endswith(": no contact, 31.2 s; least clearance -0.0200 m at 3.0 s")
 
 
-@pytest.mark.parametrize("suite", NAMES)
-def test_every_suite_is_described_in_sentences_and_not_by_its_code(suite):
-    said = html(about(suite))
+def test_a_full_disk_leaves_no_half_of_a_report(tmp_path, monkeypatch):
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    found = outcome(suite("random", 1, None), ("guard",), [CAME._replace(fault="broken")])
+    page = write(found, tmp_path, lambda *_: None)
+    whole = page.read_text()
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(CohelmError, match=r"No space left.*free some space"):
+        write(found, tmp_path, lambda *_: None)
+    assert page.read_text() == whole
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["report.html", "summary.json"]
+
+
+def test_ends_of_a_spread_are_told_apart_where_they_are_negative():
+    rows = [CAME._replace(closest_mover_m=far) for far in (-0.5, 0.2, 1.0)]
+    _, lines = table(outcome(suite("random", 1, None), ("guard",), rows))
+    assert dict(lines)["closest to a mover [m]"] == "0.20 (-0.50 to 1.00)"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_suite_is_described_in_sentences_and_not_by_its_code(name):
+    said = html(about(name))
     assert said.startswith("<p>")
     assert not re.search(r"`|\*|\b[A-Z]{5,}\b|\n- ", said)

@@ -10,13 +10,13 @@ from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cohelm.core.errors import CohelmError
 from cohelm.core.types import Progress
 from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
 from cohelm.study.campaign.replay_episode import drive
 from cohelm.study.campaign.result import FAILS, EpisodeResult, clearance_then, fault_of
 from cohelm.study.campaign.stats import Share, Spread, Summary, summary
+from cohelm.study.campaign.store import put
 from cohelm.study.campaign.suites import Suite
 
 PAGE_NAME, SUMMARY = "report.html", "summary.json"
@@ -155,7 +155,7 @@ def _share(s: Share | None) -> str:
 def _spread(s: Spread, digits: int) -> str:
     if s.of == 0:
         return "–"
-    return f"{s.median:.{digits}f} ({s.least:.{digits}f}–{s.most:.{digits}f})"
+    return f"{s.median:.{digits}f} ({s.least:.{digits}f} to {s.most:.{digits}f})"
 
 
 def _least(spreads: dict[str, Spread], kind: str) -> str:
@@ -175,7 +175,10 @@ def _number(value: float, digits: int) -> str:
 
 
 def write(found: Outcome, folder: Path, progress: Progress) -> Path:
-    """Leave summary.json and report.html, with pictures of the worst episodes, in a folder."""
+    """Leave summary.json and report.html, with pictures of the worst episodes, in a folder.
+
+    Raises CohelmError where that can not be written; one that was there stays whole.
+    """
     shown = [
         (law, row)
         for i, law in enumerate(found.laws)
@@ -196,15 +199,9 @@ def write(found: Outcome, folder: Path, progress: Progress) -> Path:
         notes=_list("Left out", found.suite.notes)
         + _list("Not driven: a mistake in your law, or in cohelm: please report it", faults(found)),
     )  # fmt: skip
-    try:
-        text = json.dumps(found.as_dict(), indent=2, allow_nan=False) + "\n"
-        (folder / SUMMARY).write_text(text, encoding="utf-8")
-        (folder / PAGE_NAME).write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise CohelmError(
-            f"{folder}: the report can not be written ({error.strerror}); all rows are kept: free "
-            "some space and give the same command again"
-        ) from error
+    text = json.dumps(found.as_dict(), indent=2, allow_nan=False) + "\n"
+    for name, whole in ((SUMMARY, text), (PAGE_NAME, page)):
+        put(folder / name, whole.encode())
     return folder / PAGE_NAME
 
 

@@ -74,7 +74,8 @@ class EpisodeResult(NamedTuple):
     """Releases after which it never was, though the operator did not lead again and the robot did
     not arrive."""
     filtered_share: float
-    """Of all steps, those in which the law's filter changed the command."""
+    """Of all steps, those in which the law's filter changed the command; NaN of laws by others,
+    which do not say."""
     gate_share: float
     """Those in which the gate did; NaN where there is none, as everywhere but on the twin."""
     monitor_share: float

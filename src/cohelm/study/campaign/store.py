@@ -94,7 +94,7 @@ class Store:
                     f"{self.folder}: holds rows but no {PLAN}, so their plan is unknown; choose "
                     "another folder with --out"
                 )
-            _put(self.folder / PLAN, (json.dumps(self._plan, indent=2) + "\n").encode())
+            put(self.folder / PLAN, (json.dumps(self._plan, indent=2) + "\n").encode())
         elif there != self._plan:
             raise CohelmError(f"{self.folder}: {_difference(there, self._plan)}")
         for leftover in (self.folder / ROWS).glob("*.tmp"):
@@ -113,7 +113,7 @@ class Store:
         sink = pa.BufferOutputStream()
         pq.write_table(table, sink, compression="zstd")
         self._part += 1
-        _put(self.folder / ROWS / f"part-{self._part:06d}.parquet", sink.getvalue().to_pybytes())
+        put(self.folder / ROWS / f"part-{self._part:06d}.parquet", sink.getvalue().to_pybytes())
         self.rows.update(new)
 
 
@@ -182,7 +182,7 @@ def _brief(value: object) -> str:
     return ", ".join(map(str, value)) if isinstance(value, list) else str(value)  # pyright: ignore[reportUnknownArgumentType]
 
 
-def _put(path: Path, data: bytes) -> None:
+def put(path: Path, data: bytes) -> None:
     """Write a file that is whole or not there, and on the disk when this returns."""
     half = path.with_name(path.name + ".tmp")
     try:
