@@ -17,10 +17,10 @@ from bench.measure import Rounds, median_call_us
 from bench.peers import Peer, PeerFailed, installed
 from bench.scene import POSES, SAFE_M, Field, field as among
 
-from cohelm.core.obstacles import Obstacles
+from cohelm.core.obstacles import Obstacles, Surroundings
 from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.step import prepared
-from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.law.guard.surroundings import surroundings
 from cohelm.pilot.safety_filter import SafetyFilter
 from cohelm.robot.model import RobotModel, shipped_path
 

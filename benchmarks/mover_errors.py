@@ -146,8 +146,8 @@ def sampled(way: Way, seed: int, params: TrackerParams | None = None) -> Iterato
 def estimated(seen: Seen, truth: Pose) -> Floats:
     """All obstacles given to the filter, as discs in the world: (n, 3), points of radius 0."""
     frame = compose(truth, inverse(seen.odometry))
-    discs = np.column_stack((placed(seen.mobile[:, :2], frame), seen.mobile[:, 4]))
-    points = placed(seen.points, frame)
+    found = seen.placed(frame)
+    discs, points = found.discs[:, [X, Y, RADIUS]], found.points
     return np.vstack((discs, np.column_stack((points, np.zeros(len(points))))))
 
 

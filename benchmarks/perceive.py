@@ -330,7 +330,7 @@ def watched(
 def in_world(seen: Seen, truth: Pose) -> Floats:
     frame = compose(truth, inverse(seen.odometry))
     c, s = math.cos(frame.psi), math.sin(frame.psi)
-    turn, found = np.array([[c, s], [-s, c]]), seen.discs.copy()
+    turn, found = np.array([[c, s], [-s, c]]), seen.movers.copy()
     found[:, :2] = found[:, :2] @ turn + (frame.x, frame.y)
     found[:, 2:4] = found[:, 2:4] @ turn
     return found

@@ -196,10 +196,10 @@ class Seen:
 
     def __init__(self, x: float, y: float = 0.0, psi: float = 0.0, lost: bool = False) -> None:
         self.pose, self.lost, self.map_odom = Pose(x, y, psi), lost, Pose(0.0, 0.0, 0.0)
-        self.discs = np.empty((0, 6))
+        self.movers = np.empty((0, 6))
 
     def with_somebody(self, x: float, y: float) -> Seen:
-        self.discs = np.array([(x, y, 0.0, 0.5, 0.2, 0.2)])
+        self.movers = np.array([(x, y, 0.0, 0.5, 0.2, 0.2)])
         return self
 
 

@@ -56,11 +56,11 @@ def test_the_planner_gets_unobserved_space_apart_from_obstacles_and_zones():
     driver = Driver(Pilot(route, SETTINGS), SETTINGS, 0.0, planning)
     driver.zones = Zoned(None, SETTINGS.outline, 0.5, SETTINGS.limits)
     driver.zones.points = lambda pose: zones
+    obstacles = surroundings(points=np.vstack((stands, unseen)))
     for now, blind in ((0.0, 2), (1.0, 0)):
         seen = SimpleNamespace(
-            points=np.vstack((stands, unseen)), unobserved=blind, map_odom=HERE, pose=HERE,
-            lost=False, mobile=np.empty((0, 6)), mobile_max_acceleration=np.empty(0),
-            mobile_velocity_error=np.empty(0),
+            obstacles=obstacles, placed=lambda odom: obstacles, unobserved=blind, map_odom=HERE,
+            pose=HERE, lost=False,
         )  # fmt: skip
         driver.follow(now, seen, Stick(0.0, 0.0), driver.obstacles(seen))
     for task in tasks:

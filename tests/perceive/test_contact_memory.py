@@ -56,7 +56,7 @@ def test_perception_passes_the_bumper_obstacle_to_the_filter():
         reported = Readings(Odometry(t, HERE, still), scan, contacts=on(t, pressed))
         return eyes.take(t, reported)
 
-    before = len(seen(0.0, False).points)
-    assert len(seen(0.02, True).points) == before + 9
-    assert len(seen(0.04, False).points) == before + 9
-    assert seen(0.06, False).points[:9, 0] == pytest.approx(1.36)
+    before = len(seen(0.0, False).obstacles.points)
+    assert len(seen(0.02, True).obstacles.points) == before + 9
+    assert len(seen(0.04, False).obstacles.points) == before + 9
+    assert seen(0.06, False).obstacles.points[:9, 0] == pytest.approx(1.36)

@@ -79,7 +79,7 @@ def test_standing_points_lie_on_walls_and_cones_in_the_odometry_frame(lab, tour)
     c, s = math.cos(moment.truth.psi), math.sin(moment.truth.psi)
     own = seen.odometry
     co, so = math.cos(own.psi), math.sin(own.psi)
-    body = (seen.points - (own.x, own.y)) @ np.array([[co, -so], [so, co]])
+    body = (seen.obstacles.points - (own.x, own.y)) @ np.array([[co, -so], [so, co]])
     world = body @ np.array([[c, s], [-s, c]]) + (moment.truth.x, moment.truth.y)
     gaps = np.hypot(*(world[:, None] - walls[None]).transpose(2, 0, 1)).min(axis=1)
     assert len(world) > 200
@@ -104,7 +104,7 @@ def test_after_the_robots_clock_was_set_back_who_walks_is_tracked_as_before(back
         robot.wait(t)
         clock = t - (back if t > 1.5 else 0.0)
         seen = perception.take(clock, stamped_by(robot.read(), clock - t))
-    (disc,) = seen.discs
+    (disc,) = seen.movers
     assert disc[:2] == pytest.approx((1.2, -2.0 + 0.5 * t), abs=0.15)
     assert disc[[VX, VY]] == pytest.approx((0.0, 0.5), abs=0.15)
 
@@ -113,7 +113,7 @@ def test_without_readings_nothing_is_reported(lab):
     seen = Perception(SALLY, lab, START).take(1.0, Readings(None, None, None, None))
     assert seen.lost
     assert seen.reason
-    assert len(seen.points) == len(seen.discs) == 0
+    assert len(seen.obstacles.points) == len(seen.movers) == 0
 
 
 def test_a_robot_without_a_lidar_is_refused():

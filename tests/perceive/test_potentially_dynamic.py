@@ -50,11 +50,11 @@ def reached(moment, seen, x, y, radius, after=0.3):
     c, s = math.cos(frame.psi), math.sin(frame.psi)
     away = math.hypot(x - HERE.x, y - HERE.y)
     px, py = x + radius * (HERE.x - x) / away, y + radius * (HERE.y - y) / away
-    d = seen.mobile
+    d = seen.obstacles.discs
     at = d[:, :2] + after * d[:, 2:4]
     wx, wy = frame.x + c * at[:, 0] - s * at[:, 1], frame.y + s * at[:, 0] + c * at[:, 1]
-    grown = d[:, RADIUS] + seen.mobile_velocity_error * after
-    grown += 0.5 * seen.mobile_max_acceleration * after * after
+    grown = d[:, RADIUS] + seen.obstacles.velocity_error * after
+    grown += 0.5 * seen.obstacles.max_acceleration * after * after
     return float(np.min(np.hypot(wx - px, wy - py) - grown, initial=9.0))
 
 
@@ -103,7 +103,8 @@ def test_three_walkers_shoulder_to_shoulder_are_covered(lab):
 def test_on_the_map_no_point_is_potentially_dynamic(lab):
     poses, twists = along(TOUR)
     reported = [
-        len(seen.mobile) for _, seen in watch((poses[:1000], twists[:999]), CONES, lab, poses[0])
+        len(seen.obstacles.discs)
+        for _, seen in watch((poses[:1000], twists[:999]), CONES, lab, poses[0])
     ]
     assert len(reported) > 90
     assert sum(n > 0 for n in reported) <= 1
@@ -117,15 +118,15 @@ def test_a_stopped_mover_may_set_off_again_and_is_static_in_the_end():
     beside = [s for t, s in reported if 5.8 < t < 9.0]
     assert beside
     for seen in beside:
-        assert len(seen.mobile) > 0
-        assert seen.mobile_max_acceleration.min() >= 1.0
-        assert np.hypot(seen.mobile[:, VX], seen.mobile[:, VY]).max() < 0.15
-    assert len(reported[-1][1].mobile) == 0
+        assert len(seen.obstacles.discs) > 0
+        assert seen.obstacles.max_acceleration.min() >= 1.0
+        assert np.hypot(seen.obstacles.discs[:, VX], seen.obstacles.discs[:, VY]).max() < 0.15
+    assert len(reported[-1][1].obstacles.discs) == 0
 
 
 def test_without_a_map_what_always_stood_is_not_potentially_dynamic():
     for _, seen in watch(standing(2.0), np.vstack([CONES, [disc(4.2, -1.2, 0.2)]])):
-        assert len(seen.mobile) == 0
+        assert len(seen.obstacles.discs) == 0
 
 
 NOTHING = np.empty((0, 2))
@@ -185,7 +186,7 @@ def test_a_thin_wall_that_is_driven_through_by_its_door_has_not_come():
     perception = Perception(SALLY, None, None)
     reported = 0
     for moment in drive(*path, 0, around=CONES[:0], walls=np.vstack([WALLS, door])):
-        reported += len(perception.take(moment.now, moment.readings).mobile)
+        reported += len(perception.take(moment.now, moment.readings).obstacles.discs)
     assert reported == 0
 
 

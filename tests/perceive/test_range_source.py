@@ -93,7 +93,8 @@ def test_its_points_are_static_beside_the_lidars_and_observe_no_ground():
         return made
 
     with_it, without = seen(Perception(model), 2.0), seen(Perception(sally), None)
-    assert len(with_it.points) == len(without.points) + n
+    assert len(with_it.obstacles.points) == len(without.obstacles.points) + n
     assert with_it.unobserved == without.unobserved > 0
-    assert len(with_it.mobile) == 0
-    assert with_it.points[:n, 0].max() == pytest.approx(-0.3 - 1.02 * math.cos(math.radians(15)))
+    assert len(with_it.obstacles.discs) == 0
+    nearest = with_it.obstacles.points[:n, 0].max()
+    assert nearest == pytest.approx(-0.3 - 1.02 * math.cos(math.radians(15)))

@@ -63,8 +63,8 @@ def errors(where, velocity, radius, last, standing=None):
             if abs(moment.now - last - 0.06 - after) < 0.005:
                 frame = compose(moment.truth, inverse(seen.odometry))
                 place, going = (
-                    placed(seen.discs[:, :2], frame),
-                    turned(seen.discs[:, 2:4], frame.psi),
+                    placed(seen.movers[:, :2], frame),
+                    turned(seen.movers[:, 2:4], frame.psi),
                 )
                 off = np.hypot(*(place - where(moment.now)).T)
                 i = int(np.argmin(off))

@@ -34,11 +34,11 @@ def stood(model, people=(), seconds=3.0, reported=lambda readings: readings):
 
 def test_a_mover_from_behind_is_seen():
     seen = stood(REAR, [from_behind(0.5)])
-    assert len(seen.discs)
-    nearest = seen.discs[np.hypot(seen.discs[:, 0] + 2.0, seen.discs[:, 1]).argmin()]
+    assert len(seen.movers)
+    nearest = seen.movers[np.hypot(seen.movers[:, 0] + 2.0, seen.movers[:, 1]).argmin()]
     assert nearest[:2] == pytest.approx([-2.0, 0.0], abs=0.15)
     assert nearest[2:4] == pytest.approx([0.5, 0.0], abs=0.3)
-    assert not len(stood(FRONT_ONLY, [from_behind(0.5)]).discs)
+    assert not len(stood(FRONT_ONLY, [from_behind(0.5)]).movers)
 
 
 def test_no_ground_is_unseen_where_two_lidars_look_all_round_together():
@@ -65,7 +65,7 @@ def test_what_one_has_seen_the_other_does_not_forget_for_it():
         scan = Scan(readings.scan.stamp, readings.scan.number, ranges, 0.0, "front")
         seen = eyes.take(plant.now(), readings._replace(scan=scan))
     place = (0.3 + 0.7 * math.cos(1.5), 0.7 * math.sin(1.5))
-    assert np.hypot(*(seen.points - place).T).min() < 0.03
+    assert np.hypot(*(seen.obstacles.points - place).T).min() < 0.03
 
 
 @pytest.mark.parametrize("which", ["odometry", "scans"])
@@ -84,6 +84,6 @@ def test_after_stamps_of_tomorrow_a_mover_is_tracked_where_it_is(which):
         return readings._replace(scan=scan, further=tuple(further))
 
     seen = stood(REAR, [from_behind(0.5)], reported=reported)
-    nearest = seen.discs[np.hypot(seen.discs[:, 0] + 2.0, seen.discs[:, 1]).argmin()]
+    nearest = seen.movers[np.hypot(seen.movers[:, 0] + 2.0, seen.movers[:, 1]).argmin()]
     assert nearest[:2] == pytest.approx([-2.0, 0.0], abs=0.15)
     assert nearest[2:4] == pytest.approx([0.5, 0.0], abs=0.3)

@@ -39,7 +39,7 @@ def watch(around, path, seed=0):
             frame = compose(moment.truth, inverse(seen.odometry))
             c, s = math.cos(frame.psi), math.sin(frame.psi)
             turn = np.array([[c, s], [-s, c]])
-            found = seen.discs.copy()
+            found = seen.movers.copy()
             found[:, :2] = found[:, :2] @ turn + (frame.x, frame.y)
             found[:, 2:4] = found[:, 2:4] @ turn
             reported.append((moment.now, found))
@@ -67,7 +67,7 @@ def test_a_mover_is_bounded_for_as_long_as_the_robot_drives_without_a_scan():
     c, s = math.cos(frame.psi), math.sin(frame.psi)
     for silent in np.arange(0.0, 3.0, 0.2):
         x, y = at(last + silent)
-        d = perception.seen(last + silent).mobile
+        d = perception.seen(last + silent).obstacles.discs
         wx, wy = frame.x + c * d[:, 0] - s * d[:, 1], frame.y + s * d[:, 0] + c * d[:, 1]
         beyond = np.hypot(wx - x, wy - y) + 0.25 - d[:, 4]
         assert beyond.min(initial=9.0) < 0.05, silent
@@ -95,7 +95,7 @@ def test_heaps_of_posts_that_one_drives_past_stand(seed):
         *path, seed, around=heaps(seed), walls=np.empty((0, 4)), model=lidar, duration=0.0,
         error=0.0, drift=0.0,
     ):  # fmt: skip
-        assert not len(perception.take(moment.now, moment.readings).discs)
+        assert not len(perception.take(moment.now, moment.readings).movers)
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ def test_a_stopped_mover_may_walk_on_and_becomes_static_after_a_while():
     assert len(reported[-1][1]) == 0
     back = compose(moment.truth, inverse(seen.odometry))
     c, s = math.cos(back.psi), math.sin(back.psi)
-    points = seen.points @ np.array([[c, s], [-s, c]]) + (back.x, back.y)
+    points = seen.obstacles.points @ np.array([[c, s], [-s, c]]) + (back.x, back.y)
     assert (np.hypot(points[:, 0] - 6.0, points[:, 1]) < 0.35).sum() > 5
 
 
@@ -146,7 +146,7 @@ def test_a_mover_leaves_no_standing_points():
     assert len(reported[-1][1]) == 1
     back = compose(moment.truth, inverse(seen.odometry))
     c, s = math.cos(back.psi), math.sin(back.psi)
-    points = seen.points @ np.array([[c, s], [-s, c]]) + (back.x, back.y)
+    points = seen.obstacles.points @ np.array([[c, s], [-s, c]]) + (back.x, back.y)
     in_the_open = (points[:, 0] > 3.5) & (np.abs(points[:, 0] - 6.0) < 1.0)
     in_the_open &= np.abs(points[:, 1]) < 2.5
     assert in_the_open.sum() == 0

@@ -54,7 +54,7 @@ def ahead(way: float, speed: float = 0.05) -> list[Pose]:
 
 
 def blind(seen: Seen) -> np.ndarray:
-    return seen.points[len(seen.points) - seen.unobserved :]
+    return seen.obstacles.points[len(seen.obstacles.points) - seen.unobserved :]
 
 
 def in_view(points: np.ndarray, lidar: Lidar, pose: Pose) -> np.ndarray:
@@ -85,7 +85,7 @@ def test_odometry_that_jumps_or_begins_anew_moves_neither_robot_nor_what_is_behi
         return eyes.take(stamp, Readings(odometry, Scan(stamp, number, ranges, 0.0)))
 
     def behind(seen: Seen) -> tuple[np.ndarray, int]:
-        there = placed(seen.points, inverse(seen.odometry))
+        there = placed(seen.obstacles.points, inverse(seen.odometry))
         near = np.hypot(there[:, 0] + 0.75, there[:, 1] - 0.45) < 0.15
         return there[near], seen.unobserved
 
@@ -124,7 +124,7 @@ def test_a_scan_from_nobody_knows_where_changes_nothing_that_is_remembered(stamp
         before = eyes.take(0.02 * k, Readings(odometry, scan))
     sight(Pose(0.6, 0.0, 0.0), eyes.lidar, post, WALLS, NO_GRID, ranges)
     after = eyes.take(20.0, Readings(odometry, Scan(stamp, 2000, ranges, duration)))
-    assert np.array_equal(after.points, before.points)
+    assert np.array_equal(after.obstacles.points, before.obstacles.points)
 
 
 def test_a_robot_that_was_switched_on_may_turn_but_not_back_away():
@@ -190,8 +190,8 @@ def test_what_appears_before_a_long_robot_may_move_as_before_a_small_one(gap, mo
         sight(here, eyes.lidar, leg if k == 15 else np.empty((0, 6)), WALLS, NO_GRID, ranges)
         odometry = Odometry(0.1 * k, here, Twist(0.0, 0.0))
         seen = eyes.take(0.1 * k, Readings(odometry, Scan(0.1 * k, k, ranges, 0.0)))
-        assert len(seen.mobile) == 0 or k == 15
-    assert np.hypot(*(seen.mobile[:, :2] - leg[0, :2]).T).min() < 0.1
+        assert len(seen.obstacles.discs) == 0 or k == 15
+    assert np.hypot(*(seen.obstacles.discs[:, :2] - leg[0, :2]).T).min() < 0.1
 
 
 def test_a_long_robot_of_which_a_load_is_taken_off_or_put_on_keeps_what_it_has_seen():
@@ -233,7 +233,7 @@ def test_what_stands_in_the_ground_that_was_seen_hides_no_hole_in_it():
     seen = driven(ahead(2.5), post)
     near = np.hypot(*(blind(seen) - (0.8, 0.7)).T) < 0.3
     assert not near.any()
-    standing = seen.points[: len(seen.points) - seen.unobserved]
+    standing = seen.obstacles.points[: len(seen.obstacles.points) - seen.unobserved]
     assert (np.hypot(*(standing - (0.8, 0.7)).T) < 0.06).any()
 
 
@@ -306,7 +306,7 @@ def test_an_object_where_a_mover_went_out_of_view_may_move(
         px, py = x + 0.1 * k * velocity[0], y + 0.1 * k * velocity[1]
         if in_view(np.array([[px, py]]), SALLY.lidar.lidar(), poses[k])[0]:
             looks += 1
-            reported = known[k].mobile
+            reported = known[k].obstacles.discs
             assert len(reported), f"nothing is reported of it at {0.1 * k:.1f} s"
             gap = np.hypot(reported[:, 0] - px, reported[:, 1] - py) - reported[:, 4]
             assert gap.min() < 0.35, f"nothing is reported of it at {0.1 * k:.1f} s"
@@ -337,7 +337,7 @@ def test_what_stood_there_before_stands_when_it_is_seen_again():
     velocity = np.array([[0.0, -0.8], [0.0, 0.0]])
     turn = [Pose(0.0, 0.0, -0.1 * k) for k in range(20)]
     for seen in watched(standing(45) + turn, both, velocity=velocity)[108:]:
-        away = np.hypot(seen.mobile[:, 0] - post[0, 0], seen.mobile[:, 1] - post[0, 1])
+        away = np.hypot(*(seen.obstacles.discs[:, :2] - post[0, :2]).T)
         assert not (away < 0.15).any()
 
 

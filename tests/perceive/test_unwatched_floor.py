@@ -37,7 +37,7 @@ def reported(poses, deep=math.inf, model=ROUND, outlines=()):
     assert seen is not None
     last = poses[-1]
     c, s = math.cos(last.psi), math.sin(last.psi)
-    off = seen.points - (last.x, last.y)
+    off = seen.obstacles.points - (last.x, last.y)
     return np.column_stack((c * off[:, 0] + s * off[:, 1], -s * off[:, 0] + c * off[:, 1]))
 
 
@@ -113,6 +113,6 @@ def test_where_floor_ends_nothing_sets_off_whatever_noise_makes_of_it(edges):
         odometry = Odometry(t, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0))
         seen = eyes.take(t, Readings(odometry, first, None, None, (floor,)))
     assert seen is not None
-    assert (len(seen.mobile) == 0) == edges
+    assert (len(seen.obstacles.discs) == 0) == edges
     if edges:
-        assert (np.hypot(*seen.points.T) < 1.5).any()  # it stands
+        assert (np.hypot(*seen.obstacles.points.T) < 1.5).any()  # it stands

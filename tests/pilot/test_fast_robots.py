@@ -57,7 +57,7 @@ def test_it_stops_before_a_wall_that_its_lidar_sees(speed, brakes):
             ranges = np.empty(len(lidar.beams))
             sight(pose, lidar, np.empty((0, 6)), walls, NO_GRID, ranges)
             scan = Scan(t, round(t / PERIOD), ranges, 0.0)
-        return Obstacles(eyes.take(t, Readings(Odometry(t, pose, twist), scan)).points)
+        return Obstacles(eyes.take(t, Readings(Odometry(t, pose, twist), scan)).obstacles.points)
 
     assert WALL - 0.1 < driven(model, seen) < WALL
 

@@ -14,6 +14,7 @@ from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMess
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Twist
+from cohelm.law.guard.surroundings import surroundings
 from cohelm.link.bulk_messages import Map
 from cohelm.perceive.pipeline import Seen
 from cohelm.record.ros2 import header, transform
@@ -48,10 +49,9 @@ def found(namespace: str, odom: str, ahead: float = 0.0) -> Found:
 
 
 def seen(lost: bool = False, map_odom: Pose = MAP_ODOM, jumped: Pose = NOT_JUMPED) -> Seen:
-    nothing = np.empty((0, 2))
     return Seen(
         0.0, compose(map_odom, ODOM), np.diag([0.01, 0.02, 0.03]), 1.0, lost, "", ODOM,
-        Twist(0.0, 0.0), map_odom, jumped, nothing, 0, math.inf, nothing, nothing, nothing, nothing,
+        Twist(0.0, 0.0), map_odom, jumped, surroundings(), 0, math.inf, np.empty((0, 6)),
     )  # fmt: skip
 
 

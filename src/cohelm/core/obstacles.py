@@ -1,9 +1,9 @@
-"""Obstacles as a caller in Python gives them: points, discs, segments."""
+"""Obstacles: as a caller in Python gives them, and as compiled code takes them."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,26 @@ from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
 _CENTRE = Pose(0.0, 0.0, 0.0)
 _MOST_ACCELERATION = 1.0
 """Default max_acceleration of a disc with a velocity: a walking person [m/s^2]."""
+
+
+class Surroundings(NamedTuple):
+    """All obstacles, in the frame of the robot's pose.
+
+    discs: (n, 6), columns as in `core.types`, each moving with its velocity. max_acceleration:
+    (n,), assumed largest acceleration of each disc [m/s^2]; 0 for one that keeps its velocity, so
+    a standing one with 0 never moves. velocity_error: (n,), error bound of its velocity [m/s]:
+    t later the disc is within velocity_error t + max_acceleration t^2 / 2 of its course.
+    segments: (m, 4), walls x1, y1, x2, y2 [m]. points: (p, 2), such as LiDAR returns [m].
+
+    A point that is not finite is a beam without a return; a disc or segment that is not finite is
+    an error, and the guard brakes. Obstacles are numbered: discs, then segments, then points.
+    """
+
+    discs: Floats
+    max_acceleration: Floats
+    velocity_error: Floats
+    segments: Floats
+    points: Floats
 
 
 class Obstacles:

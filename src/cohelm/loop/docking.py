@@ -196,7 +196,7 @@ class Docking:
 
     def _blocked(self, now: float, dock: Dock, seen: Seen) -> bool:
         """Whether a mover is in the corridor, by more than one scan."""
-        discs = seen.discs.copy()
+        discs = seen.movers.copy()
         discs[:, :2] = placed(discs[:, :2], seen.map_odom)
         if not stands_in(dock, seen.pose, self._outline, discs, self.backwards):
             self._free_at = now

@@ -7,19 +7,19 @@ from collections import deque
 
 import numpy as np
 
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.scalars import wrap
 from cohelm.core.types import CENTRED, Floats, Pose, Stick, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.govern import Profile, reversed_twist, turned
 from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
 from cohelm.law.guard.step import circumscribed_radius
-from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import Reference, through
 from cohelm.loop.planning import Planning
 from cohelm.loop.speed_caps import NO_CAP, Cap
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.delay_compensation import periods
-from cohelm.pilot.obstacles_from_perception import obstacles_from_perception
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.replanning import clock_on_entry
 from cohelm.pilot.step import Decision, Settings
@@ -112,7 +112,7 @@ class Driver:
         """The obstacles in the map frame, by the present pose: when localisation jumps, pose and
         obstacles jump together, and nothing comes nearer. The points of keep-out zones follow
         those seen, unless the robot is lost."""
-        obstacles = obstacles_from_perception(seen, seen.map_odom)
+        obstacles = seen.placed(seen.map_odom)
         if self.zones is None or seen.lost:
             return obstacles
         return self.zones.beside(obstacles, seen.pose)
@@ -153,7 +153,7 @@ class Driver:
         """Smallest clearance between the outline and anything seen, without unobserved space and
         zones; infinite where nothing is [m]."""
         outline, here = self.settings.outline, np.array([seen.pose], dtype=np.float64)
-        points = obstacles.points[: len(seen.points) - seen.unobserved]
+        points = obstacles.points[: len(seen.obstacles.points) - seen.unobserved]
         clearance = float(swept_clearances(points, outline, here)[0])
         for row in obstacles.discs:
             clearance = min(
@@ -170,7 +170,7 @@ class Driver:
             made = self._planning.plan(now)
             if made is not None:
                 pilot.take(made, pose, self._twist)
-            end = len(seen.points)
+            end = len(seen.obstacles.points)
             border = slice(end - seen.unobserved, end)
             if now - self._planned >= _EVERY - _ROUNDING and self._planning.offer(
                 now, pilot.task(pose, self._twist, obstacles, border)

@@ -7,8 +7,8 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Floats, Twist
-from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import Verdict
 from cohelm.link.messages import Severity
 from cohelm.link.operator import Operator

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.frames import compose
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.row import MEANINGS
 from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law import verdict as verdicts
-from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.messages import (
     MOST_BEAMS,
     Arming,
@@ -181,8 +181,9 @@ def limiting(d: Decision, seen: Seen) -> tuple[float, float]:
     """Position in the map of the limiting obstacle [m]; NaN where there is none."""
     if d.limiting < 0:
         return (math.nan, math.nan)
-    moving = len(seen.mobile)
-    things = seen.mobile if d.limiting < moving else seen.points
+    discs, points = seen.obstacles.discs, seen.obstacles.points
+    moving = len(discs)
+    things = discs if d.limiting < moving else points
     row = d.limiting if d.limiting < moving else d.limiting - moving
     if row >= len(things):
         return (math.nan, math.nan)
@@ -194,11 +195,12 @@ def hidden_reason(r: PeriodReport, nominal: Twist) -> str:
     """Why the guard holds the robot back for nothing visible: unobserved space, or a keep-out zone;
     empty: it does not."""
     d, seen, applied = r.decision, r.seen, r.applied
-    if d is None or d.limiting < len(seen.mobile) + len(seen.points) - seen.unobserved:
+    count = len(seen.obstacles.discs) + len(seen.obstacles.points)
+    if d is None or d.limiting < count - seen.unobserved:
         return ""
     if abs(nominal.v - applied.v) < _TOLERANCE and abs(nominal.omega - applied.omega) < _TOLERANCE:
         return ""
-    if d.limiting >= len(seen.mobile) + len(seen.points):
+    if d.limiting >= count:
         return "limited: keep-out zone"
     return "limited: unobserved space"
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import CENTRED
-from cohelm.law.guard.surroundings import Surroundings
 from cohelm.link.messages import Arming, Mode, Request, RequestKind
 from cohelm.link.operator import ClientRequest, Operator, OperatorInput, stops_first
 from cohelm.link.rate import Coalesced

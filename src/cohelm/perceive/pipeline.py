@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.frames import compose, inverse
-from cohelm.core.types import Floats, Pose, Twist
+from cohelm.core.frames import compose, inverse, placed, turned
+from cohelm.core.obstacles import Surroundings
+from cohelm.core.types import VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.localize.localizer import Localization, Localizer
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
@@ -39,6 +40,7 @@ from cohelm.robot.sensors import Lidar, LidarModel
 
 _APPEARS = 1.4  # what appears within this of the turning circle may move [m]
 _MARGIN = 0.5  # what the filter keeps clear, and more [m]
+_NO_WALLS: Floats = np.empty((0, 4))
 
 
 class Seen(NamedTuple):
@@ -65,22 +67,23 @@ class Seen(NamedTuple):
     """The pose of `odom` in the map: compose(map_odom, p) puts a pose of `odom` on the map."""
     odom_received: Pose
     """The pose of the received odometry's frame in `odom`: the origin, until that one jumps."""
-    points: Floats
-    """Static points, and behind them the border of unobserved space, (p, 2), in `odom` [m]."""
+    obstacles: Surroundings
+    """In `odom`. Points: static ones, and behind them the border of unobserved space. Discs:
+    `movers`, and behind them small ones for potentially dynamic points. No segments."""
     unobserved: int
     """How many of the points are that border."""
     assumed_gap: float
     """Distance from ground that is assumed free since the robot was switched on, and was never in
     view [m]; infinite without any."""
-    discs: Floats
-    """Movers, (n, 6) as in `core.types`, in `odom`."""
-    mobile: Floats
-    """Discs for the guard: `discs`, and behind them small ones for potentially dynamic points,
-    (m, 6), in `odom`."""
-    mobile_max_acceleration: Floats
-    """(m,), largest acceleration of each of those [m/s^2]."""
-    mobile_velocity_error: Floats
-    """(m,), bound of the velocity error of each [m/s]."""
+    movers: Floats
+    """(n, 6) as in `core.types`, in `odom`."""
+
+    def placed(self, odom: Pose) -> Surroundings:
+        """The obstacles in the frame in which `odom` is at this pose."""
+        discs = self.obstacles.discs.copy()
+        discs[:, X : Y + 1] = placed(discs[:, X : Y + 1], odom)
+        discs[:, VX : VY + 1] = turned(discs[:, VX : VY + 1], odom.psi)
+        return self.obstacles._replace(discs=discs, points=placed(self.obstacles.points, odom))
 
 
 class Perception:
@@ -277,18 +280,20 @@ class Perception:
             )
         if located is None:
             located = Localization(here, np.zeros((3, 3)), 1.0, False, "")
-        discs, mobile, velocity_error = self._mobile(now)
+        movers, discs, velocity_error = self._moving(now)
+        acceleration = np.full(len(discs), self._tracker_params.max_acceleration)
         space = self._unobserved_space
         return Seen(
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
             twist=self._twist, map_odom=self._map_odom,
-            odom_received=self._received or Pose(0.0, 0.0, 0.0), points=self._points(),
+            odom_received=self._received or Pose(0.0, 0.0, 0.0),
+            obstacles=Surroundings(
+                discs, acceleration, velocity_error, _NO_WALLS, self._points()
+            ),
             unobserved=self.unobserved,
             assumed_gap=space.assumed_gap(here) if space is not None else math.inf,
-            discs=discs, mobile=mobile,
-            mobile_max_acceleration=np.full(len(mobile), self._tracker_params.max_acceleration),
-            mobile_velocity_error=velocity_error,
+            movers=movers,
         )  # fmt: skip
 
     @property
@@ -296,14 +301,14 @@ class Perception:
         """How many of the reported points are the border of unobserved space; see `Seen`."""
         return len(self._unobserved) + len(self._unobserved_floor)
 
-    def _mobile(self, now: float) -> tuple[Floats, Floats, Floats]:
+    def _moving(self, now: float) -> tuple[Floats, Floats, Floats]:
         """Movers, all discs for the guard, and bounds of their velocity errors, predicted to
         now."""
         parts = [discs_at(source.movers, now, self._tracker_params) for source in self._looking]
         if len(parts) == 1:
             return parts[0]
-        discs, mobile, velocity_error = zip(*parts, strict=True)
-        return np.vstack(discs), np.vstack(mobile), np.concatenate(velocity_error)
+        movers, discs, velocity_error = zip(*parts, strict=True)
+        return np.vstack(movers), np.vstack(discs), np.concatenate(velocity_error)
 
 
 def _around(params: TrackerParams, outline: Floats) -> TrackerParams:

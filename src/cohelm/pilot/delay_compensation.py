@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 from cohelm.core.jit import jit
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
-from cohelm.law.guard.surroundings import Surroundings, position_bound
+from cohelm.law.guard.surroundings import position_bound
 from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits

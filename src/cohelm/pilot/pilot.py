@@ -10,9 +10,10 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.flat import made, names, numbers, read, write
 from cohelm.core.jit import jit
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import CENTRED, Floats, Pose, Stick, Twist
 from cohelm.law.govern import Profile
-from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import Reference
 from cohelm.pilot.behavior import FOLLOWING, LED
 from cohelm.pilot.delay_compensation import periods

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.law.govern import CourseClock, governed, nearest_ahead
-from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.rollout import roll_out
 from cohelm.pilot.step import MOVES, NO_MOVE, PilotState, Settings, still

@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 from cohelm.core.errors import CohelmError
 from cohelm.core.flat import numbers, read
 from cohelm.core.jit import jit
-from cohelm.core.obstacles import Obstacles
+from cohelm.core.obstacles import Obstacles, Surroundings
 from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.law.guard.rules import Rules, checked_rules
 from cohelm.law.guard.step import NOTHING, guard
-from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import Verdict
 from cohelm.pilot.delay_compensation import periods, predict_obstacles
 from cohelm.pilot.margin_inflation import SLOP, inflated_rules, noise
@@ -144,7 +143,7 @@ class SafetyFilter:
         self.reset()
 
     def __call__(
-        self, pose: Pose, twist: Twist, nominal: Twist, obstacles: Obstacles,
+        self, pose: Pose, twist: Twist, nominal: Twist, obstacles: Obstacles | Surroundings,
         after: float | None = None,
     ) -> FilterResult:  # fmt: skip
         """The command for now. pose: where the robot is now, in the obstacles' frame [m, m, rad].
@@ -250,7 +249,7 @@ def _filtered(
 _VERDICTS = tuple(Verdict)
 
 
-def _limiting(row: int, seen: Obstacles) -> LimitingObstacle:
+def _limiting(row: int, seen: Obstacles | Surroundings) -> LimitingObstacle:
     discs, segments = len(seen.discs), len(seen.segments)
     if row < discs:
         return LimitingObstacle("disc", row)

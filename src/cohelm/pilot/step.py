@@ -6,13 +6,13 @@ import math
 from typing import NamedTuple
 
 from cohelm.core.jit import jit, jit_inline
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
 from cohelm.law.barrier import Avoidance
 from cohelm.law.gains import Gains
 from cohelm.law.govern import CourseClock, PaceParams, govern, governed
 from cohelm.law.guard.step import Rules, guard
-from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.human import blend, operator_command
 from cohelm.law.reference import desired
 from cohelm.law.step import control_step, total_command

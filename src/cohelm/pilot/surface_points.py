@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
-from cohelm.law.guard.surroundings import Surroundings
 
 _ROUND = 24  # points around a disc, at least
 _FINE = 0.03  # between points around a disc that is near [m]

@@ -13,8 +13,8 @@ import scipy
 from numpy.typing import NDArray
 
 from cohelm.core.frames import between, placed
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Floats, Pose
-from cohelm.law.guard.surroundings import Surroundings
 from cohelm.robot.achievable import stopping_distance
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import LONGEST_DELAY

@@ -12,10 +12,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
-
-from cohelm.core.obstacles import Obstacles
-from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
+from cohelm.core.types import Floats, Pose, Twist
 from cohelm.law.verdict import Verdict
 from cohelm.loop.sensor_watchdog import SensorWatchdog, timeouts
 from cohelm.loop.speed_caps import UNSEEN, backed_slowly
@@ -146,7 +143,7 @@ class FilterNode:
         slowly = backed_slowly(nominal.twist, seen.assumed_gap, self._limits)
         result = self._filter(
             _NOWHERE if fault or readings.scan is None else seen.odometry, seen.twist,
-            slowly, obstacles(seen), after if math.isfinite(after) else None,
+            slowly, seen.obstacles, after if math.isfinite(after) else None,
         )  # fmt: skip
         stamp = now
         if not fault and readings.odometry is not None:
@@ -205,22 +202,13 @@ class FilterNode:
             self._gated.drive(GateMode.AUTOMATIC)
 
 
-def obstacles(seen: Seen) -> Obstacles:
-    """What perception knows, for the filter, in the frame of the odometry."""
-    if not len(seen.mobile):
-        return Obstacles(seen.points)
-    return Obstacles(
-        seen.points, np.ascontiguousarray(seen.mobile[:, [X, Y, RADIUS, VX, VY]]),
-        max_acceleration=seen.mobile_max_acceleration, velocity_error=seen.mobile_velocity_error,
-    )  # fmt: skip
-
-
 def _place(result: FilterResult, seen: Seen) -> tuple[float, float] | None:
     """Of what holds the robot back, in the frame of the odometry."""
     limiting = result.limiting
     if limiting is None:
         return None
-    rows = seen.mobile if limiting.kind == "disc" else seen.points
+    obstacles = seen.obstacles
+    rows = obstacles.discs if limiting.kind == "disc" else obstacles.points
     x, y = rows[limiting.row, :2]
     return float(x), float(y)
 

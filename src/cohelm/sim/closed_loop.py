@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from cohelm.core.flat import Flat, flat, made, read, write
 from cohelm.core.jit import jit
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.row import blank
 from cohelm.core.types import Desired, Floats, Pose, Twist
-from cohelm.law.guard.surroundings import Surroundings, surroundings
 from cohelm.perceive.pipeline import Perception
 from cohelm.perceive.track.params import TrackerParams
 from cohelm.pilot.behavior import LED
@@ -258,10 +258,7 @@ def perceived(
     first = next((one for one in scans if not one.sensor), None)
     further = tuple(one for one in scans if one.sensor)
     odometry = Odometry(t, robot.pose, robot.applied)
-    seen = eyes.take(t, Readings(odometry, first, None, None, further))
-    return surroundings(
-        seen.mobile, seen.mobile_max_acceleration, None, seen.points, seen.mobile_velocity_error
-    )
+    return eyes.take(t, Readings(odometry, first, None, None, further)).obstacles
 
 
 def _scanned(k: int, dt: float, now: Now, scene: Scene, scanner: Scanner) -> Scan:

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, strategies as st
 
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Pose, Twist
 from cohelm.law.guard.bounds import brake_steps, braked, coasting
 from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
 from cohelm.law.guard.step import circumscribed_radius
-from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.law.guard.surroundings import surroundings
 from tests.law.guard.scenes import (
     SALLY,
     SALLY_LIMITS,

@@ -7,6 +7,7 @@ import pytest
 import shapely
 from hypothesis import assume, example, given, strategies as st
 
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard import approach as approaching
 from cohelm.law.guard.approach import approach, approach_rows, max_rows
@@ -14,7 +15,7 @@ from cohelm.law.guard.bounds import brake_steps, coasting, wheel_rows
 from cohelm.law.guard.certify import _near, _travelled, manoeuvre
 from cohelm.law.guard.project import NO_OBSTACLE
 from cohelm.law.guard.step import NOTHING, Rules, circumscribed_radius, guard, prepared
-from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.verdict import INVALID, UNTOUCHED
 from cohelm.robot.limits import Limits, unlimited
 from tests.law.guard.scenes import (

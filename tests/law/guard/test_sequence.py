@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard.step import guard
-from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.law.guard.surroundings import surroundings
 from tests.law.guard.scenes import (
     HERE,
     JACKAL_LIMITS,

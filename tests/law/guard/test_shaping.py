@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, strategies as st
 
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard.approach import approach
 from cohelm.law.guard.step import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED, Rules, guard
-from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.law.guard.surroundings import surroundings
 from cohelm.robot.achievable import achievable
 from cohelm.robot.limits import Limits
 from tests.law.guard.scenes import (

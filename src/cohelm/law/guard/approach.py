@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from cohelm.core.jit import jit_inline, jit_no_refcount
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.scalars import is_finite
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.contact import NearestPoint, contact, overlap
-from cohelm.law.guard.surroundings import Surroundings
 from cohelm.robot.limits import Limits
 
 

@@ -6,10 +6,11 @@ import math
 from typing import NamedTuple
 
 from cohelm.core.jit import jit_no_refcount
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.bounds import brake_steps, coasting
 from cohelm.law.guard.contact import point_clearance, wall_clearance
-from cohelm.law.guard.surroundings import Surroundings, is_static, position_bound
+from cohelm.law.guard.surroundings import is_static, position_bound
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from cohelm.core.flat import numbers, read
 from cohelm.core.jit import jit
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.law.guard.approach import approach_rows, max_rows
@@ -18,7 +19,6 @@ from cohelm.law.guard.bounds import WHEEL_ROWS, braked, wheel_rows
 from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
 from cohelm.law.guard.project import project
 from cohelm.law.guard.rules import Rules, checked_outline, checked_rules
-from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.verdict import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED
 from cohelm.robot.achievable import achievable
 from cohelm.robot.limits import Limits, checked_limits

@@ -1,35 +1,14 @@
-"""The obstacles that the guard keeps clear of: one tuple of arrays, all in one frame."""
+"""Obstacles as the guard takes them: checked arrays, which stand, and how far others may get."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit_inline
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import VX, VY, Floats
-
-
-class Surroundings(NamedTuple):
-    """All obstacles, in the frame of the robot's pose.
-
-    discs: (n, 6), columns as in `core.types`, each moving with its velocity. max_acceleration:
-    (n,), assumed largest acceleration of each disc [m/s^2]; 0 for one that keeps its velocity, so
-    a standing one with 0 never moves. velocity_error: (n,), error bound of its velocity [m/s]:
-    t later the disc is within velocity_error t + max_acceleration t^2 / 2 of its course.
-    segments: (m, 4), walls x1, y1, x2, y2 [m]. points: (p, 2), such as LiDAR returns [m].
-
-    A point that is not finite is a beam without a return; a disc or segment that is not finite is
-    an error, and the guard brakes. Obstacles are numbered: discs, then segments, then points.
-    """
-
-    discs: Floats
-    max_acceleration: Floats
-    velocity_error: Floats
-    segments: Floats
-    points: Floats
 
 
 @jit_inline

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Floats, Pose
 from cohelm.law.govern import CourseClock
-from cohelm.law.guard.surroundings import Surroundings
 from cohelm.plan.course import Course, window
 from cohelm.plan.evasion.params import EvasionParams
 from cohelm.plan.evasion.static_obstacles import (

@@ -16,12 +16,12 @@ import math
 import numpy as np
 
 from cohelm.core.jit import jit
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.govern import CourseClock, PaceParams, govern, governed
 from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
 from cohelm.law.guard.step import Rules, circumscribed_radius
-from cohelm.law.guard.surroundings import Surroundings
 from cohelm.law.track import track
 from cohelm.plan.course import Course
 from cohelm.plan.evasion.candidates import candidates, extra_costs, first_twist, lower_bounds

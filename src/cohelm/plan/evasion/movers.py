@@ -7,9 +7,10 @@ import math
 import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.bounds import brake_steps
-from cohelm.law.guard.surroundings import Surroundings, is_static
+from cohelm.law.guard.surroundings import is_static
 from cohelm.plan.evasion.params import STEP, EvasionParams
 from cohelm.robot.limits import Limits
 

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.jit import jit, jit_inline
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
-from cohelm.law.guard.surroundings import Surroundings, is_static
+from cohelm.law.guard.surroundings import is_static
 
 CELL = 0.06  # of the grid [m]
 # steps of the chamfer distance, at most 5 % too far [m]

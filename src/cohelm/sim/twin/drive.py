@@ -14,16 +14,16 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose, inverse
+from cohelm.core.obstacles import Surroundings
 from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.step import Rules
-from cohelm.law.guard.surroundings import Surroundings, surroundings
+from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.human import supplied_energy
 from cohelm.law.track import pose_error
 from cohelm.perceive.pipeline import Perception
 from cohelm.pilot.margin_inflation import SLOP, inflated, noise
-from cohelm.pilot.obstacles_from_perception import obstacles_from_perception
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.replanning import Plan
 from cohelm.pilot.step import Decision, Settings
@@ -217,7 +217,7 @@ class _KnownPose(TwinRun):
         # Where it is on the map is known; all else is as it senses.
         return (
             now.pose,
-            obstacles_from_perception(known, compose(now.pose, inverse(known.odometry))),
+            known.placed(compose(now.pose, inverse(known.odometry))),
             known.twist,
         )
 

@@ -5,8 +5,8 @@ import pytest
 
 from cohelm.core.frames import compose, inverse, placed, turned
 from cohelm.core.types import Pose, disc, discs
+from cohelm.law.guard.surroundings import surroundings
 from cohelm.perceive.pipeline import Perception
-from cohelm.pilot.obstacles_from_perception import obstacles_from_perception
 from cohelm.robot.port import Readings
 from cohelm.robot.sensors import LidarModel
 
@@ -25,13 +25,13 @@ def from_pose(pose, points, bodies):
 def test_wherever_odometry_began_the_same_things_are_around_the_robot(odom):
     lidar = LidarModel(beams=8, field_of_view_deg=360.0, range_max_m=5.0, rate_hz=10.0).lidar()
     seen = Perception(lidar).take(0.0, Readings(None, None, None, None))
-    seen = seen._replace(points=POINTS, mobile=WALKER.copy(), mobile_max_acceleration=np.ones(1))
+    seen = seen._replace(obstacles=surroundings(WALKER.copy(), [1.0], points=POINTS))
 
-    around = obstacles_from_perception(seen, odom)
+    around = seen.placed(odom)
 
     now = from_pose(compose(odom, HERE), around.points, around.discs)
     for got, wanted in zip(now, from_pose(HERE, POINTS, WALKER), strict=True):
         assert got == pytest.approx(wanted, abs=1e-12)
     assert (around.discs[:, 4:] == WALKER[:, 4:]).all()
     assert (around.max_acceleration == 1.0).all()
-    assert (seen.mobile == WALKER).all(), "what perception keeps has been changed"
+    assert (seen.obstacles.discs == WALKER).all(), "what perception keeps has been changed"
