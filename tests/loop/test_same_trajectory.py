@@ -64,10 +64,7 @@ def looped(model, setup, steps: int) -> np.ndarray:
     driver = Driver(driver_pilot, settings, setup.delay, planning)
     perception = Perception(model, tracker_params=pilot.tracker_params)
     gated = LocalGatedRobot(plant, rules(model, DT))
-    loop = Loop(
-        gated, perception, driver, NullOperator(), RecordLine(None), LoopParams(period=DT),
-        has_map=False,
-    )  # fmt: skip
+    loop = Loop(gated, perception, driver, NullOperator(), RecordLine(None), LoopParams(period=DT))
     rows = []
 
     def until(loop: Loop) -> bool:

@@ -154,9 +154,8 @@ class Session:
             self.known = known
             if plan.zones is not None:
                 check(plan.zones, known)
-            has_map = known is not None
             docks = docks_of(plan, known)
-            warmed_up = in_thread(lambda: warm_up(model, has_map)) if real_time else None
+            warmed_up = in_thread(lambda: warm_up(model, known is not None)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
             listeners = (self.recording, self.live)
             record, live = (_line(one, real_time) for one in listeners)
@@ -176,7 +175,7 @@ class Session:
             self.driver = driver_of(plan, real_time)
             self.loop = Loop(
                 self.gated, perception, self.driver, operator or NullOperator(), record,
-                _loop_params(plan), has_map=has_map, live=live, docks=docks,
+                _loop_params(plan), live=live, docks=docks,
             )  # fmt: skip
             if known is not None:
                 self.loop.log.show(recordable(map_message(known)))

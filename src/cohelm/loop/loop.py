@@ -62,10 +62,10 @@ class Loop:
 
     def __init__(
         self, gated: GatedRobot, perception: Perception, driver: Driver, operator: Operator,
-        record: RecordLine, params: LoopParams, has_map: bool, live: RecordLine | None = None,
+        record: RecordLine, params: LoopParams, live: RecordLine | None = None,
         docks: Sequence[Dock] = (),
     ) -> None:  # fmt: skip
-        """has_map: whether `perception` localises on a map. live: the live view."""
+        """live: the live view."""
         self.gated, self.perception, self.driver = gated, perception, driver
         self.operator, self.params = operator, params
         self.timing, self.alarms = Timing(), ActiveAlarms()
@@ -77,7 +77,7 @@ class Loop:
             params.period, params.carry_on,
         )  # fmt: skip
         self._reporter = Reporter(
-            self.log, operator, driver, gated.model, perception.lidar, has_map, params.period
+            self.log, operator, driver, gated.model, perception.lidar, self.has_map, params.period
         )
         self.cap = NO_CAP
         """Speed cap by the driver's delay, speed zones, docking, or a lost pose."""
@@ -87,8 +87,6 @@ class Loop:
         self._shape = Shape(gated.model.outline, self._reshape)
         self._outline_changing = False
         """Whether the previous outline still counts too."""
-        self.has_map = has_map
-        """Whether the pose is on a map, and not the odometry's."""
         self._sensor_watchdog = SensorWatchdog(
             gated.model, timeouts(gated.model, params.period + params.patience)
         )
@@ -123,6 +121,11 @@ class Loop:
         """Use another recorder from now on, or none; the previous one is not closed."""
         self.log.set_recorder(line)
         self.alarms.over("recorder")
+
+    @property
+    def has_map(self) -> bool:
+        """Whether the pose is on a map, and not the odometry's."""
+        return self.perception.known is not None
 
     @property
     def outline(self) -> Floats:

@@ -84,15 +84,14 @@ class Looped(TwinRun):
         self.mode = Mode.SHARED if steered else Mode.AUTOMATIC
         self.now = self.stick
         """The deflection of this step."""
-        known = setup.twin.known
         self.loop = Loop(
-            self.gated, Perception(self.robot.model, known, setup.start),
+            self.gated, Perception(self.robot.model, setup.twin.known, setup.start),
             Driver(
                 self.pilot, self.settings, self.delay, InProcessPlanner(self.pilot.planner),
                 self.piloted.zones,
             ),
             Scripted(lambda _: self.now, self.gated.now), RecordLine(None),
-            LoopParams(period=setup.dt), has_map=known is not None,
+            LoopParams(period=setup.dt),
         )  # fmt: skip
         self.course = self.pilot.course
         self.latched_at = math.nan
