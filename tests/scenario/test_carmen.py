@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.scenario.worlds.carmen import read_log, read_relations
+from cohelm.scenario.worlds.carmen import read_log
 
 INTEL = Path(__file__).parents[2].parent / "shared" / "data" / "lidar" / "intel.gfs.log"
 
@@ -20,8 +20,8 @@ def flaser(t, n=180, pose=(1.0, 2.0, 0.5), laser=None, ranges=None):
     return f"FLASER {n} {numbers} {t} host {t}"
 
 
-def written(tmp_path, *lines, name="a.log"):
-    path = tmp_path / name
+def written(tmp_path, *lines):
+    path = tmp_path / "a.log"
     path.write_text("\n".join(lines) + "\n")
     return path
 
@@ -115,13 +115,6 @@ def test_a_file_without_scans_is_refused_in_a_sentence(tmp_path, text):
     path.write_text(text)
     with pytest.raises(CohelmError, match="holds no scan of a CARMEN log"):
         read_log(path)
-
-
-def test_relations_are_pairs_of_times_and_a_pose(tmp_path):
-    path = written(tmp_path, "1.5 2.5 0.1 -0.2 0 0 0 1.25", "broken")
-    assert read_relations(path) == [(1.5, 2.5, (0.1, -0.2, 1.25))]
-    with pytest.raises(CohelmError, match="holds no relation"):
-        read_relations(written(tmp_path, "nothing", name="b"))
 
 
 @pytest.mark.skipif(not INTEL.exists(), reason="the Intel log is not beside this checkout")

@@ -16,6 +16,7 @@ from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.ros.laser import Ranges, lidar_model, taken
 from cohelm.ros.transforms import Mount, StaticTransforms, mount_of, yaw_of
+from cohelm.scenario.worlds.carmen import RecordedDrive
 
 _SCAN, _ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 _TRANSFORMS = ("/tf", "/tf_static")
@@ -35,10 +36,8 @@ def is_bag(path: Path) -> bool:
     return path.suffix in (".bag", ".db3") or (path / "metadata.yaml").is_file()
 
 
-def read_bag(
-    path: Path, topics: BagTopics, mount: LidarModel | None
-) -> tuple[list[Odometry], list[Scan], LidarModel]:
-    """Odometry, scans, and LiDAR of a bag, times since its first odometry. mount: a LiDAR mounted
+def read_bag(path: Path, topics: BagTopics, mount: LidarModel | None) -> RecordedDrive:
+    """The drive in a bag, times since its first odometry. mount: a LiDAR mounted
     like that one; None: as its transforms say. Raises CohelmError where it can not be read, does
     not say which topics to take, or how the LiDAR is mounted."""
     folder = path.parent if path.suffix == ".db3" else path
@@ -52,7 +51,7 @@ def read_bag(
 
 def _read(
     reader: AnyReader, path: Path, topics: BagTopics, given: LidarModel | None
-) -> tuple[list[Odometry], list[Scan], LidarModel]:
+) -> RecordedDrive:
     scans_from = _topic(reader, path, _SCAN, topics.scan, "--scan-topic")
     odometry_from = _topic(reader, path, _ODOMETRY, topics.odometry, "--odom-topic")
     wanted = (scans_from, odometry_from, *_TRANSFORMS)
@@ -93,7 +92,7 @@ def _read(
         ranges[ranges >= lidar.range_max_m] = math.inf
         later, duration = taken(m, mount)
         scans.append(Scan(stamp + later - zero, len(scans), ranges, duration))
-    return [odometry[t] for t in sorted(odometry)], scans, lidar
+    return RecordedDrive([odometry[t] for t in sorted(odometry)], scans, lidar)
 
 
 def _topic(reader: AnyReader, path: Path, kind: str, given: str, option: str) -> str:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,7 @@ from cohelm.perceive.map.mapping_scans import MappingScan, mapping_scans
 from cohelm.perceive.map.raster import Raster, cropped, raster
 from cohelm.record.replay import Replayed
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Odometry, Scan
-from cohelm.robot.sensors import LidarModel
-from cohelm.scenario.worlds.carmen import read_log
+from cohelm.scenario.worlds.carmen import RecordedDrive, read_log
 from cohelm.study.bags import BagTopics, is_bag, read_bag
 from cohelm.study.localized_drive import localized_drive
 from cohelm.study.map_files import MapResult, occupancy, outcome, show, write, write_result
@@ -42,16 +40,6 @@ _SHOWN, _DRAWING = 2.0, 0.05  # map.png is drawn so often [s], in this share of 
 _SAME = 1e-6  # scans that end at times no farther apart are one [s]
 
 
-class RecordedDrive(NamedTuple):
-    """What mapping needs of a record."""
-
-    odometry: list[Odometry]
-    scans: list[Scan]
-    lidar: LidarModel
-    whole: bool = True
-    """Whether the record was finished, and is not damaged."""
-
-
 def drive(
     path: Path, robot: RobotModel | None = None, topics: BagTopics | None = None
 ) -> RecordedDrive:
@@ -61,7 +49,7 @@ def drive(
     several. Raises CohelmError where the file is none of them, or holds nothing to map.
     """
     if is_bag(path):
-        return RecordedDrive(*read_bag(path, topics or BagTopics(), robot and robot.lidar))
+        return read_bag(path, topics or BagTopics(), robot and robot.lidar)
     if topics is not None and topics != BagTopics():
         raise CohelmError(
             f"{path} is no ROS bag: --scan-topic and --odom-topic are for one; of ROS 2, name the "
@@ -76,7 +64,7 @@ def drive(
     if not mcap and path.suffix == ".mcap":
         raise CohelmError(f"{path} is not an MCAP file: give a record, or a CARMEN log")
     if not mcap:
-        return RecordedDrive(*read_log(path))
+        return read_log(path)
     replayed = Replayed(path, robot)
     lidar = replayed.model.lidar
     if lidar is None:

@@ -26,13 +26,17 @@ _LATER = 0.6  # ... and that must be later than the one before: of times at rand
 _FAR = 80.0  # SICK scanners report 81.83 m or so where nothing came back [m]
 
 
-class Drive(NamedTuple):
-    """odometry: in the order of time. scans: whose `number`s count from 0. lidar: as the log, or
-    the convention of its kind, describes it."""
+class RecordedDrive(NamedTuple):
+    """What mapping needs of a record of any kind."""
 
     odometry: list[Odometry]
+    """In the order of time."""
     scans: list[Scan]
+    """Whose `number`s count from 0."""
     lidar: LidarModel
+    """As the record, or the convention of its kind, describes it."""
+    whole: bool = True
+    """Whether the record was finished, and is not damaged."""
 
 
 class _Line(NamedTuple):
@@ -49,7 +53,7 @@ class _Line(NamedTuple):
     laser: Floats | None = None
 
 
-def read_log(path: Path | str) -> Drive:
+def read_log(path: Path | str) -> RecordedDrive:
     """A drive from a CARMEN log, plain or gzip.
 
     Scans of another number of beams than most, and lines that are cut short or hold no numbers,
@@ -151,7 +155,7 @@ def _goes_on(times: list[float]) -> bool:
 
 def _drive(
     odometry: dict[float, Odometry], found: list[tuple[float, Floats, float, float]], mount: Pose
-) -> Drive:
+) -> RecordedDrive:
     counts = [len(ranges) for _, ranges, _, _ in found]
     beams = max(set(counts), key=counts.count)
     found = sorted((f for f in found if len(f[1]) == beams), key=lambda f: f[0])
@@ -173,7 +177,7 @@ def _drive(
         mount_y_m=mount.y,
         mount_yaw_deg=math.degrees(mount.psi + middle),
     )
-    return Drive([odometry[t] for t in sorted(odometry)], scans, lidar)
+    return RecordedDrive([odometry[t] for t in sorted(odometry)], scans, lidar)
 
 
 def _numbers(words: Sequence[str]) -> Floats:
@@ -204,24 +208,3 @@ def _convention(n: int) -> tuple[float, float]:
     if n in (180, 360):
         return -0.5 * math.pi, math.pi / n
     return -0.5 * math.pi, math.pi / (n - 1)
-
-
-def read_relations(path: Path | str) -> list[tuple[float, float, Pose]]:
-    """Manually matched pairs of times, and the pose of the second seen from the first.
-
-    Rows of time 1, time 2, x, y, z, roll, pitch, yaw (Kümmerle et al. 2009, "On measuring the
-    accuracy of SLAM algorithms"). Raises CohelmError where there is no such file or row.
-    """
-    text = contents(path, "a relations file").decode("utf-8", errors="replace")
-    found: list[tuple[float, float, Pose]] = []
-    for line in text.splitlines():
-        words = line.split()
-        if len(words) == 8:
-            try:
-                a, b, x, y, _, _, _, yaw = (float(word) for word in words)
-            except ValueError:
-                continue
-            found.append((a, b, Pose(x, y, yaw)))
-    if not found:
-        raise CohelmError(f"{path}: holds no relation (8 numbers a line): give such a file")
-    return found
