@@ -20,7 +20,7 @@ from cohelm.record.file import ROBOT
 from cohelm.record.messages import attachment, messages
 from cohelm.record.ros2 import yaw
 from cohelm.record.topics import IMAGE, scan_topic
-from cohelm.robot.clock import ClockedRobot, RobotClock
+from cohelm.robot.clock import ClockedRobot
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Encoded, Frame, Health, Odometry, Readings, Scan, untouched
 
@@ -33,14 +33,12 @@ class Replayed(ClockedRobot):
     new comes.
     """
 
-    def __init__(
-        self, path: Path, model: RobotModel | None = None, *, clock: RobotClock | None = None
-    ) -> None:
+    def __init__(self, path: Path, model: RobotModel | None = None) -> None:
         """model: of a robot whose record does not describe it.
 
         Raises CohelmError for a file that is no record, or holds no odometry, or no robot.
         """
-        super().__init__(model or recorded_model(path), clock)
+        super().__init__(model or recorded_model(path), None)
         self.whole = True
         """Whether the record was finished, and is not damaged."""
         found = _read(path, self.model, self._damaged)

@@ -66,12 +66,10 @@ class ServedRobot:
 
     def __init__(
         self, transport: Transport, robot: RobotPort, topics: Topics, *, stamped: bool = False,
-        commands: Qos | None = None, tamper: Tamper = lambda _, message: message,
-        simulated: bool = False,
+        tamper: Tamper = lambda _, message: message, simulated: bool = False,
     ) -> None:  # fmt: skip
-        """stamped: whether it wants TwistStamped. commands: QoS of its subscription to them.
-        simulated: its stamps are of a simulated time, published on /clock, and not of the
-        wall's."""
+        """stamped: whether it wants TwistStamped. simulated: its stamps are of a simulated time,
+        published on /clock, and not of the wall's."""
         self._simulated, self._ticked = simulated, -math.inf
         self._robot, self._topics, self.tamper = robot, topics, tamper
         self._transport = transport
@@ -105,7 +103,7 @@ class ServedRobot:
         self._publishers[tf] = transport.publish(tf, TF, LATCHED)
         self._send(tf, mounts(robot.model))
         kind = STAMPED if stamped else TWIST
-        transport.subscribe(topics.out, kind, commands or Qos(True, False, 10), self._on_command)
+        transport.subscribe(topics.out, kind, Qos(True, False, 10), self._on_command)
 
     def run(self, over: Callable[[], bool]) -> None:
         """Publish the readings and obey commands until `over` returns true."""

@@ -20,6 +20,7 @@ from cohelm.scenario.worlds.file import contents
 
 _DEEPEST = 16  # nested models
 _GROUND = ("sun", "ground_plane")  # included by every world, and not in the way
+_LOW, _HIGH = 0.02, 2.0  # what is wholly below or above is not in the way [m]
 _CORNERS = np.array(np.meshgrid((-0.5, 0.5), (-0.5, 0.5), (-0.5, 0.5))).reshape(3, 8)
 
 
@@ -39,15 +40,13 @@ class GazeboObstacles:
     """How each disc moves, (n,); None: it rests."""
 
 
-def read_gazebo(
-    path: Path | str, reach: float, low: float = 0.02, high: float = 2.0
-) -> GazeboObstacles:
+def read_gazebo(path: Path | str, reach: float) -> GazeboObstacles:
     """The collision shapes of an SDF world or model, plain or gzip.
 
     reach: distance kept between the robot's centre and a surface, for the paper's r_i (19) [m].
-    Shapes wholly below `low` or above `high` [m] are not in the way. Upright cylinders and
-    spheres become discs, all else the outline of its shadow: exact for upright boxes, never too
-    small for tilted shapes. Poses saved in `<state>` hold, as they do in Gazebo. What a plugin
+    Shapes wholly below 2 cm or above 2 m are not in the way. Upright cylinders and spheres become
+    discs, all else the outline of its shadow: exact for upright boxes, never too small for tilted
+    shapes. Poses saved in `<state>` hold, as they do in Gazebo. What a plugin
     moves from key frame to key frame, as in DynaBARN, is read from the plugin's source, in the
     world's folder or near it; a box that moves becomes the disc around it.
     Planes are ignored; includes, meshes and poses in named frames are listed in `left_out`.
@@ -66,7 +65,7 @@ def read_gazebo(
         raise CohelmError(f"{path}: is not well-formed XML ({error}); export it again") from error
     if root.tag != "sdf":
         raise CohelmError(f"{path}: is <{root.tag}>, not <sdf>; give a Gazebo .world or .sdf file")
-    reader = _Reader(str(path), reach, low, high)
+    reader = _Reader(str(path), reach)
     worlds = root.findall("world")
     for scene in worlds or [root]:
         reader.saved = _saved(scene)
@@ -103,8 +102,6 @@ class _Reader:
 
     file: str
     reach: float
-    low: float
-    high: float
     saved: dict[str, Element] = field(default_factory=dict[str, Element])
     discs: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])
     names: list[str] = field(default_factory=list[str])
@@ -248,7 +245,7 @@ class _Reader:
 
     def in_the_way(self, bottom: float, top: float) -> bool:
         """Whether a shape is at the height of the robot."""
-        return top > self.low and bottom < self.high
+        return top > _LOW and bottom < _HIGH
 
     def sizes(self, shape: Element, key: str, count: int, path: str) -> list[float]:
         """Lengths of a shape, all positive."""
