@@ -238,7 +238,6 @@ def _discs(given: ArrayLike | None) -> tuple[Floats, bool]:
 
 
 def _one_each(name: str, given: ArrayLike | None, n: int, usual: float) -> Floats:
-    """One number for each of n discs."""
     if given is None:
         return np.full(n, usual)
     made = _array(name, given)

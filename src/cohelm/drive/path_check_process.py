@@ -151,7 +151,6 @@ def _answer(judge: PathChecker, request: tuple[Floats | Goal, Pose]) -> CheckedP
 
 
 def _warm(judge: PathChecker) -> str:
-    """Compile the check."""
     for what in (_WARM, Goal(1.0, 0.0)):
         safely(judge, what, Pose(0.0, 0.0, 0.0))
     return "up"

@@ -396,7 +396,6 @@ class Session:
 
 
 def _line(listener: EventSink | None, real_time: bool) -> RecordLine:
-    """From the loop."""
     return RecordLine(None if listener is None else listener.loop, waits=not real_time)
 
 

@@ -203,7 +203,6 @@ class Docking:
         return now - self._free_at > BLOCKED_FOR
 
     def _arrived(self, now: float, dock: Dock, seen: Seen, held: str) -> Ended | None:
-        """Whether it has arrived, or is blocked."""
         x, y, psi = dock.off(seen.pose)
         stands = now - self._moved_at > STANDS_FOR
         if self.backwards:

@@ -193,7 +193,6 @@ def stepped(
 
 
 def _remembered(dropout: Dropout, received: OperatorInput) -> Dropout:
-    """Remember the driver and the device."""
     command = received.command
     if command is not None and command.valid and command.armed:
         return Dropout(driver=received.driver, device=command.device)

@@ -84,39 +84,29 @@ START = PilotState(0, 0.0, CourseClock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
 
 
 class Decision(NamedTuple):
-    """What one control step decided, and everything it decided it from."""
+    """What one control step decided, and everything it decided it from: `law.step.Step` and more.
+    I and J are 0, and h is infinite, with another filter than the barrier; tracking is of recovery
+    or evasion too; obstacles are numbered discs, segments, points."""
 
     safe_v: float
     safe_omega: float
-    """The command U (49) [m/s, rad/s]."""
     tracking_v: float
     tracking_omega: float
-    """tau_c, the command of tracking (15), recovery or evasion."""
     operator_v: float
     operator_omega: float
-    """tau_h, the operator's command (38)."""
     nominal_v: float
     nominal_omega: float
-    """tau, the blend (34)."""
     avoid_v: float
     avoid_omega: float
-    """u (33): what the filter added to the blend."""
     authority_x: float
     authority_psi: float
-    """Diagonal of K_c: the automatic share of each axis."""
     intent_x: float
     intent_psi: float
-    """V_hx and V_hpsi (41)(42)."""
     I: float
     J: float
-    """Both sides of the barrier's test (31)(32); 0 with another filter."""
     h: float
-    """Smallest h_i of the discs [m^2]; infinite without any, and with another filter."""
     verdict: int
-    """See `law.verdict`."""
     limiting: int
-    """The limiting obstacle: discs, then segments, then points; -1 for none (or the barrier's
-    heading term, E6)."""
     clearance_seen: float
     """Smallest clearance of the outline in the guard; infinite with no obstacle near [m]."""
     change: float

@@ -171,7 +171,6 @@ class DdsTransport:
             self._participant.__del__()  # with all that is left of it, whoever still holds it
 
     def _leave(self, reader: Any) -> None:
-        """One subscriber."""
         with self._lock:
             mine = [one for one in self._readers if one[0] is reader]
             if self._closed.is_set() or not mine:

@@ -226,7 +226,6 @@ class FoxgloveTransport:
                 there.pop(str(topic), None)
 
     def _match(self, channels: list[int], subscribers: list[_Subscriber]) -> None:
-        """Subscribe on each channel that is wanted."""
         for number in channels:
             channel = self._channels[number]
             if not any((one.topic, one.kind, "cdr") == channel for one in subscribers):
@@ -238,7 +237,6 @@ class FoxgloveTransport:
             self._subscribe(number)
 
     def _subscribe(self, number: int) -> None:
-        """On a channel."""
         self._number += 1
         self._subscribed[self._number] = number
         wanted = {"id": self._number, "channelId": number}

@@ -262,7 +262,6 @@ def perceived(
 
 
 def _scanned(k: int, dt: float, now: Now, scene: Scene, scanner: Scanner) -> Scan:
-    """The scan of step k."""
     lidar, number = scanner.lidar, scanner.number
     scanner.due = next_reading_tick(k, scanner.rate, dt)
     discs = np.empty((len(scene.obstacles.discs), 6))

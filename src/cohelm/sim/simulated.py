@@ -123,9 +123,7 @@ class SimulatedRobot(ClockedRobot, ABC):
         self._coming.append((min([due, *stops]), _STILL))
 
     def _frame(self) -> Frame | None:
-        """The newest picture."""
         return None
 
     def _health(self) -> Health:
-        """Its own report."""
         return Health(self.now(), math.nan, ())

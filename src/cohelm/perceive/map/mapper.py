@@ -235,7 +235,6 @@ class Mapper:
         self._joint = joined(np.diag([1e-6, 1e-6, 1e-7]), self._joint[3:, 3:])
 
     def _step(self, k: int, since: Pose) -> Link:
-        """From the last place to place k."""
         distance = math.hypot(since.x, since.y)
         sigma = (0.004 + 0.01 * distance, 0.004 + 0.01 * distance, 0.002 + 0.01 * abs(since.psi))
         weak = into_axes(self._pose, inverted(self._joint[:3, :3]))

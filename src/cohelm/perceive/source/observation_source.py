@@ -89,7 +89,6 @@ class ObservationSource:
             self.movers = self.movers._replace(free_space=free_space)
 
     def _without(self, sweep: DeskewedScan, of_movers: NDArray[np.bool_]) -> DeskewedScan:
-        """The sweep without the points of movers."""
         ranges = sweep.ranges.copy()
         ranges[_shadow(self.lidar, sweep.points[of_movers])] = math.nan
         return sweep.part(~of_movers, ranges)

@@ -139,7 +139,6 @@ def _same_object(track: Floats, new: Floats, dt: float) -> bool:
 
 @jit_inline
 def _seen_again(track: Floats, clusters: Floats) -> bool:
-    """Whether a remembered cluster is seen again."""
     if track[RADIUS] > 0.0:
         return False
     for k in range(len(clusters)):

@@ -208,7 +208,6 @@ def _mover_discs(
 
 @jit
 def _moving(tracks: Floats, params: TrackerParams) -> Floats:
-    """The tracks that move or may move."""
     dynamic_points = np.zeros(len(tracks), np.bool_)
     for i in range(len(tracks)):
         dynamic_points[i] = _may_move(tracks[i], params)
@@ -285,7 +284,6 @@ def _updated_tracks(
 
 @jit
 def _points(places: Floats, cluster: Floats) -> Floats:
-    """The points of a cluster."""
     return places[int(cluster[FIRST]) : int(cluster[LAST])]
 
 

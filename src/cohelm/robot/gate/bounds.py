@@ -24,7 +24,6 @@ class Bounds(NamedTuple):
 
 
 def _share(value: float, limit: float) -> float:
-    """The share of a value that is within its limit."""
     return limit / abs(value) if abs(value) > limit else 1.0
 
 

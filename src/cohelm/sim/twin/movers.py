@@ -241,7 +241,6 @@ def _bumps(
 
 @jit
 def _nearest(pose: Pose, outline: Floats, discs: Floats, walls: Floats, i: int) -> int:
-    """What disc i is nearest to."""
     best, least = _ROBOT, math.inf
     x, y = discs[i, X], discs[i, Y]
     for obstacle in range(1 + len(discs) + len(walls)):

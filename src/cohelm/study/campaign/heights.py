@@ -124,7 +124,6 @@ def _loaded(base: RobotModel, rng: np.random.Generator, number: int) -> tuple[Ro
 
 
 def _loads(rng: np.random.Generator, model: RobotModel, number: int) -> tuple[Load, ...]:
-    """What it really does, from when on."""
     worst = model.limits.wheel_acceleration_mps2 or 1.0
 
     def drawn(since: float) -> Load:

@@ -80,7 +80,6 @@ class UnevenTwin(Twin):
         scanner.measured(made.of(message), step, readable, self._step, made.edges)
 
     def _image(self, pose: Pose, stamp: float) -> bytes:
-        """The bytes of the message."""
         seen = picture(self._lens, self._heights, pose, self._random)
         rows, columns = seen.shape
         message = Image(

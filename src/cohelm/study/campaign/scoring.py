@@ -163,7 +163,6 @@ def _unfiltered(law: str) -> bool:
 
 
 def _falls(case: Episode, rows: NDArray[np.void]) -> int:
-    """Whether it fell, as 0 or 1."""
     if case.uneven is None:
         return 0
     poses = np.column_stack((rows["x"], rows["y"], rows["psi"]))
