@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,10 @@ class Trace:
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    def until(self, n: int) -> Trace:
+        """Its first n steps, sharing memory."""
+        return replace(self, rows=self.rows[:n], h=self.h[:n], discs=self.discs[:n])
 
     def joined(self, *others: Trace) -> Trace:
         """This trace with the steps of `others`, of the same run, after it in their order."""

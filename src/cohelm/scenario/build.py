@@ -22,10 +22,9 @@ from cohelm.scenario.load import digest, dump, standing_alone
 from cohelm.scenario.model import Scenario
 from cohelm.scenario.stick import StickFile, StickOperator, StickScript
 from cohelm.scenario.world import Read
-from cohelm.sim.closed_loop import Piloted
 from cohelm.sim.grid import NO_GRID, solid_at
 from cohelm.sim.operator_model import OperatorModel, Replay, replay
-from cohelm.sim.setup import REACHED, Setup, Twinned
+from cohelm.sim.setup import REACHED, Piloted, Setup, Twinned
 from cohelm.sim.world import NOWHERE, Body, outline_clearance
 
 _LARGEST_RUN = 2**30  # bytes of a recorded run

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,60 +17,29 @@ from numpy.typing import NDArray
 from cohelm.core.flat import Flat, flat, made, read, write
 from cohelm.core.jit import jit
 from cohelm.core.obstacles import Surroundings
-from cohelm.core.row import blank
+from cohelm.core.trace import Trace
 from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.perceive.pipeline import Perception
-from cohelm.perceive.track.params import TrackerParams
 from cohelm.pilot.behavior import LED
 from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
-from cohelm.pilot.replanning import ReplanParams, Task
+from cohelm.pilot.replanning import Task
 from cohelm.pilot.step import START, PilotState, Settings, pilot_step
-from cohelm.plan.course import Course, course
+from cohelm.plan.course import Course, course, nearly_done, route
 from cohelm.plan.evasion.movers import empty_mover_history
-from cohelm.plan.path_planner import PathParams
-from cohelm.plan.zones import Zoned, Zones
+from cohelm.plan.zones import Zoned
 from cohelm.robot.achievable import stopping_distance
 from cohelm.robot.port import Odometry, Readings, Scan
-from cohelm.robot.sensors import Lidar, LidarModel
+from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import noise_seed, scan
 from cohelm.sim.odometer import next_reading_tick
 from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay, operate, replayed
+from cohelm.sim.setup import Piloted, Setup
 from cohelm.sim.wheels import SimulatedState, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, outline_clearance, place
 
 _NEAR = 8.0  # walls farther than this from the robot may be left out of a stretch of steps [m]
 _FEW = 64  # up to so many walls, all are kept
-
-
-@dataclass(frozen=True)
-class Piloted:
-    """What a run with the pilot needs beyond the rest of a setup."""
-
-    settings: Settings
-    max_acceleration: Floats
-    """(m,), the largest acceleration each disc is assumed to be capable of [m/s^2]."""
-    lidar: Lidar | None = None
-    """What the robot sees with; None: it knows all discs and walls, as they are."""
-    rate: float = 10.0
-    """Scans per second."""
-    further: tuple[LidarModel, ...] = ()
-    """What it sees with besides."""
-    tracker_params: TrackerParams = field(default_factory=TrackerParams)
-    """Parameters of the tracker."""
-    path_params: PathParams = field(default_factory=PathParams)
-    replan_params: ReplanParams = field(default_factory=ReplanParams)
-    period: float = 0.2
-    """From the beginning of one plan to the next [s]."""
-    thinking: float = 0.04
-    """From the snapshot to the plan that is made of it [s]: planning takes that long."""
-    zones: Zones | None = None
-    """Where the robot keeps out, and where it goes slowly; None: nowhere."""
-
-    @property
-    def scan_age(self) -> float:
-        """Age of the scans of its slowest LiDAR when its next one is there [s]."""
-        return 1.0 / min(self.rate, *(one.rate_hz for one in self.further), math.inf)
 
 
 class Scene(NamedTuple):
@@ -107,24 +76,17 @@ class Now(NamedTuple):
     arrived: bool
 
 
-class Rows(NamedTuple):
-    """Where a stretch of steps is written to."""
-
-    rows: NDArray[np.void]
-    h: Floats
-    discs: Floats
-
-    def part(self, first: int, end: int) -> Rows:
-        """Steps first ... end - 1 of it, sharing memory."""
-        return Rows(self.rows[first:end], self.h[first:end], self.discs[first:end])
-
-
-def stretches(
-    start: Pose, planner: Planner, scene: Scene, piloted: Piloted, dt: float, delay: int,
-    steps: int, length: int,
-) -> Iterator[Rows]:  # fmt: skip
-    """The run in pieces of at most `length` steps; it ends when the robot has arrived."""
-    settings = piloted.settings
+def pieces(setup: Setup, piloted: Piloted, length: int) -> Iterator[Trace]:
+    """The run in traces of at most `length` steps; it ends when the robot has arrived."""
+    wanted, settings = route(setup.reference), piloted.settings
+    planner = Planner(wanted, settings, piloted.path_params, piloted.replan_params)
+    scene = Scene(
+        setup.obstacles, setup.grid, piloted.max_acceleration, setup.recorded_stick,
+        setup.operator, setup.seed, setup.reach, np.array(setup.goal), setup.near,
+        nearly_done(wanted.line, setup.near), setup.obstacles.walls if setup.barred is None
+        else setup.barred, piloted.lidar is not None,
+    )  # fmt: skip
+    start, dt, delay, steps = setup.start, setup.dt, setup.delay_steps, setup.steps
     eyes = None
     if piloted.lidar is not None:
         eyes = Perception(
@@ -136,18 +98,17 @@ def stretches(
     zones = None
     if piloted.zones is not None:
         zones = Zoned(piloted.zones, settings.outline, settings.gains.u_d, settings.limits)
-    m = len(scene.obstacles.discs)
     queue, sent, mover_history = np.zeros((delay, 2)), np.zeros((delay, 2)), empty_mover_history()
     period = max(round(piloted.period / dt), 1)
     thinking = min(round(piloted.thinking / dt), period - 1)
     now = Now(at_rest(start), START, IDLE, NOTHING_NEAR, False, False)
-    current = course(planner.route.reference, 0, True, settings.pace)
+    current = course(wanted.reference, 0, True, settings.pace)
     number, since, waiting = 0, 0, None
     reaction = (period + delay) * dt
     walls = near_walls(scene.obstacles.walls, start, settings, reaction)
     limited, constant = flat(settings), flat(scene)
     k, written = 0, 0
-    out = _empty(min(length, steps), m)
+    out = setup.blank(min(length, steps))
     while k < steps and not now.arrived:
         if eyes is not None and any(k == one.due for one in scanners_):
             now = now._replace(seen_obstacles=look(k, dt, now, scene, scanners_, eyes))
@@ -174,30 +135,26 @@ def stretches(
             if waiting.new:
                 number, since = number + 1 if current.row else 0, k
             waiting = None
-        upto = min(_next(k, period, thinking), steps, k + len(out.rows) - written)
+        upto = min(_next(k, period, thinking), steps, k + len(out) - written)
         if eyes is not None or zones is not None:
             upto = k + 1  # movers are predicted anew in every step, as in the loop
-        part = out.part(written, written + upto - k)
+        part = slice(written, written + upto - k)
         state = flat(now)
         done = _advance(
-            k, dt, state, flat(current), number, planner.route.line, limited, constant, walls,
-            queue, sent, mover_history, part.rows, part.h, part.discs,
+            k, dt, state, flat(current), number, wanted.line, limited, constant, walls,
+            queue, sent, mover_history, out.rows[part], out.h[part], out.discs[part],
         )  # fmt: skip
         now = made(Now, state[0].tolist(), 0, state[1])._replace(seen_obstacles=seen)
         k, written = k + done, written + done
-        if written == len(out.rows) or now.arrived or k == steps:
-            yield out.part(0, written)
-            out, written = _empty(max(min(length, steps - k), 0), m), 0
+        if written == len(out) or now.arrived or k == steps:
+            yield out.until(written)
+            out, written = setup.blank(max(min(length, steps - k), 0)), 0
 
 
 def _next(k: int, period: int, thinking: int) -> int:
     """The next step after k at which a plan is begun or taken up."""
     at = k % period
     return k - at + (thinking if at < thinking else period)
-
-
-def _empty(n: int, m: int) -> Rows:
-    return Rows(blank(n), np.empty((n, m)), np.empty((n, m, 6)))
 
 
 def near_walls(walls: Floats, pose: Pose, settings: Settings, reaction: float) -> Floats:

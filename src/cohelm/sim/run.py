@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
-from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import Desired, Floats, Twist
 from cohelm.law.gains import Gains
@@ -17,10 +16,8 @@ from cohelm.law.reference import tabulate
 from cohelm.law.step import control_step
 from cohelm.law.track import pose_error
 from cohelm.pilot.behavior import FOLLOWING
-from cohelm.pilot.pilot import Planner
-from cohelm.plan.course import nearly_done, route
 from cohelm.robot.limits import Limits
-from cohelm.sim.closed_loop import Piloted, Scene, stretches
+from cohelm.sim import closed_loop
 from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay, operate, replayed
 from cohelm.sim.setup import Setup
 from cohelm.sim.wheels import SimulatedState, at_rest, moved, note
@@ -33,21 +30,6 @@ def run(setup: Setup) -> Trace:
     return trace
 
 
-def _piloted(setup: Setup, pilot: Piloted, length: int) -> Iterator[Trace]:
-    wanted = route(setup.reference)
-    planner = Planner(wanted, pilot.settings, pilot.path_params, pilot.replan_params)
-    scene = Scene(
-        setup.obstacles, setup.grid, pilot.max_acceleration, setup.recorded_stick,
-        setup.operator, setup.seed, setup.reach, np.array(setup.goal), setup.near,
-        nearly_done(wanted.line, setup.near), setup.obstacles.walls if setup.barred is None
-        else setup.barred, pilot.lidar is not None,
-    )  # fmt: skip
-    for part in stretches(
-        setup.start, planner, scene, pilot, setup.dt, setup.delay_steps, setup.steps, length
-    ):
-        yield Trace(part.rows, part.h, part.discs, setup.names, setup.dt, setup.scenario)
-
-
 def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
     """The run in traces of `length` steps, the last one shorter, in order."""
     if setup.twin is not None:
@@ -56,23 +38,20 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
         yield from drive.pieces(setup, length)
         return
     if setup.pilot is not None:
-        yield from _piloted(setup, setup.pilot, length)
+        yield from closed_loop.pieces(setup, setup.pilot, length)
         return
     desired = tabulate(setup.reference, setup.dt, setup.steps, setup.spline_speed)
     state, person = at_rest(setup.start), IDLE
     queue = np.zeros((setup.delay_steps, 2))
-    m = len(setup.obstacles.discs)
     goal = (*setup.goal, setup.near)
     for k in range(0, setup.steps, length):
-        n = min(length, setup.steps - k)
-        rows = blank(n)
-        h, discs = np.empty((n, m)), np.empty((n, m, 6))
+        part = setup.blank(min(length, setup.steps - k))
         state, person = _advance(
             k, setup.dt, state, person, desired, goal, setup.obstacles, setup.recorded_stick,
             setup.operator, setup.seed, setup.gains, setup.limits, setup.outline, setup.reach,
-            queue, rows, h, discs,
+            queue, part.rows, part.h, part.discs,
         )  # fmt: skip
-        yield Trace(rows, h, discs, setup.names, setup.dt, setup.scenario)
+        yield part
 
 
 @jit

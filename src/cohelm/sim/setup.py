@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cohelm.core.row import blank
+from cohelm.core.trace import Trace
 from cohelm.core.types import VX, VY, Floats, Pose
 from cohelm.law.gains import Gains
 from cohelm.law.govern import PaceParams
@@ -14,12 +16,14 @@ from cohelm.law.guard.step import Rules
 from cohelm.law.reference import Reference, evaluate
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.track.params import TrackerParams
+from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
 from cohelm.plan.evasion.params import HURRY, EvasionParams, adapted
+from cohelm.plan.path_planner import PathParams
+from cohelm.plan.zones import Zones
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
-from cohelm.robot.sensors import LidarModel
-from cohelm.sim.closed_loop import Piloted
+from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import NO_GRID, Grid
 from cohelm.sim.operator_model import OperatorModel, Replay, replay
 from cohelm.sim.twin.settings import TwinModel
@@ -27,6 +31,36 @@ from cohelm.sim.world import World, world
 
 REACHED = 0.1
 """Distance to the end of a reference that counts as having reached it, by default [m]."""
+
+
+@dataclass(frozen=True)
+class Piloted:
+    """What a run with the pilot needs beyond the rest of a setup."""
+
+    settings: Settings
+    max_acceleration: Floats
+    """(m,), the largest acceleration each disc is assumed to be capable of [m/s^2]."""
+    lidar: Lidar | None = None
+    """What the robot sees with; None: it knows all discs and walls, as they are."""
+    rate: float = 10.0
+    """Scans per second."""
+    further: tuple[LidarModel, ...] = ()
+    """What it sees with besides."""
+    tracker_params: TrackerParams = field(default_factory=TrackerParams)
+    """Parameters of the tracker."""
+    path_params: PathParams = field(default_factory=PathParams)
+    replan_params: ReplanParams = field(default_factory=ReplanParams)
+    period: float = 0.2
+    """From the beginning of one plan to the next [s]."""
+    thinking: float = 0.04
+    """From the snapshot to the plan that is made of it [s]: planning takes that long."""
+    zones: Zones | None = None
+    """Where the robot keeps out, and where it goes slowly; None: nowhere."""
+
+    @property
+    def scan_age(self) -> float:
+        """Age of the scans of its slowest LiDAR when its next one is there [s]."""
+        return 1.0 / min(self.rate, *(one.rate_hz for one in self.further), math.inf)
 
 
 @dataclass(frozen=True)
@@ -94,6 +128,12 @@ class Setup:
         """Distance from the body's origin to the outline's farthest corner [m]."""
         return float(np.hypot(*self.outline.T).max())
 
+    def blank(self, n: int) -> Trace:
+        """A trace of n steps, to be written into."""
+        m = len(self.obstacles.discs)
+        h, discs = np.empty((n, m)), np.empty((n, m, 6))
+        return Trace(blank(n), h, discs, self.names, self.dt, self.scenario)
+
     @property
     def delay_steps(self) -> int:
         """The delay in control steps."""
@@ -118,16 +158,10 @@ def with_pilot(
         setup.outline, setup.limits, gains, Rules(dt=setup.dt), pace or PaceParams(),
         evasion=evasion,
     )  # fmt: skip
-    made = Piloted(
-        settings,
-        max_acceleration * moving.astype(np.float64),
-        None if lidar is None else lidar.lidar(),
-    )
+    made = Piloted(settings, max_acceleration * moving.astype(np.float64))
     if lidar is not None:
         made = replace(
-            made,
-            rate=lidar.rate_hz,
+            made, lidar=lidar.lidar(), rate=lidar.rate_hz, further=further,
             tracker_params=TrackerParams(max_acceleration=max_acceleration),
-            further=further,
-        )
+        )  # fmt: skip
     return replace(setup, pilot=made)

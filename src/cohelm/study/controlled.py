@@ -13,7 +13,6 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.obstacles import Obstacles
-from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.human import human, limited
@@ -163,8 +162,8 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
             "a controller of your own drives the kinematic plant and is given the true obstacles: "
             "set simulation.plant=kinematic and senses=truth"
         )
-    n, m, dt = setup.steps, len(setup.obstacles.discs), setup.dt
-    rows, h, discs = blank(n), np.empty((n, m)), np.empty((n, m, 6))
+    n, dt, made = setup.steps, setup.dt, setup.blank(setup.steps)
+    rows, h, discs = made.rows, made.h, made.discs
     goal, reach = setup.goal, setup.reach
     moving = _moving(setup)
     pose, applied, person = setup.start, Twist(0.0, 0.0), IDLE
@@ -213,7 +212,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
             done = k + 1
             break
         pose, applied = arc(pose, after, dt), after
-    return Trace(rows[:done], h[:done], discs[:done], setup.names, dt, setup.scenario)
+    return made.until(done)
 
 
 def _command(controller: Controller, now: Observation) -> tuple[Twist, bool]:

@@ -75,7 +75,7 @@ def test_an_evasion_is_shown_where_it_was_tightest():
     wide, high = Image.open(io.BytesIO(drawing)).size
     assert wide > 3 * high  # frames in a row, as many as there was time for
     trace.rows["behavior"] = EVADING
-    short = Trace(trace.rows[:3], trace.h[:3], trace.discs[:3], trace.names, trace.dt)
+    short = trace.until(3)
     assert strip(case, short) is not None
 
 

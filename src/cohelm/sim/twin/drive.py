@@ -15,7 +15,6 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import compose, inverse
 from cohelm.core.obstacles import Surroundings
-from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.step import Rules
@@ -30,9 +29,9 @@ from cohelm.pilot.step import Decision, Settings
 from cohelm.plan.course import nearly_done
 from cohelm.plan.zones import Zoned
 from cohelm.robot.limits import Limits
-from cohelm.sim.closed_loop import Piloted, near_walls
+from cohelm.sim.closed_loop import near_walls
 from cohelm.sim.operator_model import IDLE, operate, replayed
-from cohelm.sim.setup import Setup
+from cohelm.sim.setup import Piloted, Setup
 from cohelm.sim.twin.mjcf import GRAVITY
 from cohelm.sim.twin.movers import Pursuers
 from cohelm.sim.twin.robot import Twin, TwinTruth
@@ -60,18 +59,14 @@ def stepped(run: TwinRun, length: int) -> Iterator[Trace]:
     """The same for any run on the twin."""
     setup, k = run.setup, 0
     while k < setup.steps and not run.arrived:
-        n = min(length, setup.steps - k)
-        rows = blank(n)
-        m = len(setup.obstacles.discs)
-        h, discs = np.empty((n, m)), np.empty((n, m, 6))
-        done = 0
-        while done < n and not run.arrived:
-            discs[done] = run.discs()
-            h[done] = _h(run.truth.pose, discs[done])
-            run.step(k + done, rows[done])
-            rows[done]["h"] = h[done].min(initial=math.inf)
+        part, done = setup.blank(min(length, setup.steps - k)), 0
+        while done < len(part) and not run.arrived:
+            part.discs[done] = run.discs()
+            part.h[done] = _h(run.truth.pose, part.discs[done])
+            run.step(k + done, part.rows[done])
+            part.rows[done]["h"] = part.h[done].min(initial=math.inf)
             done += 1
-        yield Trace(rows[:done], h[:done], discs[:done], setup.names, setup.dt, setup.scenario)
+        yield part.until(done)
         k += done
 
 

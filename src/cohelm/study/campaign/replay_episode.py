@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -80,8 +79,7 @@ def joined(case: Episode, law: str, acted: Interventions) -> Trace:
     for piece in laws.pieces(case, law, acted):
         end = arrival(piece, case.goal)
         if end is not None:
-            n = end + 1
-            done.append(replace(piece, rows=piece.rows[:n], h=piece.h[:n], discs=piece.discs[:n]))
+            done.append(piece.until(end + 1))
             break
         done.append(piece)
     return done[0].joined(*done[1:])
