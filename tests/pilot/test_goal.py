@@ -7,10 +7,9 @@ from cohelm.core.types import Pose, Twist
 from cohelm.law.govern import CourseClock
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
-from cohelm.pilot.replanning import ReplanParams, Task, plan
+from cohelm.pilot.replanning import Planner, Task
 from cohelm.pilot.step import START
 from cohelm.plan.course import course, route
-from cohelm.plan.path_planner import PathParams
 from cohelm.sim.run import run
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world
@@ -56,6 +55,6 @@ def test_a_robot_that_was_kept_from_the_end_of_its_course_goes_there_after_all(o
     )
     here = Pose(4.0, off, 0.0)
     task = Task(state, here, Twist(0.0, 0.0), surroundings(), followed, 9.0, False)
-    made = plan(task, way, SETTINGS, PathParams(), ReplanParams())
+    made = Planner(way, SETTINGS)(task)
     assert made.new == new
     assert np.hypot(*(made.course.poses[-1, :2] - [4.0, 0.0])) < 0.06

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from cohelm.pilot.pilot import Planner
-from cohelm.pilot.replanning import Plan, Task
+from cohelm.pilot.replanning import Plan, Planner, Task
 from cohelm.robot.keep.child import Child
 
 MAX_PLAN_AGE = 2.0

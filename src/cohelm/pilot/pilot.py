@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import Reference
 from cohelm.pilot.behavior import FOLLOWING, LED
 from cohelm.pilot.delay_compensation import periods
-from cohelm.pilot.replanning import Plan, ReplanParams, Task, clock_on_entry, plan
+from cohelm.pilot.replanning import Plan, Planner, ReplanParams, Task, clock_on_entry
 from cohelm.pilot.step import (
     NO_MOVE,
     PATIENCE,
@@ -28,7 +27,7 @@ from cohelm.pilot.step import (
     pilot_step,
     still,
 )
-from cohelm.plan.course import Course, Route, course, route, row_on_route
+from cohelm.plan.course import Course, course, route, row_on_route
 from cohelm.plan.evasion.movers import empty_mover_history
 from cohelm.plan.path_planner import PathParams
 from cohelm.plan.recovery import kind
@@ -37,21 +36,6 @@ _PAUSE = 1.0
 """A pilot that was not asked for longer begins anew: the robot may be elsewhere [s]."""
 NOTHING_NEAR = surroundings()
 """No obstacles."""
-
-
-class Planner(NamedTuple):
-    """Everything `plan` needs beside the snapshot; sent once to where plans are made."""
-
-    route: Route
-    settings: Settings
-    path_params: PathParams = PathParams()
-    replan_params: ReplanParams = ReplanParams()
-
-    def __call__(self, task: Task) -> Plan:
-        """The plan for a snapshot; takes milliseconds, and changes nothing."""
-        s = self.settings
-        s = s if task.outline is None else s._replace(outline=task.outline)
-        return plan(task, self.route, s, self.path_params, self.replan_params)
 
 
 class Pilot:

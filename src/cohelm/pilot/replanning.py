@@ -113,236 +113,222 @@ class Plan(NamedTuple):
     """Whether it was made for a robot that is held up."""
 
 
-def plan(
-    task: Task, route: Route, settings: Settings, path_params: PathParams,
-    replan_params: ReplanParams,
-) -> Plan:  # fmt: skip
-    """The plan for a snapshot: the current path with speeds by clearance, or a new one.
+class Planner(NamedTuple):
+    """Makes plans for one robot on one route; sent once to where they are made."""
 
-    The route itself is followed where it is clear by `accept`; else a detour that re-enters it.
-    Held up for long, or facing the wrong way, the robot first makes a recovery move. If there is no
-    path over observed ground, one over unobserved space is begun: the filter stops the robot at its
-    border, where it can look.
-    """
-    state, now = task.state, task.course
-    if state.evasion.on and not _once_a_second(task):  # it does not follow the path meanwhile
-        return Plan(now, False, None, False, math.inf)
-    static_points = surface_points(task.obstacles, task.pose, replan_params.known)
-    mover_points = predicted_encounters(
-        task.obstacles.discs, task.pose, route.reference.speed, replan_params.known,
-        replan_params.foresight,
-    )  # fmt: skip
-    points = np.concatenate((static_points, mover_points)) if len(mover_points) else static_points
-    refreshed, clearance = paced(
-        now, state.clock.tau, replan_params.look, points, settings.outline, settings.pace
-    )
-    kept = Plan(refreshed, False, None, False, clearance)
-    if task.led or state.left != NO_MOVE:
-        return kept
-    far = not len(mover_points) and _once_a_second(task)
-    made = _course(task, points, kept, route, settings, path_params, replan_params, far)
-    if made.failed and len(mover_points):
-        far = _once_a_second(task)
-        made = _course(task, static_points, kept, route, settings, path_params, replan_params, far)
-    ended = not made.new and _ended(task, route, replan_params)
-    if (made.failed or ended) and task.unobserved.stop > task.unobserved.start:
-        observed = task.obstacles._replace(
-            points=np.delete(task.obstacles.points, task.unobserved, axis=0)
-        )
-        points = surface_points(observed, task.pose, replan_params.known)
-        made = _course(task, points, kept, route, settings, path_params, replan_params, far)
-    return made._replace(
-        move=_recovery(task, made, static_points, route, settings, path_params, replan_params),
-        held=_held_up(task, replan_params),
-    )
+    route: Route
+    settings: Settings
+    path_params: PathParams = PathParams()
+    replan_params: ReplanParams = ReplanParams()
 
+    def __call__(self, task: Task) -> Plan:
+        """The plan for a snapshot: the current path with speeds by clearance, or a new one. It
+        takes milliseconds, and changes nothing.
 
-def _course(
-    task: Task, points: Floats, kept: Plan, route: Route, settings: Settings,
-    path_params: PathParams, replan_params: ReplanParams, far: bool,
-) -> Plan:  # fmt: skip
-    """The path to follow, whatever the robot's heading."""
-    state, pose, now = task.state, task.pose, task.course
-    on_route = now.row == 0
-    at = governed(now.reference, state.clock, pose, settings.pace)
-    short_of = math.hypot(at.x - pose.x, at.y - pose.y)
-    # At the end of a path nothing is tracked that would reduce the cross-track error.
-    missed = _remaining(now, state.clock.tau) <= 0.0 and still(task.twist)
-    off_path = short_of > (replan_params.missed if missed else replan_params.max_cross_track_error)
-    held = _held_up(task, replan_params)
-    if on_route and kept.clearance >= replan_params.accept and not off_path and not held:
-        return kept
-    if not on_route and not held:
-        back = _route_reentry(task, points, route, settings, replan_params)
-        if back is not None:
-            return back
-    running_out = not now.last and _remaining(now, state.clock.tau) < 0.75 * replan_params.look
-    # An obstacle at the route's end may be gone.
-    beside, ended = _beside(now, route, replan_params), _ended(task, route, replan_params)
-    acceptable = kept.clearance >= path_params.clearance - replan_params.slack and not (
-        off_path or held or running_out or on_route or ended
-    )
-    if acceptable and (
-        kept.clearance >= replan_params.ample_clearance or task.since < replan_params.patience
-    ):
-        return kept
-    found = _detour(task, points, route, settings, path_params, replan_params, far)
-    back = (
-        found is None or abs(_on_adoption(found, task, route, settings)[2]) > replan_params.turned
-    )
-    if acceptable and not beside and back:  # no path that begins with turning round is better
-        return kept
-    if found is not None and ended:
-        nearer = _distance_to_end(found.course, route) < _distance_to_end(now, route) - 0.1
-        found = found if nearer else None
-    return kept._replace(failed=not ended) if found is None else found
+        The route itself is followed where it is clear by `accept`; else a detour that re-enters it.
+        Held up for long, or facing the wrong way, the robot first makes a recovery move. If there
+        is no path over observed ground, one over unobserved space is begun: the filter stops the
+        robot at its border, where it can look.
+        """
+        if task.outline is None:
+            return self._plan(task)
+        return self._replace(settings=self.settings._replace(outline=task.outline))._plan(task)
 
-
-def _distance_to_end(course: Course, route: Route) -> float:
-    """Distance of a path's end from the route's end [m]."""
-    return math.hypot(*(course.poses[-1, :2] - route.line[-1]))
-
-
-def _beside(now: Course, route: Route, replan_params: ReplanParams) -> bool:
-    """Whether the path is a detour that ends beside the route's end."""
-    return now.last and now.row > 0 and _distance_to_end(now, route) > replan_params.beside
-
-
-def _ended(task: Task, route: Route, replan_params: ReplanParams) -> bool:
-    """Whether the robot is at the end of such a path."""
-    at_end = _remaining(task.course, task.state.clock.tau) < 0.1
-    return at_end and _beside(task.course, route, replan_params)
-
-
-def _held_up(task: Task, replan_params: ReplanParams) -> bool:
-    """Whether the robot makes no progress."""
-    return max(task.state.clock.waited, task.refused_for) > replan_params.waits
-
-
-def _on_adoption(
-    made: Plan, task: Task, route: Route, settings: Settings
-) -> tuple[CourseClock, Desired, float]:
-    """The clock of a plan's path now, the desired pose, and the robot's heading error [rad]."""
-    clock = task.state.clock
-    if made.new:
-        clock = clock_on_entry(made.course, route, task.state.row, task.pose, task.twist)
-    to = governed(made.course.reference, clock, task.pose, settings.pace)
-    return clock, to, math.remainder(to.psi - task.pose.psi, 2.0 * math.pi)
-
-
-def _route_reentry(
-    task: Task, points: Floats, route: Route, settings: Settings, replan_params: ReplanParams
-) -> Plan | None:
-    """Re-entry of the route, if the robot is on it and it is clear ahead."""
-    row, pose = task.state.row, task.pose
-    x, y = route.line[row]
-    following = route.line[min(row + 1, len(route.line) - 1)] - route.line[max(row - 1, 0)]
-    off = math.remainder(math.atan2(following[1], following[0]) - pose.psi, 2.0 * math.pi)
-    if math.hypot(x - pose.x, y - pose.y) > replan_params.reentry_distance or abs(off) > 0.5:
-        return None
-    own = course(route.reference, 0, True, settings.pace)
-    made, clearance = paced(
-        own, float(route.times[row]), replan_params.look, points, settings.outline, settings.pace
-    )
-    if clearance < 1.25 * replan_params.accept:
-        return None
-    clock = clock_on_entry(made, route, row, pose, task.twist)
-    drive = roll_out(made, clock, pose, task.twist, replan_params.look, settings)
-    if (
-        len(drive)
-        and swept_clearances(points, settings.outline, drive).min() < replan_params.accept
-    ):
-        return None
-    return Plan(made, True, None, False, clearance)
-
-
-def _detour(
-    task: Task, points: Floats, route: Route, settings: Settings, path_params: PathParams,
-    replan_params: ReplanParams, far: bool,
-) -> Plan | None:  # fmt: skip
-    """A detour from the robot back onto the route, and on along it.
-
-    far: whether to search far afield if there is none near by.
-    """
-    line, pose = route.line, task.pose
-    row = row_on_route(line, pose, task.state.row, task.course, task.state.clock.tau)
-    now, clock = task.course, task.state.clock
-    chosen = _NO_PATH
-    if now.row > 0 and clock.waited <= replan_params.waits:
-        chosen = now.poses[slice(*window(now, clock.tau, replan_params.known)), :2]
-    away = float(np.hypot(*(line[row] - pose[:2])))
-    path_params = path_params._replace(resolution=max(path_params.resolution, away / _CELLS))
-    for reach, farther in ((1.5, False), (3.0, True))[: 2 if far else 1]:
-        end = min(len(line), row + int(reach * replan_params.look / ROUTE_SPACING))
-        found = plan_path(
-            pose, points, line[:end], settings.outline, path_params, row, replan_params.look,
-            farther, chosen,
+    def _plan(self, task: Task) -> Plan:
+        state, now, params = task.state, task.course, self.replan_params
+        if state.evasion.on and not _once_a_second(task):  # it does not follow the path meanwhile
+            return Plan(now, False, None, False, math.inf)
+        static_points = surface_points(task.obstacles, task.pose, params.known)
+        mover_points = predicted_encounters(
+            task.obstacles.discs, task.pose, self.route.reference.speed, params.known,
+            params.foresight,
         )  # fmt: skip
-        if found is not None:
-            break
-    else:
-        return None
-    if len(found.points) < 3:
-        return None
-    tail = line[found.rejoined + 2 : end : 2]
-    last = end == len(line)
-    corners = np.vstack((found.points[:-1:2], found.points[-1:]))
-    around = len(corners)
-    if found.rejoined < end - 1:
-        corners = np.vstack((corners, tail, line[end - 1 : end]))
-    steps = np.diff(distances(corners))
-    keep = np.concatenate(([True], steps > 0.02))
-    if keep.sum() < 2:
-        return None
-    reference = through(corners[keep], route.reference.speed)
-    rejoins = float(reference.knots[keep[:around].sum() - 1])
-    made = course(reference, max(found.rejoined, 1), last, settings.pace, rejoins)
-    made, clearance = paced(made, 0.0, replan_params.look, points, settings.outline, settings.pace)
-    return Plan(made, True, None, False, clearance)
-
-
-def _recovery(
-    task: Task, made: Plan, points: Floats, route: Route, settings: Settings,
-    path_params: PathParams, replan_params: ReplanParams,
-) -> RecoveryMove | None:  # fmt: skip
-    """A recovery move, if one is needed and possible."""
-    pose = task.pose
-    clock, to, off = _on_adoption(made, task, route, settings)
-    held = _held_up(task, replan_params)
-    shuffles = task.state.moves >= MOVES  # single moves lead nowhere
-    over = clock.tau >= made.course.reference.knots[-1]
-    if over or (abs(off) <= (_AHEAD if shuffles else replan_params.turned) and not held):
-        return None
-    refused = task.state.refused
-    recovery_params = _RECOVERY._replace(
-        clearances=(
-            *(g for g in _RECOVERY.clearances if g > path_params.clearance),
-            path_params.clearance,
-        ),
-        # Between two of the dense points of a wall a corner may be so much nearer to it.
-        least=min(math.hypot(settings.rules.hard_margin, 0.5 * _DENSE), settings.rules.soft_margin),
-    )
-    if task.refused_for > replan_params.waits:  # by an obstacle that is not among the points
-        move = back_off(pose, points, settings.outline, recovery_params, refused)
-        return move or back_off(pose, points, settings.outline, recovery_params)
-    move = None
-    if not shuffles:
-        move = recovery_move(pose, to.psi, points, settings.outline, recovery_params, refused)
-    if move is None and (held or refused or shuffles):
-        dense = surface_points(task.obstacles, pose, _DENSE_WITHIN, _DENSE)
-        if shuffles:
-            move = search_recovery(pose, to.psi, dense, settings.outline, recovery_params, refused)
-        for without in (refused, 0)[: 2 if refused else 1]:
-            move = move or recovery_move(
-                pose, to.psi, dense, settings.outline, recovery_params, without
+        points = static_points
+        if len(mover_points):
+            points = np.concatenate((static_points, mover_points))
+        refreshed, clearance = self._paced(now, state.clock.tau, points)
+        kept = Plan(refreshed, False, None, False, clearance)
+        if task.led or state.left != NO_MOVE:
+            return kept
+        far = not len(mover_points) and _once_a_second(task)
+        made = self._course(task, points, kept, far)
+        if made.failed and len(mover_points):
+            far = _once_a_second(task)
+            made = self._course(task, static_points, kept, far)
+        ended = not made.new and self._ended(task)
+        if (made.failed or ended) and task.unobserved.stop > task.unobserved.start:
+            observed = task.obstacles._replace(
+                points=np.delete(task.obstacles.points, task.unobserved, axis=0)
             )
-            move = move or search_recovery(
-                pose, to.psi, dense, settings.outline, recovery_params, without
-            )
-    if move is not None and abs(off) <= _AHEAD and move.distance == 0.0:
-        back = RecoveryMove(-0.2, 0.0, 0.0)  # its heading is right, but it makes no progress
-        return RecoveryMove(0.1, 0.0, 0.0) if kind(back) & refused else back
-    return move
+            points = surface_points(observed, task.pose, params.known)
+            made = self._course(task, points, kept, far)
+        move = self._recovery(task, made, static_points)
+        return made._replace(move=move, held=self._held_up(task))
+
+    def _paced(self, course: Course, tau: float, points: Floats) -> tuple[Course, float]:
+        """A path with speeds by clearance, and the smallest clearance ahead of `tau` [m]."""
+        s = self.settings
+        return paced(course, tau, self.replan_params.look, points, s.outline, s.pace)
+
+    def _course(self, task: Task, points: Floats, kept: Plan, far: bool) -> Plan:
+        """The path to follow, whatever the robot's heading."""
+        state, pose, now, params = task.state, task.pose, task.course, self.replan_params
+        on_route = now.row == 0
+        at = governed(now.reference, state.clock, pose, self.settings.pace)
+        short_of = math.hypot(at.x - pose.x, at.y - pose.y)
+        # At the end of a path nothing is tracked that would reduce the cross-track error.
+        missed = _remaining(now, state.clock.tau) <= 0.0 and still(task.twist)
+        off_path = short_of > (params.missed if missed else params.max_cross_track_error)
+        held = self._held_up(task)
+        if on_route and kept.clearance >= params.accept and not off_path and not held:
+            return kept
+        if not on_route and not held:
+            back = self._route_reentry(task, points)
+            if back is not None:
+                return back
+        running_out = not now.last and _remaining(now, state.clock.tau) < 0.75 * params.look
+        # An obstacle at the route's end may be gone.
+        beside, ended = self._beside(now), self._ended(task)
+        acceptable = kept.clearance >= self.path_params.clearance - params.slack and not (
+            off_path or held or running_out or on_route or ended
+        )
+        if acceptable and (
+            kept.clearance >= params.ample_clearance or task.since < params.patience
+        ):
+            return kept
+        found = self._detour(task, points, far)
+        back = found is None or abs(self._on_adoption(found, task)[2]) > params.turned
+        if acceptable and not beside and back:  # no path that begins with turning round is better
+            return kept
+        if found is not None and ended:
+            nearer = self._distance_to_end(found.course) < self._distance_to_end(now) - 0.1
+            found = found if nearer else None
+        return kept._replace(failed=not ended) if found is None else found
+
+    def _distance_to_end(self, course: Course) -> float:
+        """Distance of a path's end from the route's end [m]."""
+        return math.hypot(*(course.poses[-1, :2] - self.route.line[-1]))
+
+    def _beside(self, now: Course) -> bool:
+        """Whether the path is a detour that ends beside the route's end."""
+        return now.last and now.row > 0 and self._distance_to_end(now) > self.replan_params.beside
+
+    def _ended(self, task: Task) -> bool:
+        """Whether the robot is at the end of such a path."""
+        at_end = _remaining(task.course, task.state.clock.tau) < 0.1
+        return at_end and self._beside(task.course)
+
+    def _held_up(self, task: Task) -> bool:
+        """Whether the robot makes no progress."""
+        return max(task.state.clock.waited, task.refused_for) > self.replan_params.waits
+
+    def _on_adoption(self, made: Plan, task: Task) -> tuple[CourseClock, Desired, float]:
+        """The clock of a plan's path now, the desired pose, and the robot's heading error [rad]."""
+        clock = task.state.clock
+        if made.new:
+            clock = clock_on_entry(made.course, self.route, task.state.row, task.pose, task.twist)
+        to = governed(made.course.reference, clock, task.pose, self.settings.pace)
+        return clock, to, math.remainder(to.psi - task.pose.psi, 2.0 * math.pi)
+
+    def _route_reentry(self, task: Task, points: Floats) -> Plan | None:
+        """Re-entry of the route, if the robot is on it and it is clear ahead."""
+        row, pose = task.state.row, task.pose
+        line, params = self.route.line, self.replan_params
+        x, y = line[row]
+        following = line[min(row + 1, len(line) - 1)] - line[max(row - 1, 0)]
+        off = math.remainder(math.atan2(following[1], following[0]) - pose.psi, 2.0 * math.pi)
+        if math.hypot(x - pose.x, y - pose.y) > params.reentry_distance or abs(off) > 0.5:
+            return None
+        own = course(self.route.reference, 0, True, self.settings.pace)
+        made, clearance = self._paced(own, float(self.route.times[row]), points)
+        if clearance < 1.25 * params.accept:
+            return None
+        clock = clock_on_entry(made, self.route, row, pose, task.twist)
+        drive = roll_out(made, clock, pose, task.twist, params.look, self.settings)
+        outline = self.settings.outline
+        if len(drive) and swept_clearances(points, outline, drive).min() < params.accept:
+            return None
+        return Plan(made, True, None, False, clearance)
+
+    def _detour(self, task: Task, points: Floats, far: bool) -> Plan | None:
+        """A detour from the robot back onto the route, and on along it.
+
+        far: whether to search far afield if there is none near by.
+        """
+        line, pose, params = self.route.line, task.pose, self.replan_params
+        row = row_on_route(line, pose, task.state.row, task.course, task.state.clock.tau)
+        now, clock = task.course, task.state.clock
+        chosen = _NO_PATH
+        if now.row > 0 and clock.waited <= params.waits:
+            chosen = now.poses[slice(*window(now, clock.tau, params.known)), :2]
+        away = float(np.hypot(*(line[row] - pose[:2])))
+        resolution = max(self.path_params.resolution, away / _CELLS)
+        path_params = self.path_params._replace(resolution=resolution)
+        for reach, farther in ((1.5, False), (3.0, True))[: 2 if far else 1]:
+            end = min(len(line), row + int(reach * params.look / ROUTE_SPACING))
+            found = plan_path(
+                pose, points, line[:end], self.settings.outline, path_params, row, params.look,
+                farther, chosen,
+            )  # fmt: skip
+            if found is not None:
+                break
+        else:
+            return None
+        if len(found.points) < 3:
+            return None
+        tail = line[found.rejoined + 2 : end : 2]
+        last = end == len(line)
+        corners = np.vstack((found.points[:-1:2], found.points[-1:]))
+        around = len(corners)
+        if found.rejoined < end - 1:
+            corners = np.vstack((corners, tail, line[end - 1 : end]))
+        steps = np.diff(distances(corners))
+        keep = np.concatenate(([True], steps > 0.02))
+        if keep.sum() < 2:
+            return None
+        reference = through(corners[keep], self.route.reference.speed)
+        rejoins = float(reference.knots[keep[:around].sum() - 1])
+        made = course(reference, max(found.rejoined, 1), last, self.settings.pace, rejoins)
+        made, clearance = self._paced(made, 0.0, points)
+        return Plan(made, True, None, False, clearance)
+
+    def _recovery(self, task: Task, made: Plan, points: Floats) -> RecoveryMove | None:
+        """A recovery move, if one is needed and possible."""
+        pose, outline, rules = task.pose, self.settings.outline, self.settings.rules
+        clock, to, off = self._on_adoption(made, task)
+        held = self._held_up(task)
+        shuffles = task.state.moves >= MOVES  # single moves lead nowhere
+        over = clock.tau >= made.course.reference.knots[-1]
+        if over or (abs(off) <= (_AHEAD if shuffles else self.replan_params.turned) and not held):
+            return None
+        refused = task.state.refused
+        recovery_params = _RECOVERY._replace(
+            clearances=(
+                *(g for g in _RECOVERY.clearances if g > self.path_params.clearance),
+                self.path_params.clearance,
+            ),
+            # Between two of the dense points of a wall a corner may be so much nearer to it.
+            least=min(math.hypot(rules.hard_margin, 0.5 * _DENSE), rules.soft_margin),
+        )
+        if task.refused_for > self.replan_params.waits:  # by what is not among the points
+            move = back_off(pose, points, outline, recovery_params, refused)
+            return move or back_off(pose, points, outline, recovery_params)
+        move = None
+        if not shuffles:
+            move = recovery_move(pose, to.psi, points, outline, recovery_params, refused)
+        if move is None and (held or refused or shuffles):
+            dense = surface_points(task.obstacles, pose, _DENSE_WITHIN, _DENSE)
+            if shuffles:
+                move = search_recovery(pose, to.psi, dense, outline, recovery_params, refused)
+            for without in (refused, 0)[: 2 if refused else 1]:
+                move = move or recovery_move(pose, to.psi, dense, outline, recovery_params, without)
+                move = move or search_recovery(
+                    pose, to.psi, dense, outline, recovery_params, without
+                )
+        if move is not None and abs(off) <= _AHEAD and move.distance == 0.0:
+            back = RecoveryMove(-0.2, 0.0, 0.0)  # its heading is right, but it makes no progress
+            return RecoveryMove(0.1, 0.0, 0.0) if kind(back) & refused else back
+        return move
 
 
 def clock_on_entry(course: Course, route: Route, row: int, pose: Pose, twist: Twist) -> CourseClock:

@@ -21,8 +21,8 @@ from cohelm.core.trace import Trace
 from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.perceive.pipeline import Perception
 from cohelm.pilot.behavior import LED
-from cohelm.pilot.pilot import NOTHING_NEAR, Planner, taken
-from cohelm.pilot.replanning import Task
+from cohelm.pilot.pilot import NOTHING_NEAR, taken
+from cohelm.pilot.replanning import Planner, Task
 from cohelm.pilot.step import START, PilotState, Settings, pilot_step
 from cohelm.plan.course import Course, course, nearly_done, route
 from cohelm.plan.evasion.movers import empty_mover_history
