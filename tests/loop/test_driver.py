@@ -12,7 +12,7 @@ from cohelm.law.reference import through
 from cohelm.loop.driver import Driver
 from cohelm.pilot.behavior import EVADING
 from cohelm.pilot.pilot import Pilot
-from cohelm.plan.zones import Zoned
+from cohelm.plan.zones import Zoned, Zones
 from tests.pilot.drives import DT, SETTINGS
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -54,7 +54,7 @@ def test_the_planner_gets_unobserved_space_apart_from_obstacles_and_zones():
     planning = SimpleNamespace(plan=lambda now: None, offer=lambda now, task: tasks.append(task))
     route = through(np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 0.0]]), 0.5)
     driver = Driver(Pilot(route, SETTINGS), SETTINGS, 0.0, planning)
-    driver.zones = Zoned(None, SETTINGS.outline, 0.5, SETTINGS.limits)
+    driver.zones = Zoned(Zones(), SETTINGS.outline, 0.5, SETTINGS.limits)
     driver.zones.points = lambda pose: zones
     obstacles = surroundings(points=np.vstack((stands, unseen)))
     for now, blind in ((0.0, 2), (1.0, 0)):

@@ -179,7 +179,7 @@ class Listeners:
         masks = Masks(network, [f"/{FILTER_INFO}"], "map")
         network.publish(f"/{FILTER_INFO}", FILTER_INFO, LATCHED).send(info)
         network.publish(f"/{GRID}", GRID, LATCHED).send(grid)
-        if masked(masks.read(0.0)) is None:
+        if not masked(masks.read(0.0)):
             raise ValueError("a mask that is no zone")
 
     def close(self) -> None:

@@ -16,7 +16,7 @@ from cohelm.drive.playback import Playback
 from cohelm.drive.session import SessionConfig
 from cohelm.drive.shown import zone_messages
 from cohelm.link.bulk_messages import Zone, ZoneMap
-from cohelm.plan.zones import CELL, covering
+from cohelm.plan.zones import CELL, Zones, covering
 from cohelm.record.write import Recorder
 from cohelm.scenario import build, load
 from cohelm.scenario.model import Scenario
@@ -152,6 +152,6 @@ def test_invalid_zones_are_refused_in_one_sentence(zones, changes, why):
 
 
 def test_without_zones_nothing_is_published():
-    assert zone_messages(None, 0.5) == ()
-    assert ZonesModel().read(START) is None
+    assert zone_messages(Zones(), 0.5) == ()
+    assert not ZonesModel().read(START)
     assert math.isinf(build.setup(zoned_scenario("{}")).pilot.settings.fastest)

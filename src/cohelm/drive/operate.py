@@ -121,19 +121,18 @@ def remarks(made: RobotFactory) -> str:
 
 def map_and_zones(
     options: DriveOptions, made: RobotFactory, masks: Sequence[FilterMask] = ()
-) -> tuple[LocalizationMap | None, Zones | None]:
+) -> tuple[LocalizationMap | None, Zones]:
     """The selected map and zones. Raises CohelmError if a file or mask can not be used, or if both
     define zones of one kind."""
     chart = None if options.chart is None else mapped(options.chart, made.start)
-    files = read_zones(options.keep_out, options.speed_zones, made.start) or Zones()
-    mask_zones = masked(masks) or Zones()
+    files = read_zones(options.keep_out, options.speed_zones, made.start)
+    mask_zones = masked(masks)
     for option, one, other in zip(("--keep-out", "--speed-zones"), files, mask_zones, strict=True):
         if one is not None and other is not None:
             raise CohelmError(
                 f"{option} and --masks-from define the same zones: leave one of them out"
             )
-    zones = Zones(files.keep_out or mask_zones.keep_out, files.slow or mask_zones.slow)
-    return chart, None if zones == Zones() else zones
+    return chart, files.over(mask_zones)
 
 
 def masks_on_topics(options: DriveOptions, made: RobotFactory) -> tuple[FilterMask, ...]:

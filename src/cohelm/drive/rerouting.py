@@ -25,7 +25,7 @@ from cohelm.loop.driver import Driver
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.plan.path_planner import Goal
-from cohelm.plan.zones import Cells, Zones
+from cohelm.plan.zones import Cells
 from cohelm.robot.gate.gate import STANDING
 from cohelm.robot.keep.gated_robot import standing
 from cohelm.scenario.docks import occupied
@@ -253,5 +253,5 @@ def checker_of(
         surfaces = occupied(known)
         bounds = Cells(known.gap, known.resolution, known.origin).bounds()
     outline = plan.robot.model.outline if outline is None else outline
-    keep_out = (plan.zones or Zones()).keep_out
+    keep_out = plan.zones.keep_out
     return PathChecker(plan.robot.scenario.reference.speed_mps, outline, surfaces, bounds, keep_out)

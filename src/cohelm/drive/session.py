@@ -33,7 +33,7 @@ from cohelm.pilot.margin_inflation import SLOP, inflated, inflated_rules, noise
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import Decision
 from cohelm.plan.docks import Dock
-from cohelm.plan.zones import Zones
+from cohelm.plan.zones import UNZONED, Zones
 from cohelm.robot.gate.modes import GateMode, driving, latched
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules, standing
 from cohelm.robot.keep.priority import raise_priority, raise_thread_priorities, restore_priority
@@ -44,7 +44,7 @@ from cohelm.robot.model import checked_sight
 from cohelm.robot.port import Encoded, Frame
 from cohelm.scenario.docks import checked
 from cohelm.scenario.load import dump
-from cohelm.scenario.zones import check, given_first
+from cohelm.scenario.zones import check
 
 if TYPE_CHECKING:
     from cohelm.drive.live import Live, LiveConfig
@@ -74,7 +74,7 @@ class SessionConfig:
     """The map to localise on; by default the scenario's walls."""
     localise: bool = True
     """Otherwise, or without map and walls, the robot uses its odometry."""
-    zones: Zones | None = None
+    zones: Zones = UNZONED
     """Keep-out and speed zones on that map; of each kind by default the scenario's."""
     loop: LoopParams = field(default_factory=LoopParams)
     watchdog: float = 0.1
@@ -88,8 +88,7 @@ class SessionConfig:
     def __post_init__(self) -> None:
         site = self.robot.scenario.zones
         if site is not None:
-            zones = given_first(self.zones, site.read(self.robot.start))
-            object.__setattr__(self, "zones", zones)
+            object.__setattr__(self, "zones", self.zones.over(site.read(self.robot.start)))
 
     @property
     def period(self) -> float:
@@ -152,7 +151,7 @@ class Session:
             if known is None and plan.localise and len(walls) > 0:
                 known = map_from_geometry(walls, robot.start)
             self.known = known
-            if plan.zones is not None:
+            if plan.zones:
                 check(plan.zones, known)
             docks = docks_of(plan, known)
             warmed_up = in_thread(lambda: warm_up(model, known is not None)) if real_time else None

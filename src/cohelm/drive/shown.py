@@ -48,10 +48,10 @@ def recordable(shown: Map | ZoneMap | Polyline) -> Map | ZoneMap | Polyline:
     return shown
 
 
-def zone_messages(zones: Zones | None, u_d: float) -> tuple[ZoneMap, ...]:
+def zone_messages(zones: Zones, u_d: float) -> tuple[ZoneMap, ...]:
     """Keep-out and speed zones for the page. u_d: the usual speed [m/s]."""
     made: list[ZoneMap] = []
-    kept_out, slow = zones or Zones()
+    kept_out, slow = zones
     if kept_out is not None:
         cells = np.where(kept_out.zone > 0, 100, 0).astype(np.uint8)
         made += _zone_map(Zone.KEEP_OUT, kept_out.depth, cells, u_d)

@@ -21,7 +21,7 @@ from cohelm.loop.loop import Loop
 from cohelm.plan.zones import Zoned, Zones
 from cohelm.ros.masks import FilterMask, Masks
 from cohelm.ros.port import Transport
-from cohelm.scenario.zones import check, given_first, masked
+from cohelm.scenario.zones import check, masked
 
 _PAUSE = "zones"
 _BRAKES = "the zones have changed: braking for them"
@@ -115,7 +115,7 @@ class ZonesOnTopics:
 
     def _take(self, session: Session, masks: tuple[FilterMask, ...], topics: str) -> None:
         plan = session.plan
-        zones = given_first(masked(masks, lifted=True), plan.zones) or Zones()
+        zones = masked(masks, lifted=True).over(plan.zones)
         check(zones, session.known)
         settings, u_d = session.loop.driver.settings, plan.robot.scenario.reference.speed_mps
         zoned = Zoned(zones, settings.outline, settings.gains.u_d, settings.limits)

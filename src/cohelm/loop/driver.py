@@ -25,7 +25,7 @@ from cohelm.pilot.replanning import clock_on_entry
 from cohelm.pilot.step import Decision, Settings
 from cohelm.plan.course import row_on_route
 from cohelm.plan.distance_field import swept_clearances
-from cohelm.plan.zones import Zoned, Zones
+from cohelm.plan.zones import UNZONED, Zoned, Zones
 from cohelm.robot.achievable import achievable
 from cohelm.robot.keep.process import GatedRobot
 
@@ -49,7 +49,7 @@ class Driver:
 
     def __init__(
         self, pilot: Pilot | None, settings: Settings, delay: float, planning: Planning | None,
-        zones: Zones | None = None,
+        zones: Zones = UNZONED,
     ) -> None:  # fmt: skip
         """delay: from command to wheels [s]. zones: of the map."""
         self.pilot, self.settings, self._planning = pilot, settings, planning
@@ -67,7 +67,7 @@ class Driver:
         self._planned = -math.inf
         self.zones: Zoned | None = None
         """Keep-out points and speed limits of the zones."""
-        if zones is not None:
+        if zones:
             self.zones = Zoned(zones, settings.outline, settings.gains.u_d, settings.limits)
 
     @property

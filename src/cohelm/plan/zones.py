@@ -201,19 +201,30 @@ class SpeedZones(NamedTuple):
 
 
 class Zones(NamedTuple):
-    """The zones of one map; None: none."""
+    """The zones of one map, false where there are none; None: none of that kind."""
 
     keep_out: KeepOut | None = None
     slow: SpeedZones | None = None
+
+    def __bool__(self) -> bool:
+        return self.keep_out is not None or self.slow is not None
+
+    def over(self, other: Zones) -> Zones:
+        """Of each kind these, where there are some, else the other's."""
+        return Zones(self.keep_out or other.keep_out, self.slow or other.slow)
+
+
+UNZONED = Zones()
+"""No zones."""
 
 
 class Zoned:
     """The zones of one robot."""
 
-    def __init__(self, zones: Zones | None, outline: Floats, u_d: float, limits: Limits) -> None:
+    def __init__(self, zones: Zones, outline: Floats, u_d: float, limits: Limits) -> None:
         """outline: (k, 2), convex, counter-clockwise [m]. u_d: the usual speed [m/s]. limits: of
         the robot, which has to stop clear of the zones."""
-        kept_out, self._slow = zones or Zones()
+        kept_out, self._slow = zones
         self._fence = None
         if kept_out is not None:
             stopping = stopping_distance(limits, LONGEST_DELAY)

@@ -15,6 +15,7 @@ from cohelm.link import stick as sticks
 from cohelm.perceive.track.params import TrackerParams
 from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import Settings
+from cohelm.plan.zones import UNZONED
 from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import LONGEST_DELAY, RobotModel, checked_sight
@@ -138,7 +139,7 @@ def _piloted(
         path_params=law.path_params(),
         replan_params=law.replan_params(),
         period=law.plan.period_s,
-        zones=None if alone.zones is None else alone.zones.read(start),
+        zones=UNZONED if alone.zones is None else alone.zones.read(start),
     )
 
 

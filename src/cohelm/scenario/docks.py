@@ -53,7 +53,7 @@ class DockModel(Schema):
 
 def checked(
     docks: Sequence[DockModel], outline: Floats, hard_margin: float,
-    known: LocalizationMap | None, zones: Zones | None,
+    known: LocalizationMap | None, zones: Zones,
 ) -> tuple[Dock, ...]:  # fmt: skip
     """The docks of a robot at its site; CohelmError where it could not dock at one.
 
@@ -74,7 +74,7 @@ def checked(
 
 def _wrong(
     dock: Dock, outline: Floats, hard_margin: float, known: LocalizationMap | None,
-    zones: Zones | None,
+    zones: Zones,
 ) -> str:  # fmt: skip
     """Why no robot could dock there; empty: nothing on the map prevents it."""
     if dock.margin < hard_margin - 1e-6:
@@ -93,7 +93,7 @@ def _wrong(
             return f"{what}, at {x:.2f}, {y:.2f}, is not where the map knows of free ground"
     if problem := no_room(dock, outline, occupied(known), known.resolution):
         return f"{problem}: correct its pose, or shorten approach_m"
-    kept_out = None if zones is None else zones.keep_out
+    kept_out = zones.keep_out
     if kept_out is not None:
         body = covering(outline, kept_out.depth.resolution)
         for pose in poses:

@@ -16,7 +16,7 @@ from cohelm.core.schema import Coordinate, Schema, refuse
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.match.surfaces import MOST_CELLS
-from cohelm.plan.zones import CELL, Cells, KeepOut, SpeedZones, Zones, keep_out
+from cohelm.plan.zones import CELL, UNZONED, Cells, KeepOut, SpeedZones, Zones, keep_out
 from cohelm.ros.masks import KEEP_OUT, SPEED, FilterMask
 from cohelm.scenario.worlds.maps import OCCUPIED, OccupancyMap, SpeedMask, read_map, read_speed_mask
 
@@ -79,21 +79,21 @@ class ZonesModel(Schema):
             update[key] = str(file)
         return self.model_copy(update=update)
 
-    def read(self, start: Pose) -> Zones | None:
-        """The zones, in the world; None where there are none. Files are taken as they stand, see
+    def read(self, start: Pose) -> Zones:
+        """The zones, in the world. Files are taken as they stand, see
         `standing_alone`; what `cohelm map` has drawn begins at `start`. CohelmError for a mask that
         can not be used."""
         keep_out_file, speed_file = (
             None if name is None else Path(name) for name in (self.keep_out_file, self.speed_file)
         )
-        read = read_zones(keep_out_file, speed_file, start) or Zones()
+        read = read_zones(keep_out_file, speed_file, start)
         if self.keep_out_m:
             cells, origin = _drawn([(corners, 1.0) for corners in self.keep_out_m], "keep_out_m")
             read = read._replace(keep_out=keep_out(cells > 0.0, CELL, origin))
         if self.speed:
             limits = [(zone.corners_m, zone.speed_mps) for zone in self.speed]
             read = read._replace(slow=SpeedZones(Cells(*_slowest(limits)), False))
-        return None if read == Zones() else read
+        return read
 
 
 Polygon = tuple[Sequence[tuple[float, float]], float]
@@ -156,28 +156,19 @@ def _draw(cells: NDArray[np.float32], corners: Floats, value: float) -> None:
     cells[np.cumsum(turns, axis=1) % 2 == 1] = value
 
 
-def given_first(first: Zones | None, other: Zones | None) -> Zones | None:
-    """Of each kind the first's zones, where it has some, else the other's."""
-    if first is None or other is None:
-        return first or other
-    return Zones(first.keep_out or other.keep_out, first.slow or other.slow)
-
-
-def read_zones(kept_out: Path | None, slow: Path | None, start: Pose) -> Zones | None:
+def read_zones(kept_out: Path | None, slow: Path | None, start: Pose) -> Zones:
     """From masks of map_server, on the map's frame; one that `cohelm map` has drawn begins at
-    `start`. None where none is given. CohelmError for a mask that can not be used."""
-    if kept_out is None and slow is None:
-        return None
+    `start`. CohelmError for a mask that can not be used."""
     return Zones(
         None if kept_out is None else _kept_out(read_map(kept_out).placed(start), str(kept_out)),
         None if slow is None else _slow(read_speed_mask(slow), start, str(slow)),
     )
 
 
-def masked(masks: Sequence[FilterMask], lifted: bool = False) -> Zones | None:
-    """From masks of topics, one of each kind at most. None where there is none. lifted: a mask may
-    mark nothing. CohelmError for one that can not be used."""
-    made = Zones()
+def masked(masks: Sequence[FilterMask], lifted: bool = False) -> Zones:
+    """From masks of topics, one of each kind at most. lifted: a mask may mark nothing. CohelmError
+    for one that can not be used."""
+    made = UNZONED
     for one in masks:
         cells = OccupancyMap(one.cells, one.resolution, one.origin)
         if lifted and not (one.cells > 0).any():
@@ -187,7 +178,7 @@ def masked(masks: Sequence[FilterMask], lifted: bool = False) -> Zones | None:
         else:
             mask = SpeedMask(cells, one.kind == SPEED, one.base, one.multiplier)
             made = made._replace(slow=_slow(mask.checked(one.name), Pose(0.0, 0.0, 0.0), one.name))
-    return None if made == Zones() else made
+    return made
 
 
 def _lifted(made: Zones, one: FilterMask) -> Zones:

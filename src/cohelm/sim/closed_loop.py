@@ -96,7 +96,7 @@ def pieces(setup: Setup, piloted: Piloted, length: int) -> Iterator[Trace]:
         )  # fmt: skip
     scanners_ = scanners(piloted, scene.seed)
     zones = None
-    if piloted.zones is not None:
+    if piloted.zones:
         zones = Zoned(piloted.zones, settings.outline, settings.gains.u_d, settings.limits)
     queue, sent, mover_history = np.zeros((delay, 2)), np.zeros((delay, 2)), empty_mover_history()
     period = max(round(piloted.period / dt), 1)

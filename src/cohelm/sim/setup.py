@@ -20,7 +20,7 @@ from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
 from cohelm.plan.evasion.params import HURRY, EvasionParams, adapted
 from cohelm.plan.path_planner import PathParams
-from cohelm.plan.zones import Zones
+from cohelm.plan.zones import UNZONED, Zones
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.robot.sensors import Lidar, LidarModel
@@ -54,8 +54,8 @@ class Piloted:
     """From the beginning of one plan to the next [s]."""
     thinking: float = 0.04
     """From the snapshot to the plan that is made of it [s]: planning takes that long."""
-    zones: Zones | None = None
-    """Where the robot keeps out, and where it goes slowly; None: nowhere."""
+    zones: Zones = UNZONED
+    """Where the robot keeps out, and where it goes slowly."""
 
     @property
     def scan_age(self) -> float:

@@ -13,6 +13,7 @@ from cohelm.core.files import make_folder, unmade
 from cohelm.core.trace import Trace
 from cohelm.core.types import Progress
 from cohelm.drive.shown import reference_lines, zone_messages
+from cohelm.plan.zones import UNZONED
 from cohelm.record.file import RECORD
 from cohelm.record.write import Recorder, RunScene
 from cohelm.sim.run import pieces
@@ -62,7 +63,7 @@ def recorded(setup: Setup, folder: Path, progress: Progress) -> Metrics:
 
 def scene(setup: Setup) -> RunScene:
     """What a record of a run draws once."""
-    zones = None if setup.pilot is None else setup.pilot.zones
+    zones = UNZONED if setup.pilot is None else setup.pilot.zones
     return RunScene(
         setup.outline,
         setup.obstacles.walls,

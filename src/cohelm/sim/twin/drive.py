@@ -180,7 +180,7 @@ class _KnownPose(TwinRun):
         self.waiting: Plan | None = None
         zones = self.piloted.zones
         self.zones = None
-        if zones is not None:
+        if zones:
             self.zones = Zoned(
                 zones, self.settings.outline, self.settings.gains.u_d, self.settings.limits
             )
