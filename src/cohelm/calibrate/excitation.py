@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.frames import placed
 from cohelm.core.types import Floats, Twist
 from cohelm.robot.limits import ramps, speeds
 from cohelm.robot.model import RobotModel
@@ -111,7 +112,7 @@ def on_the_floor(model: RobotModel, scan: Scan, plan: Excitation) -> str:
     if model.lidar is None:
         return ""
     lidar = model.lidar.lidar()
-    points = body_points(scan.ranges, lidar.beams, lidar.mount)
+    points = placed(scan_points(scan.ranges, lidar.beams), lidar.mount)
     r = np.hypot(points[:, 0], points[:, 1])
     inside = (r > 0.0) & (r < plan.radius)
     inside |= (points[:, 0] > 0) & (points[:, 0] < plan.length) & (abs(points[:, 1]) < plan.radius)
@@ -125,9 +126,7 @@ def on_the_floor(model: RobotModel, scan: Scan, plan: Excitation) -> str:
     )
 
 
-def body_points(ranges: Floats, beams: Floats, mount: tuple[float, float, float]) -> Floats:
-    """Returns of a scan, (m, 2) [m], in the frame that the mount is in."""
+def scan_points(ranges: Floats, beams: Floats) -> Floats:
+    """Returns of a scan, (m, 2) [m], in the LiDAR's frame."""
     seen = np.isfinite(ranges)
-    c, s = math.cos(mount[2]), math.sin(mount[2])
-    points = ranges[seen, None] * beams[seen]
-    return points @ np.array([[c, s], [-s, c]]) + np.array(mount[:2])
+    return ranges[seen, None] * beams[seen]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from cohelm.calibrate.excitation import body_points
+from cohelm.calibrate.excitation import scan_points
 from cohelm.calibrate.interval import half_widths_alike
 from cohelm.calibrate.response import Measured, steps
 from cohelm.calibrate.ride import Rest, Ride
@@ -167,7 +167,7 @@ def _at_rest(rest: Rest) -> Floats:
 
 def _flat(lidar: Lidar, ranges: Floats) -> tuple[Floats, Floats]:
     """Points on something flat, and the directions across it, in the sensor's frame."""
-    points = body_points(ranges, lidar.beams, (0.0, 0.0, 0.0))
+    points = scan_points(ranges, lidar.beams)
     points, across = normals(points, np.flatnonzero(np.isfinite(ranges)), lidar.step)
     return _smoothed(points, across), across
 

@@ -177,6 +177,11 @@ class LidarModel(Schema):
         """Age of its newest scan's first beam beyond which the robot stops [s]."""
         return self.timeout_s or 3.5 / self.rate_hz + self.sweep_s + self.latency_s
 
+    @property
+    def mount(self) -> Pose:
+        """In the body's frame."""
+        return Pose(self.mount_x_m, self.mount_y_m, math.radians(self.mount_yaw_deg))
+
     def lidar(self) -> Lidar:
         """The same as numbers for compiled code."""
         view = math.radians(self.field_of_view_deg)
@@ -193,7 +198,7 @@ class LidarModel(Schema):
             (math.nan, math.nan) if self.floor is None else (self.floor.from_m, self.floor.to_m)
         )
         return Lidar(
-            Pose(self.mount_x_m, self.mount_y_m, math.radians(self.mount_yaw_deg)),
+            self.mount,
             first, step, self.range_min_m, self.range_max_m, self.noise_m, lost,
             np.column_stack((np.cos(bearings), np.sin(bearings))),
             max(self.whole_from_m, 0.0 if self.floor is None else self.floor.from_m), *ground,

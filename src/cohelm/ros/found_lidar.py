@@ -158,7 +158,7 @@ def _found(
     camera: depth.Intrinsics | None,
 ) -> FoundLidar:  # fmt: skip
     x, y, z = matrix[:3, 3].tolist()
-    mount = Mount(Pose(x, y, math.radians(lidar.mount_yaw_deg)), False, z)
+    mount = Mount(Pose(x, y, lidar.mount.psi), False, z)
     return FoundLidar(topic, frame, mount, ticks, False, matrix, camera)
 
 
@@ -167,12 +167,8 @@ def _placed(
 ) -> Mount:
     """Where a planar LiDAR is."""
     if allowed.mount_from_model and configured is not None:
-        return Mount(
-            Pose(
-                configured.mount_x_m, configured.mount_y_m, math.radians(configured.mount_yaw_deg)
-            ),
-            False, math.nan if configured.mount_z_m is None else configured.mount_z_m,
-        )  # fmt: skip
+        high = configured.mount_z_m
+        return Mount(configured.mount, False, math.nan if high is None else high)
     _certain(inspection, topic)
     mount = inspection.mount(topic)
     if mount is None or allowed.mount_from_model:
@@ -203,9 +199,9 @@ def _unplaced(inspection: Inspection, topic: str) -> CohelmError:
 
 def _level(lidar: LidarModel) -> Floats:
     """Where it is by its description, level, (4, 4)."""
-    yaw = math.radians(lidar.mount_yaw_deg)
+    x, y, yaw = lidar.mount
     c, s = math.cos(yaw), math.sin(yaw)
     made: Floats = np.eye(4)
     made[:2, :2] = [[c, -s], [s, c]]
-    made[:3, 3] = lidar.mount_x_m, lidar.mount_y_m, lidar.mount_z_m or 0.0
+    made[:3, 3] = x, y, lidar.mount_z_m or 0.0
     return made

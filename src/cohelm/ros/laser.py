@@ -111,7 +111,7 @@ class Ranges:
         self._model, self._mount = model, mount
         numbers = model.lidar()
         self._first, self._step = numbers.first, numbers.step
-        self._yaw = math.radians(model.mount_yaw_deg) - mount.pose.psi
+        self._yaw = model.mount.psi - mount.pose.psi
         self._layout: Layout | None = None
         self._beams: Ints = np.empty(0, dtype=np.int64)
         """Of scans with that layout, the model's beam of each of theirs."""

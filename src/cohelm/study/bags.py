@@ -113,8 +113,7 @@ def _mount(
 ) -> Mount:
     """Where the LiDAR is on the robot: as that one, or by the transforms."""
     if given is not None:
-        yaw = math.radians(given.mount_yaw_deg)
-        return Mount(Pose(given.mount_x_m, given.mount_y_m, yaw), False, math.nan)
+        return Mount(given.mount, False, math.nan)
     there = transforms.between(frame, body)
     if there is None:
         raise CohelmError(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.frames import placed
+from cohelm.core.frames import inverse, placed
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose, Progress
 from cohelm.perceive.localize.caution import LocalizerParams
@@ -237,9 +237,7 @@ def _picture(path: Path, occupancy: OccupancyMap, check: MapCheck) -> None:
 
     def own(poses: list[Pose]) -> Floats:
         """In the axes of the map's cells [m]."""
-        at = np.array([pose[:2] for pose in poses]).reshape(-1, 2) - np.array(origin[:2])
-        c, s = math.cos(origin.psi), math.sin(origin.psi)
-        return at @ np.array([[c, -s], [s, c]])
+        return placed(np.array([pose[:2] for pose in poses]).reshape(-1, 2), inverse(origin))
 
     ends = _open_ends(occupancy) * r
     axes.plot(*ends.T, ".", color="tab:cyan", markersize=2, label="open end: free beside unknown")
