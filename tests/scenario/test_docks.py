@@ -8,6 +8,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
+from cohelm.plan.zones import UNZONED
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import load
 from cohelm.scenario.docks import DockModel, checked, no_room
@@ -37,7 +38,7 @@ def dock(**changed) -> DockModel:
 
 
 def test_a_dock_with_enough_clearance_is_accepted(room, outline):
-    (made,) = checked([dock()], outline, HARD, room, None)
+    (made,) = checked([dock()], outline, HARD, room, UNZONED)
     assert made.name == "charger"
     assert made.pose == (2.5, 0.0, 0.0)
     assert made.staging == pytest.approx((1.5, 0.0, 0.0))
@@ -59,7 +60,7 @@ def test_a_dock_with_enough_clearance_is_accepted(room, outline):
 )
 def test_an_impossible_dock_is_refused_in_one_sentence(room, outline, changed, said):
     with pytest.raises(CohelmError) as refused:
-        checked([dock(**changed)], outline, HARD, room, None)
+        checked([dock(**changed)], outline, HARD, room, UNZONED)
     assert said in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -71,7 +72,7 @@ def test_an_approach_through_a_wall_is_refused(outline):
     with pytest.raises(
         CohelmError, match=r"on its approach, at .*, the robot has nothing to a wal"
     ):
-        checked([dock(approach_m=1.5)], outline, HARD, known, None)
+        checked([dock(approach_m=1.5)], outline, HARD, known, UNZONED)
 
 
 def test_a_dock_in_a_keep_out_zone_is_refused(room, outline):
@@ -83,8 +84,8 @@ def test_a_dock_in_a_keep_out_zone_is_refused(room, outline):
 
 def test_a_dock_without_a_map_is_refused(outline):
     with pytest.raises(CohelmError, match="docks stand on the map, and there is none"):
-        checked([dock()], outline, HARD, None, None)
-    assert checked([], outline, HARD, None, None) == ()
+        checked([dock()], outline, HARD, None, UNZONED)
+    assert checked([], outline, HARD, None, UNZONED) == ()
 
 
 ONE = "{name: charger, x_m: 2, y_m: 0, heading_rad: 0, margin_m: 0.1}"
