@@ -12,6 +12,7 @@ from pathlib import Path
 from cohelm.drive.jobs import InlineJobs, Jobs, ThreadJobs
 from cohelm.drive.path_check import PathChecker
 from cohelm.drive.path_check_process import Checking, InlineChecking, RemoteChecking
+from cohelm.drive.progress_watch import ProgressWatch
 from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
 from cohelm.drive.rerouting import PathRequests, Rerouting, checker_of
@@ -57,6 +58,7 @@ class OperatorRequests:
         self._records = RecordSwitch(
             session, publisher, records, self._jobs.records, lambda: self._drawn, self._jobs.make
         )
+        self._progress = ProgressWatch()
         self._drawn: tuple[Map | ZoneMap | Polyline, ...] = ()
         self._course: Course | None = None
         self._detour = detour(None)
@@ -75,6 +77,7 @@ class OperatorRequests:
         """Between two periods."""
         self._rerouting.turn(loop)
         self._records.turn(loop)
+        self._progress.turn(loop)
         reshaped = loop.outline is not self._outline
         if reshaped:
             self._outline = loop.outline
