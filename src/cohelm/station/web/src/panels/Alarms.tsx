@@ -47,7 +47,7 @@ function localAlarms(): ShownAlarm[] {
   if (reason !== '') add('warning', `Your stick does not steer: ${reason}.`)
   if (resumeHint.value !== '') add('notice', `To continue: ${resumeHint.value}.`)
   const localised = s.state.value?.localised
-  if (localised === 'lost') add('alarm', 'Localization is lost. Drive on a little by hand (speed is limited), so that it can localize again.')
+  if (localised === 'lost') add('alarm', 'Localization is lost. In Shared or Manual drive on a little by hand (speed is limited), so that it can localize again.')
   else if (localised === 'poor') add('warning', 'Localization is uncertain.')
   const battery = s.health.value?.battery ?? 1
   if (battery < LOW_BATTERY) add(battery < EMPTY_BATTERY ? 'warning' : 'notice', `The battery is at ${percent(battery)}: bring the robot to its charger.`)
