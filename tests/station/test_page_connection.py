@@ -244,6 +244,25 @@ def test_a_battery_that_is_low_is_said_on_every_screen(
         expect(page.get_by_label("Alarms", exact=True)).not_to_contain_text("battery")
 
 
+def test_on_a_phone_held_sideways_no_setting_ends_under_the_pads(
+    browser_phone: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path) as robot, served(robot.connect) as server:
+        page = browser_phone.new_page()
+        page.set_viewport_size({"width": 740, "height": 330})
+        page.goto(server.address)
+        take(page)
+        page.get_by_role("button", name="Link").tap()
+        page.get_by_role("button", name="Stick settings").tap()
+        pad = page.get_by_role("slider", name="Forward and back").bounding_box()
+        last = page.get_by_role("row", name="control loop late by")
+        last.evaluate("(one) => one.closest('aside').scrollTo(0, 1e6)")
+        box = last.bounding_box()
+        assert pad is not None
+        assert box is not None
+        assert box["y"] + box["height"] <= pad["y"]
+
+
 def test_a_button_of_a_gamepad_that_is_held_as_the_page_loads_stops_and_does_nothing_else(
     context: BrowserContext, tmp_path: Path
 ) -> None:
