@@ -102,6 +102,19 @@ def test_what_is_no_scenario_is_said():
         cohelm.run({"name": "x"})
 
 
+def test_a_scenario_made_in_python_says_what_is_wrong_in_words():
+    """pydantic tells it; keys and sentences are those of a file."""
+    posts = [{"name": "post", "center_m": [9, 9], "radius_m": 0.1}] * 2
+    ahead = {"speed_mps": 0.5, "waypoints_m": [[0, 0], [2, 0]]}
+    with pytest.raises(ValueError, match="obstacles") as error:
+        cohelm.Scenario(name="x", robot="sally", reference=ahead, obstacles=posts)
+    said = str(error.value).splitlines()[1].strip()
+    assert said.startswith("obstacles.1.name: obstacle 1 is called 'post' too; names must differ [")
+    late = {"kind": "script", "events": [[2, 0, 0], [1, 0, 0]]}
+    with pytest.raises(ValueError, match=r"events\.1: comes after an event at 2 s but says"):
+        cohelm.Scenario(name="x", robot="sally", reference=ahead, stick=late)
+
+
 def test_a_run_shows_what_became_of_it_and_not_its_numbers():
     made = cohelm.run("lab-track", changes=["simulation.duration_s=1"])
     assert repr(made) == "RunResult(not arrived, 0 contacts, 101 steps)"

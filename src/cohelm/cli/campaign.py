@@ -196,7 +196,10 @@ def _again(folder: Path, which: str, out: Path | None, as_json: bool) -> None:
         row = values(found.row._asdict())
         print_json({**row, "same_as_row": found.same, "out": str(there)})
     else:
-        rows = [(name, str(value)) for name, value in found.row._asdict().items() if value != []]
+        rows = [
+            (name, "–" if value != value else str(value))  # NaN
+            for name, value in found.row._asdict().items() if value not in ([], "")
+        ]  # fmt: skip
         print_table(f"{found.law}/{found.row.episode}", ("quantity", "value"), rows)
         say(f"record, row and picture: {plain(str(there))}")
 

@@ -16,7 +16,8 @@ Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 
 def refuse(*problems: tuple[str, str]) -> NoReturn:
     """Raise, from a validator, problems as (key path below the model, sentence)."""
-    raise PydanticCustomError("problems", "{said}", {"said": problems})
+    text = "; ".join(f"{key}: {sentence}" if key else sentence for key, sentence in problems)
+    raise PydanticCustomError("problems", "{text}", {"said": problems, "text": text})
 
 
 def first_fault(error: ValidationError) -> str:

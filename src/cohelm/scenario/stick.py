@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
 
-from cohelm.core.schema import Schema
+from cohelm.core.schema import Schema, refuse
 from cohelm.sim.operator_model import OperatorModel
 
 Deflection = Annotated[float, Field(ge=-1.0, le=1.0)]
@@ -38,9 +37,7 @@ class StickScript(Schema):
         for i in range(1, len(times)):
             if times[i] < times[i - 1]:
                 problem = f"comes after an event at {times[i - 1]:g} s but says {times[i]:g} s"
-                raise PydanticCustomError(
-                    "problems", "{said}", {"said": ((f"events.{i}", f"{problem}; sort by time"),)}
-                )
+                refuse((f"events.{i}", f"{problem}; sort by time"))
         return self
 
 
