@@ -1,10 +1,13 @@
 """The wall clock of a machine is set, as by NTP after a boot, with drivers and filter on it."""
 
+import re
 import time
 
 import pytest
 
 from cohelm.core.types import Pose, Twist
+from cohelm.loop.sensor_watchdog import SensorWatchdog, timeouts
+from cohelm.robot.adapter import RobotAdapter
 from cohelm.robot.plausibility.monitor import PlausibilityMonitor
 from cohelm.ros.clock import TRANSIT
 from cohelm.ros.look import look
@@ -100,3 +103,14 @@ def test_what_is_stamped_an_hour_ago_without_a_step_or_long_after_it_is_old(mach
         machine.drive()
         machine.robot.read()
     assert age_of_next() > 3599.0
+
+
+def test_a_stamp_decades_ago_is_a_reading_that_old_and_no_mistake_of_a_drivers_code(machine):
+    """So that the watchdog tells of clocks, and not of how to write a `Robot`."""
+    message = odometry(machine.now.odometry, 0.0)
+    machine.robot._on_odometry(Received(message, machine.passed))
+    port = RobotAdapter(machine.robot)
+    read = port.read()
+    assert read.health.faults == ()
+    said = SensorWatchdog(SALLY, timeouts(SALLY, 0.02)).problem(machine.robot.now(), read)
+    assert re.search(r"the odometry comes \d+ s after its stamp: a clock jumped|ms old", said)

@@ -147,7 +147,7 @@ class Robot(ABC):
         return Contact(self.now() - _aged(age), sensor, bool(on))
 
 
-_OLDEST = 1e6
+OLDEST = 1e6
 """Older than this is no reading but a stamp's own number [s]."""
 
 
@@ -157,7 +157,7 @@ def _aged(age: float) -> float:
         made = float(age)
     except (TypeError, ValueError) as error:
         raise CohelmError(f"age is how old a reading is in seconds, got {age!r}") from error
-    if made > _OLDEST:
+    if made > OLDEST:
         raise CohelmError(
             f"age is how old a reading is in seconds, got {made:.0f}: give the driver's clock of "
             "now less the stamp, not the stamp"

@@ -15,7 +15,7 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.adapter import RobotAdapter
-from cohelm.robot.base import Robot
+from cohelm.robot.base import OLDEST, Robot
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Health, Odometry, Readings, Scan
 from cohelm.robot.sensors import LidarModel
@@ -290,8 +290,9 @@ def same(message: Any, before: Any) -> bool:
 
 
 def _near(age: float) -> float:
-    """Clocks agree to 20 ms: what is younger than now by less is of now."""
-    return 0.0 if -0.02 < age < 0.0 else age
+    """Clocks agree to 20 ms: what is younger than now by less is of now. Stamps of zero, or of
+    another clock, are as old as readings can be."""
+    return 0.0 if -0.02 < age < 0.0 else min(age, OLDEST)
 
 
 def _by_environment() -> Topics:
