@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import ssl
 import struct
 import threading
@@ -18,6 +19,7 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.typing import Subprotocol
 
 from cohelm.core.errors import CohelmError
+from cohelm.ros.bridge_connection import opened
 from cohelm.ros.foxglove import FoxgloveTransport
 from cohelm.ros.port import Qos
 from cohelm.ros.types import packed, unpacked
@@ -158,6 +160,25 @@ def test_a_certificate_without_a_trusted_issuer_is_refused(tmp_path):
 
     with (
         bridge(tmp_path, talk) as url,
-        pytest.raises(CohelmError, match="certificate verify failed"),
+        pytest.raises(
+            CohelmError,
+            match=r"certificate of .* not accepted \(certificate verify failed: .*SSL_CERT_FILE",
+        ),
     ):
         FoxgloveTransport(url)
+
+
+def test_a_bridge_without_tls_is_named_as_one():
+    """And not as one that does not answer."""
+    with socket.create_server(("127.0.0.1", 0)) as there:
+
+        def answers() -> None:
+            client, _ = there.accept()
+            with client:
+                client.recv(1000)
+                client.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+
+        threading.Thread(target=answers, daemon=True).start()
+        port = there.getsockname()[1]
+        with pytest.raises(CohelmError, match=rf"wss://127.0.0.1:{port} does no TLS: write ws://"):
+            opened(f"wss://127.0.0.1:{port}")

@@ -146,6 +146,23 @@ def test_missing_messages_are_reported_with_the_cure(monkeypatch):
         ZenohTransport()
 
 
+@pytest.mark.parametrize("kind", ["tls", "quic"])
+def test_a_router_with_tls_may_be_there_and_its_certificate_not_accepted(kind, monkeypatch):
+    """zenoh does not say which it was, so both cures are named."""
+    monkeypatch.setattr(ours, "_OPEN", 0.1)
+    with pytest.raises(CohelmError) as error:
+        ZenohTransport(url=f"{kind}/127.0.0.1:9")
+    assert str(error.value).startswith(f"no zenoh router answers at {kind}/127.0.0.1:9: start it")
+    assert "transport/link/tls/root_ca_certificate" in str(error.value)
+
+
+def test_what_zenoh_says_of_its_settings_is_told_without_its_sources(monkeypatch):
+    monkeypatch.setenv("ZENOH_CONFIG_OVERRIDE", "mode=sideways")
+    with pytest.raises(CohelmError) as error:
+        ZenohTransport(url="tcp/127.0.0.1:9")
+    assert ".rs" not in str(error.value)
+
+
 def test_rmw_zenohs_own_settings_name_the_router(monkeypatch, tmp_path):
     alone()
     there = json.dumps([router().url])

@@ -30,6 +30,8 @@ OPENS = 5.0
 _SILENT = 2.0
 """A bridge that does not answer a ping for so long is gone [s]."""
 _LARGEST = 1 << 26
+_NO_TLS = ("WRONG_VERSION_NUMBER", "RECORD_LAYER_FAILURE")
+"""As OpenSSL, and 3.4 and later, calls what is no answer of TLS."""
 _NOT_SENT_LOWEST = 25
 """TCP_NOTSENT_LOWAT of Linux: a socket that still holds what it did not send is not writable."""
 
@@ -58,7 +60,18 @@ def opened(url: str) -> tuple[ClientConnection, str]:
         with contextlib.suppress(OSError):
             there.socket.setsockopt(socket.IPPROTO_TCP, _NOT_SENT_LOWEST, 1)
         info = understood(there.recv(OPENS))
+    except ssl.SSLCertVerificationError as error:
+        raise CohelmError(
+            f"the certificate of {url} is not accepted (certificate verify failed: "
+            f"{error.verify_message}): name the file of who signed it in SSL_CERT_FILE, and the "
+            "bridge by the name in its certificate"
+        ) from error
     except (OSError, ValueError, WebSocketException) as error:
+        if isinstance(error, ssl.SSLError) and error.reason in _NO_TLS:
+            raise CohelmError(
+                f"{url} does no TLS: write {at.clear}, or give the bridge a certificate (its "
+                "parameters tls, certfile and keyfile)"
+            ) from error
         raise CohelmError(
             f"no foxglove_bridge answers at {url} ({error}): start it on the robot (ros2 "
             "launch foxglove_bridge foxglove_bridge_launch.xml), or name its address with --url"

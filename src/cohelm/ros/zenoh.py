@@ -208,7 +208,7 @@ class ZenohTransport:
         except zenoh.ZError as error:
             raise CohelmError(
                 f"zenoh can not be configured by ZENOH_SESSION_CONFIG_URI={file!r} and "
-                f"ZENOH_CONFIG_OVERRIDE: {error}; fix them, or unset them"
+                f"ZENOH_CONFIG_OVERRIDE: {_plain(error)}; fix them, or unset them"
             ) from error
         if not url:
             there = config.get_json("connect/endpoints")
@@ -235,9 +235,15 @@ class ZenohTransport:
             time.sleep(0.02)
 
     def _unreached(self) -> CohelmError:
+        sealed = self._url.startswith(("tls/", "quic/"))
+        certified = (
+            "; or its certificate is not accepted: name who signed it, or the certificate "
+            "itself, as transport/link/tls/root_ca_certificate in ZENOH_CONFIG_OVERRIDE"
+        )
         return CohelmError(
             f"no zenoh router answers at {self._url}: start it on the robot (ros2 run "
             "rmw_zenoh_cpp rmw_zenohd), or name its address with --url tcp/ROBOT:7447"
+            + (certified if sealed else "")
         )
 
 
@@ -285,6 +291,11 @@ class _Writer:
                 self._made.put(data, attachment=with_it)
             except _zenoh().ZError as error:
                 raise CohelmError(f"a {self._kind} can not be sent: {error}") from error
+
+
+def _plain(error: Exception) -> str:
+    """What zenoh says, without the place in its sources."""
+    return re.split(r"\s+at /", str(error))[0].rstrip(".")
 
 
 def _default(zenoh: Any) -> Any:
