@@ -65,9 +65,9 @@ def styled() -> AbstractContextManager[None]:
     return chosen.rc_context(_STYLE)
 
 
-def sheet(finding: str, about: str, width: float, height: float) -> Figure:
+def sheet(finding: str, about: str, height: float) -> Figure:
     """An empty figure with a title and, as subtitle, what was run."""
-    figure = Figure(figsize=(width, height))
+    figure = Figure(figsize=(10.0, height))
     figure.text(0.02, 1.0 - 0.14 / height, finding, fontsize=13, weight="bold", va="top")
     figure.text(0.02, 1.0 - 0.42 / height, about, fontsize=9.5, color=PALE, va="top")
     return figure

@@ -61,7 +61,7 @@ def figure_run(run: Run) -> Figure:
         + f"{'ends' if m.reached else 'DOES NOT END'} where its reference ends",
         f"E_P at most {panels.rounded_up(m.max_pose_error)} and {m.final_pose_error:.3f} at the "
         f"end · the person leads {panels.led(run)} · outline every {panels.outline_every(run):g} s",
-        10.0, 8.4,
+        8.4,
     )  # fmt: skip
     # The sheet is as high as the plan needs: laid out in inches, from the top.
     axes = figure.add_axes((0.07, 0.5, 0.91, 0.4))
@@ -103,7 +103,7 @@ def figure_6(ex: Experiments) -> Figure:
         f"Tracking alone: never more than {100 * away.max():.1f} cm beside the reference",
         f"Paper's Fig. 6 · tracking law (14)–(17), no barrier, {m.duration_s:.1f} s, "
         f"{m.path_length_m:.1f} m · robot outline every 5 s",
-        10.0, 5.6,
+        5.6,
     )  # fmt: skip
     axes = figure.add_axes((0.06, 0.09, 0.92, 0.76))
     panels.whole_lab(axes, run, width=4.0)
@@ -118,7 +118,7 @@ def figure_7(ex: Experiments) -> Figure:
         f"Tracking alone: E_P stays below {panels.rounded_up(m.max_pose_error)}, "
         f"and ends at {m.final_pose_error:.4f}",
         "Paper's Fig. 7 · pose error E_P (51), position and heading together",
-        10.0, 4.2,
+        4.2,
     )  # fmt: skip
     axes = figure.add_axes((0.075, 0.13, 0.56, 0.66))
     panels.error(axes, ex.track)
@@ -167,7 +167,7 @@ def figure_9(ex: Experiments) -> Figure:
         f"With the barrier h never falls below {panels.rounded_down(with_it.min_h)} m²; "
         f"without it the robot drives into {panels.counted(through, len(without.discs))}",
         "Paper's Fig. 9 · smallest h_i, the denominator of the barrier (22): safe while above 0",
-        10.0, 4.4,
+        4.4,
     )  # fmt: skip
     axes = figure.add_axes((0.075, 0.12, 0.91, 0.68))
     top = 1.0
@@ -210,7 +210,7 @@ def figure_11(ex: Experiments) -> Figure:
         f"The person takes over {panels.often(len(m.human_windows_s))}; "
         + panels.returned(m.return_s),
         "Paper's Fig. 11 · automatic authority (48): 1 the robot alone, 0 the person alone",
-        10.0, 5.2,
+        5.2,
     )  # fmt: skip
     axes = figure.add_axes((0.075, 0.46, 0.91, 0.40))
     panels.authority(axes, run)
@@ -251,7 +251,7 @@ def figure_sweep(ex: Experiments) -> Figure:
         "it can not have" if good else "No k_CBF keeps the robot clear",
         f"Tracking with the barrier over k_CBF, which the paper does not give (E3) · "
         f"default {default:g}",
-        10.0, 6.6,
+        6.6,
     )  # fmt: skip
     k = [t.k_cbf for t in ex.sweep]
     panels = figure.subplots(3, 1, sharex=True)
@@ -332,7 +332,7 @@ def _headed(axes: Axes, title: str, finding: str) -> None:
 
 def _path_figure(run: Run, finding: str, about: str) -> Figure:
     """The whole lab, and below it what happened at each obstacle."""
-    figure = draw.sheet(finding, about, 10.0, 9.0)
+    figure = draw.sheet(finding, about, 9.0)
     axes = figure.add_axes((0.06, 0.45, 0.92, 0.46))
     panels.whole_lab(axes, run)
     entries = [("reference", REFERENCE, "--"), ("driven", ROBOT, "-")]
