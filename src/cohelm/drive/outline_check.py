@@ -62,13 +62,10 @@ class OutlineCheck:
         poses = poses_along(route.reference, _SPACING)
         done = float(route.times[pilot.state.row]) / route.reference.duration
         poses = poses[min(int(done * len(poses)), len(poses) - 1) :]
-        reach = float(np.hypot(*outline.T).max()) + 1.0
         worst, at = math.inf, poses[0]
         for piece in np.array_split(poses, math.ceil(len(poses) / _PIECE)):
             yield
-            low, high = piece[:, :2].min(axis=0) - reach, piece[:, :2].max(axis=0) + reach
-            near = ((surfaces > low) & (surfaces < high)).all(axis=1)
-            gaps = swept_clearances(surfaces[near], outline, piece)
+            gaps = swept_clearances(surfaces, outline, piece)
             if float(gaps.min()) < worst:
                 worst, at = float(gaps.min()), piece[int(gaps.argmin())]
         text = ""

@@ -109,9 +109,7 @@ def no_room(dock: Dock, outline: Floats, surfaces: Floats, resolution: float) ->
     resolution: their size [m].
     """
     poses = poses_to(dock)
-    reach = dock.approach + dock.margin + float(np.hypot(*outline.T).max())
-    near = np.hypot(surfaces[:, 0] - dock.pose.x, surfaces[:, 1] - dock.pose.y) < reach
-    gaps = swept_clearances(surfaces[near], outline, poses)
+    gaps = swept_clearances(surfaces, outline, poses)
     if gaps[-1] <= 0.0:
         return "the docked robot would stand in a wall"
     tight = int(np.argmin(gaps))
