@@ -192,7 +192,7 @@ class Loop:
         else:
             self.alarms.off("lost")
         self.seen = seen
-        self.supervisor.set_readings(problem, seen)
+        self.supervisor.problem, self.supervisor.seen = problem, seen
         self.driver.update_twist(seen.twist)
         return seen
 

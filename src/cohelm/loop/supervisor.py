@@ -65,17 +65,14 @@ class Supervisor:
         """The driver's client number, 0: none; and its name."""
         self.rights = Authorization()
         self.problem = ""
-        """What is wrong with the readings; empty: nothing."""
+        """What is wrong with this period's readings; empty: nothing..."""
         self.seen: Seen | None = None
+        """... and what perception makes of them."""
         self._operator_chose = False  # the mode, so commands must keep coming
         self._pauses: dict[str, str] = {}
         self._dropout = Dropout()
         self._lines = Coalesced()  # of requests: a flood does not fill the log
         self._latched = (GateMode.IDLE, "")
-
-    def set_readings(self, problem: str, seen: Seen) -> None:
-        """Take this period's perception, and what is wrong with its readings."""
-        self.problem, self.seen = problem, seen
 
     def take_input(self, now: float) -> None:
         """Take the operator's command and requests; update lease, stick and dropout."""

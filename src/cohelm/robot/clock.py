@@ -53,11 +53,6 @@ RobotClock = SteppedClock | WallClock
 """The clock of a simulated robot [s], from 0: `due()`, to which its world has to be advanced."""
 
 
-def clock_of(real_time: bool) -> RobotClock:
-    """The clock for real or simulated time."""
-    return WallClock() if real_time else SteppedClock()
-
-
 class ClockedRobot:
     """The part of the port that all simulated and replayed robots share: model, clock, closing."""
 

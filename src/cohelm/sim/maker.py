@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 from cohelm.core.types import Pose
-from cohelm.robot.clock import clock_of
+from cohelm.robot.clock import SteppedClock, WallClock
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import RobotPort
 from cohelm.sim.grid import Grid
@@ -29,7 +29,7 @@ class SimulatedMaker(NamedTuple):
     def __call__(self) -> RobotPort:
         """A robot that stands at the start."""
         model, start, world, grid, kind, seed, real_time = self
-        clock = clock_of(real_time)
+        clock = WallClock() if real_time else SteppedClock()
         if kind == "kinematic":
             return Kinematic(model, start, world, grid=grid, seed=seed, clock=clock)
         from cohelm.sim.twin.robot import Twin  # MuJoCo takes half a second to import

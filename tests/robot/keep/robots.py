@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.types import Twist
-from cohelm.robot.clock import clock_of
+from cohelm.robot.clock import WallClock
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Frame, Readings
 from cohelm.robot.sensors import CameraModel
@@ -65,7 +65,7 @@ class Traced:
 
 class _Leaving(Kinematic):
     def __init__(self, made: Traced) -> None:
-        super().__init__(made.model, obstacles=world(([], HALL)), clock=clock_of(True))
+        super().__init__(made.model, obstacles=world(([], HALL)), clock=WallClock())
         with made.trace.open("r+b") as file:
             self._trace = mmap.mmap(file.fileno(), _TRACE.size)
         camera = made.model.camera

@@ -83,7 +83,6 @@ class Twin(SimulatedRobot):
         clock: RobotClock | None = None,
         timeout: float = 0.5,
         settings: TwinModel = _DEFAULT,
-        step: float = STEP,
         camera: Kind = "auto",
         pursuers: Pursuers | None = None,
     ) -> None:
@@ -93,7 +92,7 @@ class Twin(SimulatedRobot):
         pursuers: those of the moving discs that pursue the robot.
         """
         model = settings.fitted(model)
-        super().__init__(model, obstacles, grid, seed, clock, timeout, step, sweeps=True)
+        super().__init__(model, obstacles, grid, seed, clock, timeout, STEP, sweeps=True)
         obstacles = self._world
         place(self._discs, obstacles, 0.0)
         moving = [i for i in range(len(self._discs)) if moves(i, obstacles)]
@@ -107,7 +106,7 @@ class Twin(SimulatedRobot):
         self._movers = MovingDiscs(
             np.array(moving, dtype=np.int64), obstacles, np.zeros((len(moving), 5)), hunt
         )
-        text = mjcf(model, settings, step, self._discs, moving, obstacles.walls, grid)
+        text = mjcf(model, settings, STEP, self._discs, moving, obstacles.walls, grid)
         try:
             self.mujoco: Any = mujoco.MjModel.from_xml_string(text)
         except ValueError as error:
@@ -126,7 +125,7 @@ class Twin(SimulatedRobot):
         s["clearance"], s["since"] = -NOWHERE, 0.0  # look at once
         s["least"] = s["least_moving"] = NOWHERE
         longest = max((scanner.sweep for scanner in self._scanners), default=0)
-        size = rows(longest * step, step) + _CHUNK
+        size = rows(longest * STEP, STEP) + _CHUNK
         self._trail = PhysicsHistory(np.empty((size, 3)), np.empty((size, len(moving), 2)))
         self._trail.poses[:] = start
         self._trail.places[:] = self._discs[moving, :2]
