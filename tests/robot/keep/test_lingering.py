@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import cohelm
+from cohelm.core.errors import CohelmError
 from cohelm.robot.adapter import AdaptedMaker
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.process import RemoteGatedRobot
@@ -122,6 +123,23 @@ def test_the_hardware_is_free_again_whatever_a_read_has_done(make, how, port):
         gated.close()
     until(lambda: not held(port))
     assert not alive(gated.pid)
+
+
+class Unmade(Holds):
+    """It has started what holds its port, and finds no robot there."""
+
+    def __init__(self, model: cohelm.RobotModel, port: int) -> None:
+        super().__init__(model, port)
+        if not os.fork():
+            time.sleep(1000.0)
+        raise ConnectionError("no robot there")
+
+
+def test_the_hardware_is_free_again_where_the_robot_can_not_be_made(port):
+    made = AdaptedMaker(functools.partial(Unmade, port=port), SALLY)
+    with pytest.raises(CohelmError, match="no robot there"):
+        RemoteGatedRobot(made, rules(SALLY, 0.02))
+    until(lambda: not held(port))
 
 
 def test_a_robot_whose_driver_has_forked_is_driven_by_one_process(port):

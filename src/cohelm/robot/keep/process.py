@@ -57,6 +57,8 @@ class RemoteGatedRobot:
         except BaseException:
             self._process.kill()  # nothing has reached the wheels
             self._process.join()
+            end_group(self.pid)
+            self._line.close()
             raise
         self._model = begun.model
         self._memory = SharedMemory(handle, begun.scans, begun.frame)
