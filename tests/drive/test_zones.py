@@ -204,6 +204,18 @@ def test_a_mask_on_a_topic_is_the_zones_that_its_file_would_be(tmp_path, base, m
     assert not masked([])
 
 
+@pytest.mark.parametrize("value", [0, -1])
+def test_a_mask_of_which_all_is_lifted_is_not_divided_into_the_cells_of_zones(value):
+    """1 x 3000 cells of 100 m, that mark nothing, would be 90 GB."""
+    cells = np.full((3, 2), value, np.int8)
+    told = masked([FilterMask("/info", "/mask", 0, 0.0, 1.0, cells, 10.0, START)], True)
+    assert told is not None
+    depth, zone = told.keep_out
+    assert depth.values.shape == zone.shape == (3, 2)
+    assert not depth.values.any()
+    assert depth.bounds().tolist() == [[0.0, 0.0], [20.0, 30.0]]
+
+
 @pytest.mark.parametrize(
     ("kind", "values", "why"),
     [
