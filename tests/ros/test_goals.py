@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -172,3 +174,30 @@ def test_a_path_of_any_length_keeps_its_ends_and_is_thinned(n):
     assert kept[-1].tolist() == points[-1].tolist()
     assert n < 3 or (np.hypot(*np.diff(kept, axis=0).T) > 0.04).all()
     assert len(thinned(np.zeros((n, 2)))) == 1
+
+
+class Stalled:
+    """A transport that a message is long under way on."""
+
+    def __init__(self) -> None:
+        self.over = threading.Event()
+
+    def publish(self, topic, kind, qos):
+        return SimpleNamespace(send=lambda message: self.over.wait())
+
+    def subscribe(self, topic, kind, qos, heard):
+        return lambda: None
+
+
+def test_what_is_said_faster_than_it_can_be_published_does_not_pile_up():
+    """As of a node that publishes a bad goal a hundred times a second."""
+    transport, said = Stalled(), []
+    goals = Goals(transport, "map", ("goal_pose",), "", said.append)
+    for k in range(1000):
+        goals.report("/goal_pose", f"{k}")
+    transport.over.set()
+    goals.close()
+    assert said[0] == "/goal_pose: 0"
+    assert len(said) <= 21
+    goals.report("/goal_pose", "one that came while it ended")
+    assert len(said) <= 21

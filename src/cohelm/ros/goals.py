@@ -9,11 +9,13 @@ import math
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose
 from cohelm.plan.path_planner import Goal
 from cohelm.ros import messages
@@ -29,6 +31,8 @@ _STEP = 0.25
 """Between two poses of a path that are kept, at least [m]."""
 _MOST = 250
 """So many poses of a path are kept."""
+_MOST_WAITING = 20
+"""Sentences that wait to be said."""
 _SAME, _SAME_END = 0.25, 0.1
 """A path that is nowhere farther from the route, and ends as near to its end, is no new one [m]."""
 _SURE, _LEAST, _MOST_SIGMA = 0.3, 0.05, 1.0
@@ -59,6 +63,7 @@ class Goals:
         self.route: Floats = np.empty((0, 2))
         """(m, 2), the route that is followed: a path that is the same is no new one [m]."""
         self._executor = ThreadPoolExecutor(1, "goals")
+        self._waiting, self._closed = 0, False
         self._lock = threading.Lock()
         self._way: tuple[str, Goal | Floats] | None = None
         self._initial: Placed | None = None
@@ -90,13 +95,28 @@ class Goals:
         self.note(f"{topic}: {what}")
 
     def note(self, text: str) -> None:
-        """Logs and publishes a sentence; returns at once."""
-        self._executor.submit(self._reason.send, messages.reason(text))
-        self._executor.submit(self._log, text)
+        """Logs and publishes a sentence; returns at once. What comes faster than it can be said is
+        left out."""
+        with self._lock:
+            if self._closed or self._waiting >= _MOST_WAITING:
+                return
+            self._waiting += 1
+            self._executor.submit(self._say, text)
 
     def close(self) -> None:
         """Publish no more."""
+        with self._lock:
+            self._closed = True
         self._executor.shutdown()
+
+    def _say(self, text: str) -> None:
+        try:
+            with suppress(CohelmError):  # the transport is closed
+                self._reason.send(messages.reason(text))
+            self._log(text)
+        finally:
+            with self._lock:
+                self._waiting -= 1
 
     def _goal(self, topic: str, received: Received) -> None:
         message = received.message
