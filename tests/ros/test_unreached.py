@@ -82,6 +82,23 @@ def test_an_unreached_endpoint_is_reported_once(end, why):
     assert why in said
 
 
+def test_two_joysticks_on_one_topic_are_reported_once():
+    """The stick would be of either in turns."""
+    network, said = Network(), list[str]()
+    made = Unreached(network, (), said.append)
+    made._wanted = optional_topics(CONFIG, "/r2")
+    network.there = [Endpoint("/r2/joy", JOY, COMMAND, True, node) for node in ("/a", "/b")]
+    for _ in range(4):
+        made.look()
+    (why,) = said
+    assert why.startswith("/r2/joy is published by /a, /b at once, and one joystick is needed: ")
+    twice = [Endpoint("/plan", PATH, COMMAND, True, node) for node in ("/a", "/b")]
+    network.there = [*twice, Endpoint("/r2/joy", JOY, COMMAND, True, "/a")]
+    for _ in range(4):
+        made.look()
+    assert len(said) == 1
+
+
 def test_the_check_polls_by_itself_and_survives_a_lost_transport(monkeypatch):
     monkeypatch.setattr("cohelm.ros.unreached._LOOK", 0.01)
     network, said, fails = Network(), list[str](), [3]

@@ -266,7 +266,7 @@ def optional_topics(config: TopicsConfig, space: str) -> tuple[Wanted, ...]:
     wanted = (
         *(Wanted(one, (GOAL, PATH), ONCE, "--goals-from") for one in config.ways),
         Wanted(config.initial, (POSE,), ONCE, "--initial-pose-from"),
-        Wanted(config.joy, (JOY,), SENSOR, "--joy"),
+        Wanted(config.joy, (JOY,), SENSOR, "--joy", "joystick"),
         Wanted(config.resets, (EMPTY,), RESET, "--reset-from"),
     )
     return tuple(one._replace(topic=resolved(one.topic, space)) for one in wanted if one.topic)

@@ -1,4 +1,5 @@
-"""Reports publishers that are never received: another type, or a QoS that never matches.
+"""Reports publishers that are never received: another type, or a QoS that never matches; and two
+where one is meant.
 
 What comes seldom, as goals do, is not missed when it does not come; and its publisher may start
 later than the robot.
@@ -29,6 +30,8 @@ class Wanted(NamedTuple):
     qos: Qos
     option: str
     """By which another topic is named."""
+    alone: str = ""
+    """What publishes it, where that has to be one; empty: any number may."""
 
 
 class Unreached:
@@ -48,8 +51,11 @@ class Unreached:
     def look(self) -> None:
         """Once."""
         there = self._transport.endpoints()
-        for topic, kinds, qos, option in self._wanted:
-            if why := mismatch.never(topic, kinds, qos, option, there):
+        for topic, kinds, qos, option, alone in self._wanted:
+            why = mismatch.never(topic, kinds, qos, option, there)
+            if not why and alone:
+                why = mismatch.alone(topic, kinds[0], alone, there)[1]
+            if why:
                 self._seen[why] = self._seen.get(why, 0) + 1
                 if self._seen[why] == _TWICE:
                     self._log(why)
