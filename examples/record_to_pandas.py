@@ -6,6 +6,7 @@ cohelm robot lab-guard --fast --for 30 --record drive.mcap
 python examples/record_to_pandas.py drive.mcap
 """
 
+import math
 import sys
 
 import pandas as pd
@@ -19,7 +20,8 @@ def main(path: str) -> pd.DataFrame:
     table = pd.DataFrame(record.table).set_index("t")
     table = table[table["verdict"] >= 0]  # -1: nothing was decided, the robot stood
     table["verdict"] = table["verdict"].map(lambda number: cohelm.Verdict(number).name)
-    print(table.groupby("verdict")["clearance_seen"].describe()[["count", "min", "mean"]])
+    near = table["clearance_seen"].where(table["clearance_seen"] < math.inf)  # inf: nothing near
+    print(near.groupby(table["verdict"]).describe()[["count", "min", "mean"]])
     for when, what in record.events[:10]:
         print(f"{when:8.2f} s  {what}")
     return table

@@ -69,7 +69,11 @@ def test_a_record_goes_into_pandas(tmp_path, run):
     with Recorder(tmp_path / "run.mcap") as recorder:
         result = cohelm.run("lab-guard", changes=["simulation.duration_s=3"])
         recorder.write(result.trace)
-    assert "UNTOUCHED" in run("record_to_pandas.py", str(tmp_path / "run.mcap"))
+    with warnings.catch_warnings(record=True) as told:
+        said = run("record_to_pandas.py", str(tmp_path / "run.mcap"))
+    assert "UNTOUCHED" in said
+    assert " inf" not in said
+    assert not [one for one in told if one.category is RuntimeWarning]  # of infinity less itself
 
 
 def test_an_external_robot_drives_the_lab(monkeypatch):
