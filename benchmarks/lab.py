@@ -13,12 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.scalars import wrap
-from cohelm.drive.factory import Kind, simulated
+from cohelm.drive.factory import simulated
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.law.verdict import UNTOUCHED
 from cohelm.link.messages import Mode
 from cohelm.pilot.behavior import FOLLOWING
 from cohelm.robot.gate.modes import GateMode
+from cohelm.sim.maker import Kind
 from cohelm.study.campaign.suites import with_all_round_lidar
 
 FREE = 0.5

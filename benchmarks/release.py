@@ -25,7 +25,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.types import VX, VY, Pose, Twist
-from cohelm.law.guard.step import Rules, prepared
+from cohelm.law.guard.rules import Rules
+from cohelm.law.guard.step import prepared
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.robot.kinematics import arc
 from cohelm.sim.run import run

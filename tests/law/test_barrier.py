@@ -5,8 +5,9 @@ import pytest
 from hypothesis import assume, given, strategies as st
 
 from cohelm.core.types import Pose, Twist, disc, discs
-from cohelm.law.barrier import HEADING, POWERLESS, SHAPED, UNTOUCHED, barrier
+from cohelm.law.barrier import HEADING, barrier
 from cohelm.law.gains import Gains
+from cohelm.law.verdict import POWERLESS, SHAPED, UNTOUCHED
 from tests.law import states
 from tests.law.test_track import turned
 from tests.oracle import paper

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import example, given, strategies as st
 
 from cohelm.core.types import Desired, Pose, Stick, disc, discs
-from cohelm.law.barrier import INVALID, SHAPED, UNTOUCHED
 from cohelm.law.gains import Gains
 from cohelm.law.step import Step, step
+from cohelm.law.verdict import INVALID, SHAPED, UNTOUCHED
 from tests.law import states
 from tests.law.test_track import turned
 

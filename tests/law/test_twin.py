@@ -7,9 +7,9 @@ import pytest
 from hypothesis import assume, given, strategies as st
 
 from cohelm.core.types import Twist
-from cohelm.law.barrier import SHAPED, UNTOUCHED
 from cohelm.law.step import step
 from cohelm.law.track import pose_error, track
+from cohelm.law.verdict import SHAPED, UNTOUCHED
 from tests.law import states
 from tests.oracle import paper
 

@@ -13,7 +13,8 @@ from cohelm.core.types import Pose, Stick
 from cohelm.link import robot_end
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.messages import Command, Device, Discs, Mode, RequestKind, ScanPart
-from cohelm.link.robot_end import OperatorInput, RobotEnd
+from cohelm.link.operator import OperatorInput
+from cohelm.link.robot_end import RobotEnd
 from cohelm.link.station_end import StationEnd
 from tests.link.ends import CENTRED, STATUS, until
 from tests.patience import OwnTime

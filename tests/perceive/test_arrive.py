@@ -8,7 +8,7 @@ import pytest
 from cohelm.core.types import Pose, Twist, disc, discs
 from cohelm.law.gains import Gains
 from cohelm.law.govern import CourseClock, PaceParams, govern, governed, profile
-from cohelm.law.guard.step import Rules
+from cohelm.law.guard.rules import Rules
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.law.track import track

@@ -8,7 +8,7 @@ import numpy as np
 
 from cohelm.core.types import Pose, Stick, Twist, disc
 from cohelm.law.gains import Gains
-from cohelm.law.guard.step import Rules
+from cohelm.law.guard.rules import Rules
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.pilot import Pilot

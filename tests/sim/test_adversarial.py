@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cohelm.law.guard.step import Rules
+from cohelm.law.guard.rules import Rules
 from cohelm.study.campaign import adversary
 from cohelm.study.campaign.episode import attacked, least_clearance
 from cohelm.study.campaign.scoring import run_episode

@@ -9,7 +9,8 @@ import pytest
 from cohelm.core.row import ROW
 from cohelm.core.trace import Trace
 from cohelm.core.types import discs
-from cohelm.law.barrier import HEADING, POWERLESS, SHAPED
+from cohelm.law.barrier import HEADING
+from cohelm.law.verdict import POWERLESS, SHAPED
 from cohelm.study.metrics import measure, spans, wheel_acceleration
 
 DT = 0.1

@@ -6,7 +6,7 @@ Larger errors have to be added to it, and to all clearances that plans use.
 
 from __future__ import annotations
 
-from cohelm.law.guard.step import Rules
+from cohelm.law.guard.rules import Rules
 from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
 from cohelm.plan.path_planner import PathParams

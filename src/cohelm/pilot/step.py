@@ -12,7 +12,8 @@ from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
 from cohelm.law.barrier import Avoidance
 from cohelm.law.gains import Gains
 from cohelm.law.govern import CourseClock, PaceParams, govern, governed
-from cohelm.law.guard.step import Rules, guard
+from cohelm.law.guard.rules import Rules
+from cohelm.law.guard.step import guard
 from cohelm.law.human import blend, operator_command
 from cohelm.law.reference import desired
 from cohelm.law.step import control_step, total_command

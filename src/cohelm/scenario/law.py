@@ -10,7 +10,7 @@ from cohelm.core.schema import Schema, refuse, renamed
 from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
 from cohelm.law.govern import PaceParams
-from cohelm.law.guard.step import Rules
+from cohelm.law.guard.rules import Rules
 from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
 from cohelm.plan.evasion.params import HURRY, EvasionParams, adapted

@@ -17,7 +17,8 @@ from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.barrier import barrier
 from cohelm.law.gains import Gains
-from cohelm.law.guard.step import Rules, guard
+from cohelm.law.guard.rules import Rules
+from cohelm.law.guard.step import guard
 from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits

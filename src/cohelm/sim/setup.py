@@ -12,7 +12,7 @@ from cohelm.core.trace import Trace
 from cohelm.core.types import VX, VY, Floats, Pose
 from cohelm.law.gains import Gains
 from cohelm.law.govern import PaceParams
-from cohelm.law.guard.step import Rules
+from cohelm.law.guard.rules import Rules
 from cohelm.law.reference import Reference, evaluate
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.track.params import TrackerParams

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Pose, Twist, disc
-from cohelm.law.guard.step import Guarded, Rules, prepared
+from cohelm.law.guard.rules import Rules
+from cohelm.law.guard.step import Guarded, prepared
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.robot.achievable import achievable
 from cohelm.robot.limits import Limits

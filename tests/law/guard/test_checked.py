@@ -7,7 +7,8 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
-from cohelm.law.guard.step import Rules, prepared
+from cohelm.law.guard.rules import Rules
+from cohelm.law.guard.step import prepared
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits

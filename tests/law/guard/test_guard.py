@@ -9,15 +9,9 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard.bounds import braked
 from cohelm.law.guard.contact import wall_clearance
-from cohelm.law.guard.step import (
-    BRAKING,
-    INVALID,
-    NOTHING,
-    SHAPED,
-    STANDING,
-    UNTOUCHED,
-)  # fmt: skip
+from cohelm.law.guard.step import NOTHING
 from cohelm.law.guard.surroundings import surroundings
+from cohelm.law.verdict import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED
 from tests.law.guard.scenes import (
     HERE,
     JACKAL_LIMITS,

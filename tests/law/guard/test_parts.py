@@ -14,7 +14,8 @@ from cohelm.law.guard.approach import approach, approach_rows, max_rows
 from cohelm.law.guard.bounds import brake_steps, coasting, wheel_rows
 from cohelm.law.guard.certify import _near, _travelled, manoeuvre
 from cohelm.law.guard.project import NO_OBSTACLE
-from cohelm.law.guard.step import NOTHING, Rules, circumscribed_radius, guard, prepared
+from cohelm.law.guard.rules import Rules
+from cohelm.law.guard.step import NOTHING, circumscribed_radius, guard, prepared
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.verdict import INVALID, UNTOUCHED
 from cohelm.robot.limits import Limits, unlimited

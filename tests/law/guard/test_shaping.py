@@ -9,8 +9,10 @@ from hypothesis import assume, given, strategies as st
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard.approach import approach
-from cohelm.law.guard.step import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED, Rules, guard
+from cohelm.law.guard.rules import Rules
+from cohelm.law.guard.step import guard
 from cohelm.law.guard.surroundings import surroundings
+from cohelm.law.verdict import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED
 from cohelm.robot.achievable import achievable
 from cohelm.robot.limits import Limits
 from tests.law.guard.scenes import (

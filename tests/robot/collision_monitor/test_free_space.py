@@ -13,7 +13,6 @@ from cohelm.robot.collision_monitor.free_space import (
     HALF,
     STEADY,
     TURNED,
-    VOUCHED,
     FreeSpace,
     unknown_to_all,
 )
@@ -22,6 +21,7 @@ from cohelm.robot.collision_monitor.returns import Sensor
 from cohelm.robot.collision_monitor.source import MonitorSource
 from cohelm.robot.collision_monitor.surroundings import BESIDE, NOTHING
 from cohelm.robot.collision_monitor.sweep import outline
+from cohelm.robot.collision_monitor.switched_on import VOUCHED
 from cohelm.robot.port import Readings, Scan
 
 BOX = np.array([[0.36, 0.29], [-0.36, 0.29], [-0.36, -0.29], [0.36, -0.29]])

@@ -8,11 +8,11 @@ import pytest
 
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.collision_monitor.fields import CRAWL, RESERVE
-from cohelm.robot.collision_monitor.free_space import VOUCHED
 from cohelm.robot.collision_monitor.monitor import LASTS, CollisionMonitor
 from cohelm.robot.collision_monitor.odometry import GAP, advanced, seen_from
 from cohelm.robot.collision_monitor.source import MISSED
 from cohelm.robot.collision_monitor.surroundings import REMEMBERED, MonitorSurroundings, seen_by
+from cohelm.robot.collision_monitor.switched_on import VOUCHED
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.watch import described, monitors
 from cohelm.robot.monitor import UNRESTRICTED

@@ -21,7 +21,8 @@ from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.govern import CourseClock, PaceParams, govern, governed
 from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
-from cohelm.law.guard.step import Rules, circumscribed_radius
+from cohelm.law.guard.rules import Rules
+from cohelm.law.guard.step import circumscribed_radius
 from cohelm.law.track import track
 from cohelm.plan.course import Course
 from cohelm.plan.evasion.candidates import candidates, extra_costs, first_twist, lower_bounds

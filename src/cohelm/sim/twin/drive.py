@@ -17,7 +17,7 @@ from cohelm.core.frames import compose, inverse
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.trace import Trace
 from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
-from cohelm.law.guard.step import Rules
+from cohelm.law.guard.rules import Rules
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.human import supplied_energy
 from cohelm.law.track import pose_error

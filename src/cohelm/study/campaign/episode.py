@@ -14,7 +14,7 @@ from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
-from cohelm.law.guard.step import Rules
+from cohelm.law.guard.rules import Rules
 from cohelm.robot.limits import speeds
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import load

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import make_folder
 from cohelm.core.trace import Trace
+from cohelm.record.file import RECORD
 from cohelm.record.write import Recorder
 from cohelm.study.campaign import laws
 from cohelm.study.campaign.adversary import scripted
@@ -19,7 +20,7 @@ from cohelm.study.campaign.runner import planned
 from cohelm.study.campaign.scoring import arrival, scored
 from cohelm.study.campaign.store import read_plan, read_rows
 from cohelm.study.metrics import plain
-from cohelm.study.single import RECORD, scene
+from cohelm.study.single import scene
 
 ROW, PICTURE, STRIP = "row.json", "episode.png", "evasion.png"
 _DIGITS = 12
