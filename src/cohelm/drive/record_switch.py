@@ -38,7 +38,7 @@ class RecordSwitch:
 
     def __init__(
         self, session: Session, publisher: StationPublisher, folder: Path, jobs: Jobs,
-        drawn: Callable[[], Iterable[Map | ZoneMap | Polyline]], make: Make = Recording,
+        drawn: Callable[[], Iterable[Map | ZoneMap | Polyline]], make: Make,
     ) -> None:  # fmt: skip
         """folder: for the records. drawn: what each record has to begin with."""
         self._session, self._publisher, self._folder = session, publisher, folder

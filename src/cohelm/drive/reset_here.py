@@ -43,7 +43,7 @@ class ResetHere:
         gate, supervisor, mode = loop.gated.gate.mode, loop.supervisor, self._mode
         goes_on = f"in {mode.name.lower()} mode"
         if latched(gate):
-            refusal = supervisor.request_locally(name, RequestKind.RESET, age=age)
+            refusal = supervisor.request_locally(name, RequestKind.RESET, age)
             if refusal:
                 return f"not reset: {refusal}"
             more = "" if mode == Mode.HOLD else f"; once more continues {goes_on}"
@@ -53,5 +53,5 @@ class ResetHere:
         if mode == Mode.HOLD:
             return "there is nothing to reset, and the drive began in hold"
         refusal = "" if joy is None else joy.problem()
-        refusal = refusal or supervisor.request_locally(name, RequestKind.MODE, mode, age)
+        refusal = refusal or supervisor.request_locally(name, RequestKind.MODE, age, mode)
         return f"stands: {refusal}" if refusal else f"continues {goes_on}"

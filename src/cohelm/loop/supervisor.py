@@ -86,9 +86,7 @@ class Supervisor:
         self.stick_state = updated(self.stick_state, received, self._arming, self._period, anew)
         self._watch_operator(now, received)
 
-    def request_locally(
-        self, name: str, what: RequestKind, value: int = 0, age: float = 0.0
-    ) -> str:
+    def request_locally(self, name: str, what: RequestKind, age: float, value: int = 0) -> str:
         """A request made at the robot where no station drives, by the same rules; returns why not,
         or "". age: how long ago it was made [s]."""
         request = ClientRequest(_LOCAL, name, Request(1, what, value, 0.0), age)

@@ -52,10 +52,10 @@ def reason(text: str) -> Any:
 
 def diagnostics(
     name: str, robot: str, level: int, text: str, values: Mapping[str, object],
-    now: float | None = None,
+    now: float | None,
 ) -> Any:  # fmt: skip
-    """A `diagnostic_msgs/msg/DiagnosticArray` with one status; numbers to four digits. now: by
-    default the wall's [s]."""
+    """A `diagnostic_msgs/msg/DiagnosticArray` with one status; numbers to four digits. now:
+    None for the wall's [s]."""
     pairs = [KeyValue(key, _plain(value)) for key, value in values.items()]
     status = DiagnosticStatus(level, name, text, robot, pairs)
     return DiagnosticArray(header(nanoseconds(now), ""), [status])

@@ -66,7 +66,7 @@ class ObservationSource:
             if scan.edges is not None:  # the edge of a floor does not move, whatever the noise
                 may_move = ~scan.edges[sweep.beams]
                 trackable = sweep.part(may_move, np.where(scan.edges, math.nan, sweep.ranges))
-            fixed = None
+            fixed = np.zeros(len(trackable.points), np.bool_)
             if known is not None:
                 there = compose(map_odom, sweep.pose)
                 fixed = on_walls(known, there, trackable.points, _ON_WALL)

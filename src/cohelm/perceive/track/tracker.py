@@ -99,15 +99,13 @@ _NO_DISCS = np.empty((0, 6)), np.empty((0, 6)), np.empty(0)
 
 def update_tracker(
     before: TrackerState, lidar: Lidar, sweep: DeskewedScan, params: TrackerParams,
-    fixed: NDArray[np.bool_] | None = None,
+    fixed: NDArray[np.bool_],
 ) -> TrackerState:  # fmt: skip
     """The state after a sweep.
 
     fixed: (m,) which of its points are on walls of a map: they are not merged with a mover that
     passes.
     """
-    if fixed is None:
-        fixed = np.zeros(len(sweep.points), np.bool_)
     pose, stamp = sweep.pose, sweep.stamp
     dt = min(max(stamp - before.stamp, 0.0), params.longest) if before.scans else 0.0
     found = clusters(lidar, sweep, fixed)
