@@ -263,6 +263,7 @@ def test_a_clock_that_goes_back_is_a_fault_and_the_new_time_counts():
     gate, passed = g.tick(gate, 9.5, RULES)
     assert (gate.mode, gate.reason) == (GateMode.FAULTED, "the robot's clock went back")
     assert passed.out.v == pytest.approx(0.24)
+    assert gate.asked == -INF  # there was no proposal yet in the new time
     for k in range(1, 20):
         gate, passed = g.propose(
             gate, Proposal(8 + k, 9.5 + 0.02 * k, Twist(0.3, 0.0)), 9.5 + 0.02 * k, RULES
@@ -325,6 +326,12 @@ def test_a_loop_that_is_always_late_is_a_fault_though_the_watchdog_never_trips(a
         gate, times = paced(gate, apart), times + 1
     assert (gate.mode, gate.reason) == (GateMode.FAULTED, SLOW)
     assert times == math.floor(0.1 / (apart - 0.03) + 1e-9) + 1
+
+
+def test_a_slow_loop_is_told_its_period_in_milliseconds():
+    slow = ready(mode=GateMode.IDLE)._replace(behind=1.0)
+    said = g.drive(slow, GateMode.SHARED, slow.clock, RULES._replace(period=0.75))[1]
+    assert said == SLOW.replace("20 ms", "750 ms")
 
 
 def test_a_loop_that_is_late_now_and_then_is_not():
