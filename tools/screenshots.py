@@ -18,6 +18,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -285,8 +286,12 @@ class Lifted(Simulated):
 
     when: str = ""
 
-    def __call__(self) -> object:  # noqa: D102 - as there
-        return _Liftable(super().__call__(), Path(self.when))
+    def maker(self) -> Callable[[], object]:  # noqa: D102 - as there
+        return partial(_liftable, super().maker(), Path(self.when))
+
+
+def _liftable(make: Callable[[], object], when: Path) -> object:
+    return _Liftable(make(), when)
 
 
 class _Liftable:
