@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Annotated, Any, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, ValidationError
-from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError
 
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 """x or y of a world [m]."""
@@ -21,9 +21,12 @@ def refuse(*problems: tuple[str, str]) -> NoReturn:
 
 
 def first_fault(error: ValidationError) -> str:
-    """What is wrong with keys that no file has, as one sentence: the key's path, if it is of one,
-    and why."""
-    fault = error.errors(include_url=False)[0]
+    """What is wrong with keys that no file has, as one sentence."""
+    return fault_sentence(error.errors(include_url=False)[0])
+
+
+def fault_sentence(fault: ErrorDetails) -> str:
+    """One of pydantic's faults: the key's path, if it is of one, and why."""
     place = ".".join(str(key) for key in fault["loc"])
     text = fault["msg"].removeprefix("Value error, ")
     return f"{place}: {text}" if place else text

@@ -9,6 +9,7 @@ from pydantic_core import ErrorDetails
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import read_bytes
+from cohelm.core.schema import fault_sentence
 
 _LARGEST = 64_000_000  # bytes, unpacked
 
@@ -38,5 +39,4 @@ def _fault(fault: ErrorDetails) -> str:
         return f"{where or 'the file'} must be {wanted}, not {fault['input']!r}"
     if fault["type"] == "missing":
         return f"{where} is missing"
-    text = fault["msg"].removeprefix("Value error, ")
-    return f"{where}: {text}" if where else text
+    return fault_sentence(fault)

@@ -15,6 +15,7 @@ from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.barn import Barn, read_barn, read_collection
 from cohelm.sim.setup import Setup, with_pilot
 from cohelm.sim.world import Body, world
+from cohelm.study.campaign.data import data_folder
 from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal
 
 SPEED = 1.5
@@ -31,7 +32,7 @@ GAINS = PAPER._replace(k_x=1.0, k_psi=5.0, u_d=SPEED)
 def files(folder: Path) -> tuple[Path, list[Path]]:
     """The folder that the worlds are in, which may be `barn` in the given one; and those files in
     it that are of worlds."""
-    inside = folder / "barn" if (folder / "barn").is_dir() else folder
+    inside = data_folder(folder, "barn")
     if (inside / "worlds.json").exists():
         return inside, [inside / "worlds.json"]
     return inside, sorted([*inside.rglob("world_*.world*"), *inside.rglob("path_*.npy")])

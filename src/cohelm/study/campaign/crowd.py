@@ -20,9 +20,12 @@ from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.tracks import ELSEWHERE, Track, read_tracks
 from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
+from cohelm.study.campaign.data import csv_files
 from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, sequence
 from cohelm.study.campaign.rooms import extremes
 
+FOLDER = "crowd"
+"""Of recorded pedestrians, in a folder of data."""
 FASTEST = 2.5
 """Assumed of pedestrians [m/s]."""
 MAX_ACCELERATION = 1.0
@@ -61,19 +64,12 @@ class Crowd(NamedTuple):
     """Pedestrians left out, and why."""
 
 
-def files(folder: Path) -> tuple[Path, list[Path]]:
-    """The folder that the scenes are in, which may be `crowd` in the given one; and its CSV files,
-    plain or gzip."""
-    inside = folder / "crowd" if (folder / "crowd").is_dir() else folder
-    return inside, sorted([*inside.glob("*.csv"), *inside.glob("*.csv.gz")])
-
-
 def read(folder: Path) -> tuple[Crowd, ...]:
     """The scenes in a folder, or in `crowd` in it: CSV files with t, id, x, y.
 
     Raises CohelmError where there are none.
     """
-    inside, there = files(folder)
+    inside, there = csv_files(folder, FOLDER)
     if not there:
         raise CohelmError(
             f"{inside}: holds no CSV file of tracks (t,id,x,y); give their folder with --data"

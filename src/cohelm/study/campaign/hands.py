@@ -14,9 +14,12 @@ from cohelm.link.stick import StickRecording
 from cohelm.scenario import build
 from cohelm.sim.operator_model import replay
 from cohelm.sim.setup import Setup
+from cohelm.study.campaign.data import csv_files
 from cohelm.study.campaign.episode import Episode, sequence
 from cohelm.study.campaign.lab import goal, limited, scenario
 
+FOLDER = "stick"
+"""Of recorded sticks, in a folder of data."""
 _MOST_RUNS = 100
 
 
@@ -30,19 +33,12 @@ class Hands(NamedTuple):
     """Files that are no sticks, a sentence each."""
 
 
-def files(folder: Path) -> tuple[Path, list[Path]]:
-    """The folder that the sticks are in, which may be `stick` in the given one; and its CSV files,
-    plain or gzip."""
-    inside = folder / "stick" if (folder / "stick").is_dir() else folder
-    return inside, sorted([*inside.glob("*.csv"), *inside.glob("*.csv.gz")])
-
-
 def read(folder: Path) -> Hands:
     """Every run of every stick file (CSV, plain or gzip) in a folder, or in `stick` in it.
 
     Raises CohelmError where there is none.
     """
-    inside, there = files(folder)
+    inside, there = csv_files(folder, FOLDER)
     names: list[str] = []
     found: list[StickRecording] = []
     left_out: list[str] = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from cohelm.sim.setup import Setup, Twinned, with_pilot
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.world import Body, World, world
 from cohelm.study.campaign import adversary, barn, crowd, hands, heights, lab, movers, rooms
+from cohelm.study.campaign.data import csv_files
 from cohelm.study.campaign.episode import LAWS, PAPER, PLANTS, Episode, lively
 
 NAMES = ("lab", "random", "movers", "barn", "crowd", "adversary", "hands", "heights")
@@ -125,7 +127,8 @@ def suite(
 
 
 _FILES = {
-    "barn": barn.files, "crowd": crowd.files, "hands": hands.files, "adversary": hands.files,
+    "barn": barn.files, "crowd": partial(csv_files, name=crowd.FOLDER),
+    **dict.fromkeys(("hands", "adversary"), partial(csv_files, name=hands.FOLDER)),
 }  # fmt: skip
 
 
