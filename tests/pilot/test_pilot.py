@@ -14,7 +14,7 @@ from cohelm.law.verdict import INVALID
 from cohelm.pilot.behavior import ESCAPING, FOLLOWING, LED
 from cohelm.pilot.pilot import NOTHING_NEAR, Pilot, taken
 from cohelm.pilot.replanning import Plan
-from cohelm.pilot.step import NO_MOVE
+from cohelm.pilot.step import NO_MOVE, slowed
 from cohelm.plan import path_planner
 from cohelm.plan.course import course
 from cohelm.plan.recovery import RecoveryMove
@@ -225,6 +225,14 @@ def test_the_nominal_command_is_slowed_down_on_the_same_arc():
     assert slow_omega / slow_v == pytest.approx(omega / v)
     assert requested(0.0) == (0.0, 0.0)
     assert requested(10.0) == (v, omega)
+
+
+def test_a_speed_limit_holds_for_evasions_and_never_speeds_up():
+    slow = slowed(SETTINGS, 0.1)
+    assert (slow.fastest, slow.evasion.speed) == (0.1, 0.1)
+    assert slowed(slow, 0.3) == slow
+    assert slowed(SETTINGS, math.inf) == SETTINGS
+    assert slow._replace(fastest=math.inf, evasion=SETTINGS.evasion) == SETTINGS
 
 
 def test_a_head_on_mover_is_passed_on_the_right_if_so_configured():

@@ -25,6 +25,7 @@ from cohelm.pilot.step import (
     PilotState,
     Settings,
     pilot_step,
+    slowed,
     still,
 )
 from cohelm.plan.course import Course, course, route, row_on_route
@@ -95,7 +96,8 @@ class Pilot:
             dt = min(max(passed, 0.0), 3.0 * dt)  # a late step must not make the reference jump
         self._now = now
         stick, course, reference = stick or CENTRED, self.course, self.course.reference
-        self._numbers[_FASTEST] = min(fastest, self.settings.fastest)
+        here = slowed(self.settings, fastest)
+        self._numbers[_FASTEST], self._numbers[_EVADES] = here.fastest, here.evasion.speed
         # an int would compile another specialization
         x, y, psi, v = float(pose[0]), float(pose[1]), float(pose[2]), float(twist[0])
         _step(
@@ -191,7 +193,7 @@ def taken(state: PilotState, made: Plan, planner: Planner, pose: Pose, twist: Tw
 
 
 _STATE = len(names(PilotState))
-_FASTEST = names(Settings).index("fastest")
+_FASTEST, _EVADES = map(names(Settings).index, ("fastest", "evasion.speed"))
 
 
 def _contiguous(array: Floats) -> Floats:

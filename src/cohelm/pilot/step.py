@@ -50,11 +50,19 @@ class Settings(NamedTuple):
     recovery_yaw_rate: float = 1.0
     """[rad/s]"""
     fastest: float = math.inf
-    """The nominal command is slowed down to this, on the same arc [m/s]."""
+    """The nominal command is slowed down to this, on the same arc; see `slowed` [m/s]."""
     evasion: EvasionParams = EvasionParams()
     """Of moving obstacles."""
     rest: float = 0.0
     """Delay from command to wheels beyond whole control periods [s]."""
+
+
+def slowed(s: Settings, fastest: float) -> Settings:
+    """The same settings, no faster than `fastest`, evasions included [m/s]."""
+    fastest = min(s.fastest, fastest)
+    return s._replace(
+        fastest=fastest, evasion=s.evasion._replace(speed=min(s.evasion.speed, fastest))
+    )
 
 
 class PilotState(NamedTuple):
@@ -159,7 +167,7 @@ def pilot_step(
     if s.guarded and s.evasion.horizon > 0.0 and not operator_leads:
         evasion = evade(
             state.evasion, pose_ahead, twist_ahead, obstacles_ahead, course, state.clock, s.outline,
-            s.limits, s.gains, s.rules, s.pace, _speed_limited(s.evasion, s.fastest), mover_history,
+            s.limits, s.gains, s.rules, s.pace, s.evasion, mover_history,
             obstacles.velocity_error,
         )  # fmt: skip
     clock, target = _reference(
@@ -238,18 +246,6 @@ def _slowed(nominal: Twist, fastest: float) -> Twist:
         share = fastest / abs(nominal.v)
         return Twist(nominal.v * share, nominal.omega * share)
     return nominal
-
-
-@jit_inline
-def _speed_limited(e: EvasionParams, fastest: float) -> EvasionParams:
-    """The same parameters, no faster than `fastest`."""
-    return EvasionParams(
-        e.horizon, e.period, min(e.speed, fastest), e.yaw_rate, e.clearance, e.standing_growth,
-        e.moving_growth, e.growth_per_speed, e.most_growth, e.social_clearance, e.risk_weight,
-        e.ahead, e.slack, e.slack_growth, e.turning, e.hysteresis, e.static_clearance,
-        e.certified_for, e.certified_growth, e.pass_right, e.sets_off_weight,
-        e.sets_off_acceleration,
-    )  # fmt: skip
 
 
 MOVES = 3
