@@ -3,8 +3,11 @@
 import contextlib
 import functools
 import os
+import pty
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -164,3 +167,16 @@ def test_no_driver_keeps_the_gate_process_alive(make, lingers, capfd):
         time.sleep(0.05)
     assert not alive(gated.pid)
     assert ("the robot's driver does not end" in capfd.readouterr().err) == lingers
+
+
+def test_a_driver_that_reads_the_terminal_is_told_no_and_stops_no_process():
+    ours, theirs = pty.openpty()
+    try:
+        said = subprocess.run(
+            [sys.executable, "-m", "tests.robot.keep.at_a_terminal"], stdin=theirs,
+            capture_output=True, text=True, timeout=60.0, start_new_session=True, check=False,
+        )  # fmt: skip
+    finally:
+        os.close(theirs)
+        os.close(ours)
+    assert "read failed: OSError: [Errno 5]" in said.stdout, said

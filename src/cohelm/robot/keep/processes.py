@@ -61,8 +61,13 @@ def children(pid: int) -> dict[str, int]:
 
 
 def lead_group() -> None:
-    """This process's later children are of a group of its own, unless they leave it."""
-    signal.signal(signal.SIGTTOU, signal.SIG_IGN)  # of a terminal that is not the group's: it says
+    """This process's later children are of a group of its own, unless they leave it.
+
+    The terminal belongs to another group. It may be written to all the same, and to read it is an
+    error: by default either would stop all processes of the group.
+    """
+    for number in (signal.SIGTTOU, signal.SIGTTIN):
+        signal.signal(number, signal.SIG_IGN)
     os.setpgid(0, 0)
 
 
