@@ -1,5 +1,6 @@
 """A robot of one's own: what the base class supplies, and what becomes of what goes wrong in it."""
 
+import asyncio
 import math
 import threading
 import time
@@ -184,15 +185,24 @@ def test_no_error_of_the_robots_own_code_goes_unsaid(method):
     assert port.read().health.faults == ()
 
 
+ENDS = [
+    (SystemExit(3), "SystemExit: 3"),
+    (KeyboardInterrupt(), "KeyboardInterrupt"),
+    (asyncio.CancelledError(), "CancelledError"),
+]
+
+
 @pytest.mark.parametrize("method", ["read", "send", "stop"])
-def test_a_driver_that_calls_sys_exit_is_a_fault_and_does_not_end_the_gate_process(method):
+@pytest.mark.parametrize(("error", "said"), ENDS)
+def test_a_driver_that_would_end_its_process_is_a_fault_and_does_not(method, error, said):
     cart = Cart()
     port = RobotAdapter(cart)
-    cart.broken, cart.error = method, SystemExit(3)
+    cart.broken, cart.error = method, error
     port.read()
     port.send(cohelm.Twist(0.3, 0.0))
     port.stop()
-    assert port.read().health.faults == (f"{method} failed: SystemExit: 3",)
+    assert port.read().health.faults == (f"{method} failed: {said}",)
+    port.close()
 
 
 def test_a_robot_whose_stop_fails_is_sent_zero():
@@ -214,12 +224,22 @@ def test_a_robot_whose_stop_fails_is_sent_zero():
     assert port.read().health.faults == ("stop failed: OSError: the line is dead",)
 
 
-def test_a_driver_that_ends_the_process_while_it_is_made_is_reported():
+@pytest.mark.parametrize(("error", "said"), ENDS)
+def test_a_driver_that_ends_the_process_while_it_is_made_is_reported(error, said):
     def ends(model: cohelm.RobotModel) -> Cart:
-        raise SystemExit(3)
+        raise error
 
-    with pytest.raises(cohelm.CohelmError, match="the robot can not be made: SystemExit: 3"):
+    with pytest.raises(cohelm.CohelmError, match=f"the robot can not be made: {said}$"):
         AdaptedMaker(ends, SALLY)()
+
+
+class Careless(Cart):
+    def close(self) -> None:
+        raise asyncio.CancelledError
+
+
+def test_a_driver_whose_close_fails_is_closed():
+    RobotAdapter(Careless()).close()
 
 
 ODOMETRY = cohelm.Odometry(0.0, cohelm.Pose(0.0, 0.0, 0.0), cohelm.Twist(0.0, 0.0))

@@ -1,4 +1,7 @@
-"""Adapts a user's `Robot` to the port: limits, time-out, closing, and exceptions as faults."""
+"""Adapts a user's `Robot` to the port: limits, time-out, closing, and exceptions as faults.
+
+Whatever it raises: nobody but the driver ends a gate process, which hears no Ctrl-C.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,6 @@ _SAME = 0.005  # stamps of one reading, read twice with its age, differ by less 
 _AGAIN = 0.1  # a stop is repeated after this time, in case one was lost [s]
 _LOOK = 0.05  # period of the watchdog [s]
 _HANGS = 0.1  # a call that takes longer is not waited for before stopping [s]
-_FAILS = (Exception, SystemExit)  # a driver that calls sys.exit has failed, and no more
 
 
 def _again(new: Odometry, old: Odometry | None) -> bool:
@@ -94,7 +96,7 @@ class RobotAdapter:
                     given = given._replace(odometry=None)
                 given = given._replace(outline=self._outline(given.outline))
                 self._newest = _newest(given, self._newest)
-            except _FAILS as error:
+            except BaseException as error:
                 self._failed["read"] = _said("read", error)
             self._alone()
         health = self._newest.health or Health(self._robot.now(), math.nan, ())
@@ -113,7 +115,7 @@ class RobotAdapter:
             self._moves = True
             try:
                 self._robot.send(possible)
-            except _FAILS as error:
+            except BaseException as error:
                 self._failed["send"] = _said("send", error)
             self._alone()
             self._moves = True  # a stop while it hung came before it
@@ -133,7 +135,7 @@ class RobotAdapter:
             self._moves = True
             self._brake()
             self._closed.set()
-            with contextlib.suppress(*_FAILS):
+            with contextlib.suppress(BaseException):
                 self._robot.close()
 
     def _outline(self, reported: Floats | None) -> Floats | None:
@@ -150,9 +152,9 @@ class RobotAdapter:
         try:
             self._robot.stop()
             self._moves, self._stopped = False, now if now < math.inf else -math.inf
-        except _FAILS as error:
+        except BaseException as error:
             self._failed["stop"] = _said("stop", error)
-            with contextlib.suppress(*_FAILS):
+            with contextlib.suppress(BaseException):
                 self._robot.send(_STILL)  # else the last twist stays until the hardware notices
 
     def _alone(self) -> None:
@@ -164,7 +166,7 @@ class RobotAdapter:
         """The robot's clock; infinite where that fails, as then any command is too old [s]."""
         try:
             return self._robot.now()
-        except Exception:
+        except BaseException:
             return math.inf
 
     def _late(self) -> bool:
@@ -271,7 +273,12 @@ def _newest(new: Readings, old: Readings) -> Readings:
 def _said(method: str, error: BaseException) -> str:
     if isinstance(error, CohelmError):  # a sentence already
         return str(error)
-    return f"{method} failed: {type(error).__name__}: {' '.join(str(error).split())}"
+    return f"{method} failed: {_named(error)}"
+
+
+def _named(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 class AdaptedMaker(NamedTuple):
@@ -287,10 +294,8 @@ class AdaptedMaker(NamedTuple):
             robot = make if isinstance(make, Robot) else _made(make, model)
         except CohelmError:
             raise
-        except _FAILS as error:
-            raise CohelmError(
-                f"the robot can not be made: {type(error).__name__}: {error}"
-            ) from error
+        except BaseException as error:
+            raise CohelmError(f"the robot can not be made: {_named(error)}") from error
         adapted = RobotAdapter(robot)
         if adapted.model != model:
             raise CohelmError(
