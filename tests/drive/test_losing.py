@@ -12,7 +12,7 @@ from cohelm.loop.loop import LoopParams
 from cohelm.loop.stick import BACK_WITHIN
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import standing
-from tests.drive.faults import FAULTS, HELD_UP, NOTICED, REAR_FAULTS, failing
+from tests.drive.faults import FAULTS, HELD_UP, NOTICED, REAR_FAULTS, along_corridor, failing
 from tests.few import first
 
 AT = 3.0
@@ -66,6 +66,21 @@ def test_a_loop_delayed_while_reading_sees_no_reading_from_the_future():
         drive(session, AT + 0.2, Mode.AUTOMATIC)
         assert session.loop.supervisor.problem == ""
         assert "future" not in session.gated.gate.reason
+
+
+def test_a_fault_of_a_robot_that_is_stopped_is_an_alarm_of_its_own():
+    with Session(SessionConfig(along_corridor(20.0))) as session:
+        drive(session, 1.0, Mode.AUTOMATIC)
+        session.gated.stop("stop by anna")
+        drive(session, 0.5)
+        alarms = session.loop.alarms
+        assert [alarm.text for alarm in alarms.worst()] == ["stop by anna"]
+        assert alarms.acknowledge(0)
+        session.gated.fault("the robot reports: fire")
+        drive(session, 0.1)
+        (fault,) = alarms.worst()
+        assert fault.text == "the robot reports: fire (and stopped: stop by anna)"
+        assert not fault.acknowledged
 
 
 def test_after_a_fault_driving_needs_a_reset_and_a_mode_request():

@@ -47,7 +47,7 @@ def listed(item: st.SearchStrategy[Any], most: int) -> st.SearchStrategy[Any]:
 
 PLAIN: dict[Any, st.SearchStrategy[Any]] = {
     float: single, bool: st.booleans(), m.Byte: byte, m.Short: short, m.Long: long,
-    m.Name: texts(24), m.Words: texts(64), m.Reason: texts(128), m.Refusal: texts(200),
+    m.Name: texts(32), m.Words: texts(64), m.Reason: texts(128), m.Refusal: texts(200),
 }  # fmt: skip
 
 
@@ -87,7 +87,7 @@ waypoints = st.builds(
 )
 bulk_up = st.one_of(
     waypoints,
-    st.builds(b.Fetch, texts(128), huge, long),
+    st.builds(b.Fetch, texts(255), huge, long),
 )
 bulk_down = st.one_of(
     st.builds(
@@ -104,13 +104,13 @@ bulk_down = st.one_of(
         st.binary(max_size=99),
     ),
     st.builds(b.Docks, listed(st.builds(b.DockPlace, texts(24), poses, single), 50)),
-    st.builds(b.HealthReport, single, listed(texts(120), 16)),
+    st.builds(b.HealthReport, single, listed(texts(400), 16)),
     st.builds(b.Alarms, listed(st.builds(b.WholeAlarm, of(m.Alarm), texts(400)), 32)),
     st.builds(b.Picture, long, clock, poses, st.binary(max_size=99)),
-    st.builds(b.Records, listed(st.builds(b.RecordInfo, texts(128), huge, st.floats()), 9)),
-    st.builds(b.Piece, texts(128), huge, st.binary(max_size=99)),
+    st.builds(b.Records, listed(st.builds(b.RecordInfo, texts(255), huge, st.floats()), 9)),
+    st.builds(b.Piece, texts(255), huge, st.binary(max_size=99)),
     st.builds(b.Checked, answers, short),
-    st.builds(b.Digest, texts(128), huge, st.binary(max_size=32), texts(120)),
+    st.builds(b.Digest, texts(255), huge, st.binary(max_size=32), texts(400)),
 )  # fmt: skip
 
 

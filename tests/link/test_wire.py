@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from cohelm.core.types import Stick
+from cohelm.core.types import Pose, Stick
 from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.codec import Malformed
 from cohelm.link.wire import (
@@ -110,7 +110,7 @@ def test_each_direction_accepts_only_its_own_messages():
 
 
 def test_another_protocol_version_is_reported():
-    with pytest.raises(Malformed, match="version 3 of the link's protocol, and 10 here: install"):
+    with pytest.raises(Malformed, match="version 3 of the link's protocol, and 11 here: install"):
         from_operator(b"\x03" + encode(HEADER, UPLINK)[1:])
 
 
@@ -132,10 +132,10 @@ def test_waypoints_must_be_finite_numbers(number):
 
 
 def test_long_texts_are_truncated_with_an_ellipsis_and_cleaned():
-    message = b.HealthReport(1.0, ("ü" * 100, "a\x1b[31mb\n"))
+    message = b.HealthReport(1.0, ("ü" * 300, "a\x1b[31mb\n"))
     got = from_robot(encode(HEADER, message), bulk=True)[1]
     assert isinstance(got, b.HealthReport)
-    assert got.faults == ("ü" * 58 + "…", "a [31mb ")
+    assert got.faults == ("ü" * 198 + "…", "a [31mb ")
 
 
 def test_the_reason_of_a_stop_is_not_truncated():
@@ -143,6 +143,32 @@ def test_the_reason_of_a_stop_is_not_truncated():
     got = from_robot(encode(HEADER, STATUS._replace(stopped=why, why=why)))[1]
     assert isinstance(got, m.Status)
     assert (got.stopped, got.why) == (why, why)
+
+
+@given(st.lists(st.text("aü…", min_size=1, max_size=20), min_size=20).map(" ".join))
+def test_a_long_reason_ends_with_a_whole_word_and_an_ellipsis(why):
+    got = from_robot(encode(HEADER, STATUS._replace(stopped=why)))[1]
+    assert isinstance(got, m.Status)
+    if got.stopped != why:
+        shown = got.stopped.removesuffix("…")
+        assert why.startswith(f"{shown} ")
+        assert 60 < len(got.stopped.encode()) <= 128
+
+
+def test_a_fault_and_a_name_are_not_truncated():
+    """A driver's own sentence, the longest name of a station, and names not in Latin letters."""
+    fault = "read failed: SerialException: could not open port /dev/serial/by-id/usb-FTDI_FT232R_"
+    fault += "USB_UART_A50285BI-if00-port0: [Errno 2] No such file or directory"
+    report = b.HealthReport(1.0, (fault,))
+    assert from_robot(encode(HEADER, report), bulk=True)[1] == report
+    lease = STATUS.lease._replace(driver_name="a" * 32, requester_name="b" * 32)
+    got = from_robot(encode(HEADER, STATUS._replace(lease=lease)))[1]
+    assert isinstance(got, m.Status)
+    assert (got.lease.driver_name, got.lease.requester_name) == ("a" * 32, "b" * 32)
+    docks = b.Docks((b.DockPlace("充" * 24, Pose(0.0, 0.0, 0.0), 1.0),))
+    assert from_robot(encode(HEADER, docks), bulk=True)[1] == docks
+    records = b.Records((b.RecordInfo("ä" * 125 + ".mcap", 1, 0.0),))
+    assert from_robot(encode(HEADER, records), bulk=True)[1] == records
 
 
 def test_a_refusal_is_not_truncated():

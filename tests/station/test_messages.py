@@ -116,6 +116,18 @@ def test_alarms_are_shown_whole_and_all() -> None:
     assert view.whole(status, every).alarms == every
 
 
+def test_why_it_is_stopped_is_shown_whole() -> None:
+    reason = f"the robot reports: {LONG}"
+    status = received(STATUS._replace(stopped=reason, why=reason, alarms=(alarm(1, reason),)))
+    assert status.stopped != reason
+    shown = view.whole(status, (alarm(2), alarm(1, reason)))
+    assert (shown.stopped, shown.why) == (reason, reason)
+    shown = view.whole(status, (alarm(2),))  # what is told of all alarms comes after it
+    assert (shown.stopped, shown.why) == (status.stopped, status.why)
+    brief = received(STATUS._replace(stopped="stop"))
+    assert view.whole(brief, (alarm(1, "stop by desk"),)).stopped == "stop"
+
+
 def test_of_two_tidings_of_an_alarm_the_newer_is_shown() -> None:
     """The status is: what is told of all alarms may have waited behind a picture."""
     before = (alarm(3), alarm(2, "lost: no scan"), alarm(1, LONG))

@@ -15,7 +15,6 @@ from cohelm.link.messages import (
     Answer,
     Discs,
     Long,
-    Name,
     ScanPart,
     Short,
     Status,
@@ -30,7 +29,8 @@ MOST_WAYPOINTS = 500
 MOST_DOCKS = 50
 
 Huge = Annotated[int, whole("Q")]
-FileName = Annotated[str, text(128)]
+FileName = Annotated[str, text(255)]
+"""As long as the longest."""
 Whole = Annotated[str, text(400)]
 """A text that no datagram has room for."""
 
@@ -119,7 +119,7 @@ class ZoneMap(NamedTuple):
 class DockPlace(NamedTuple):
     """A dock."""
 
-    name: Name
+    name: Whole
     pose: Pose
     """Of the docked robot, in the map."""
     approach: float
@@ -137,7 +137,7 @@ class HealthReport(NamedTuple):
 
     battery: float
     """Share of its charge, in hundredths."""
-    faults: Annotated[tuple[Annotated[str, text(120)], ...], UpTo(16)]
+    faults: Annotated[tuple[Whole, ...], UpTo(16)]
 
 
 class WholeAlarm(NamedTuple):
@@ -196,7 +196,7 @@ class Digest(NamedTuple):
     """[byte]"""
     sha256: Annotated[bytes, blob(32)]
     """Of these bytes; empty where there are none to be had."""
-    why: Annotated[str, text(120)]
+    why: Whole
     """Why not; empty: they can be had."""
 
 

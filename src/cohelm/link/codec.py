@@ -156,14 +156,15 @@ def choice(of: type[E]) -> WireField[E]:
 
 
 def text(most: int) -> WireField[str]:
-    """UTF-8 of at most `most` bytes, without control characters; a longer text ends with "…"."""
+    """UTF-8 of at most `most` bytes, without control characters; a longer text ends with "…", after
+    a whole word."""
     count = _count("B" if most < 256 else "H", most, "bytes of text")
 
     def write(into: bytearray, value: str) -> None:
         clean = "".join(c if c.isprintable() else " " for c in value)
         cut = clean.encode("utf-8", "replace")
         if len(cut) > most:  # the reader must see that there was more
-            cut = cut[: most - len(_MORE)].decode("utf-8", "ignore").encode() + _MORE
+            cut = _beginning(cut, most - len(_MORE)) + _MORE
         count.write(into, len(cut))
         into += cut
 
@@ -177,6 +178,13 @@ def text(most: int) -> WireField[str]:
         return value
 
     return WireField(write, read, count.most + most)
+
+
+def _beginning(value: bytes, most: int) -> bytes:
+    """At most so many bytes of UTF-8, up to a word's end or, within a very long one, a letter's."""
+    words, _, _ = value[: most + 1].rpartition(b" ")
+    whole = value[:most].decode("utf-8", "ignore").encode()
+    return words if 2 * len(words) > most else whole
 
 
 def many(item: WireField[T], most: int) -> WireField[tuple[T, ...]]:

@@ -35,11 +35,13 @@ Short = Annotated[int, whole("H")]
 Long = Annotated[int, whole("I")]
 Time = Annotated[float, real("d")]
 Reason = Annotated[str, text(128)]
-"""Why the robot stands or slows: a sentence that fits into a datagram."""
+"""Why the robot stands or slows: a sentence that fits into a datagram. The reason of a stop is an
+alarm's too, which the station has whole."""
 Refusal = Annotated[str, text(200)]
 """Why not: as a rule whole, since `reset first: ...` has another reason in it."""
 Words = Annotated[str, text(64)]
-Name = Annotated[str, text(24)]
+Name = Annotated[str, text(32)]
+"""A station's: as long as the longest."""
 _DEFLECTION = real("f", -1.0, 1.0)
 
 

@@ -24,14 +24,14 @@ NOT_THERE = "the robot has no such record"
 
 
 def listed(folder: Path | None) -> tuple[RecordInfo, ...]:
-    """The records in a folder, newest first."""
+    """The records in a folder whose names can be requested, newest first."""
     if folder is None or not folder.is_dir():
         return ()
     found: list[RecordInfo] = []
     for path in folder.glob("*.mcap"):
         with contextlib.suppress(OSError):
             about = path.lstat()
-            if stat.S_ISREG(about.st_mode):
+            if stat.S_ISREG(about.st_mode) and path.name.isprintable():  # as on the link
                 found.append(RecordInfo(path.name, about.st_size, about.st_mtime))
     return tuple(sorted(found, key=lambda info: info.started, reverse=True)[:1000])
 

@@ -246,10 +246,7 @@ class Loop:
         """Raise and clear alarms, by the gate's state and the helper processes."""
         gate, alarms = self.gated.gate, self.alarms
         self.supervisor.follow_gate()
-        if latched(gate.mode):
-            alarms.on("stopped", gate.reason)
-        else:
-            alarms.off("stopped")
+        alarms.trouble("stopped", gate.reason if latched(gate.mode) else "")
         if not self.driver.in_keep_out(seen):
             alarms.off("zone")
         elif alarms.on("zone", _IN_ZONE, Severity.WARNING):

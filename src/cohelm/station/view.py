@@ -90,18 +90,24 @@ def who(lease: robot.Lease, names: dict[int, str], operators: list[str]) -> page
 
 
 def whole(status: robot.Status, alarms: tuple[robot.Alarm, ...]) -> robot.Status:
-    """With its alarms' whole texts, and with those for which it has no room. alarms: all of them,
-    as they were told last; what the status says is newer."""
-    told = {alarm.number: alarm for alarm in alarms}
+    """With its alarms' whole texts, and with those for which it has no room; that of the stop is
+    why it is stopped. alarms: all of them, as they were told last; what the status says is newer.
+    """
+    told = {alarm.number: alarm.text for alarm in alarms}
 
-    def text(alarm: robot.Alarm) -> str:
-        known = told.get(alarm.number, alarm).text
-        cut = alarm.text.endswith("…") and known.startswith(alarm.text[:-1])
-        return known if cut else alarm.text
+    def text(said: str, *known: str) -> str:
+        cut = said.endswith("…")
+        return next((one for one in known if cut and one.startswith(said[:-1])), said)
 
-    worst = tuple(alarm._replace(text=text(alarm)) for alarm in status.alarms)
+    worst = tuple(
+        alarm._replace(text=text(alarm.text, told.get(alarm.number, ""))) for alarm in status.alarms
+    )
+    status = status._replace(
+        alarms=worst, stopped=text(status.stopped, *told.values()),
+        why=text(status.why, *told.values()),
+    )  # fmt: skip
     if len(worst) < robot.MOST_ALARMS:
-        return status._replace(alarms=worst)
+        return status
     numbers = {alarm.number for alarm in worst}
     more = tuple(alarm for alarm in alarms if alarm.number not in numbers)
     return status._replace(alarms=worst + more)
