@@ -122,15 +122,20 @@ def test_only_the_driver_can_record(tmp_path):
     assert len(list(tmp_path.glob("*.mcap"))) == 1
 
 
-@pytest.mark.parametrize("fails", ["begin", "end"])
+@pytest.mark.parametrize("fails", ["begin", "end", "threads"])
 def test_a_record_that_can_not_be_made_is_an_alarm(tmp_path, fails):
     """Whoever pressed the button is told, and not only the robot's log."""
+    begun = []
 
     class Failing(FakeRecording):
         def begin(self, epoch: int) -> None:
-            if fails == "begin":
+            begun.append(epoch)
+            if fails != "end":
                 super().close()
+            if fails == "begin":
                 raise OSError(28, "No space left on device")
+            if fails == "threads":
+                raise RuntimeError("can't start new thread")
             super().begin(epoch)
 
         def close(self, within: float = 0.0) -> bool:
@@ -147,8 +152,10 @@ def test_a_record_that_can_not_be_made_is_an_alarm(tmp_path, fails):
             == {
                 "begin": "no record: No space left on device",
                 "end": "the record is not whole, or still being written",
+                "threads": "no record: RuntimeError: can't start new thread",
             }[fails]
         )
+        assert len(begun) == 1
         assert len(alarm.text.encode()) <= 64
 
     with Drive(tmp_path) as drive:

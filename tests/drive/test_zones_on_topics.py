@@ -203,6 +203,27 @@ def test_an_unusable_mask_is_reported_once_and_changes_nothing(tmp_path, spoil, 
         assert not any(one.active for one in drive.loop.alarms.worst() if one.text == sentence)
 
 
+def test_new_zones_that_can_not_be_made_are_an_alarm(tmp_path, monkeypatch):
+    """Whoever changed them is told, whatever the reason is."""
+
+    def fails(*_):
+        raise MemoryError("Unable to allocate 3.73 GiB")
+
+    topics, said = Topics(), []
+    zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", InlineJobs(), said.append)
+    with Drive(tmp_path, topics=OnTopics(None, None, zones=zones)) as drive:
+        zones.attend(drive.session)
+        topics.say("/info", info("mask"))
+        before = drive.loop.driver.zones
+        monkeypatch.setattr("cohelm.drive.zones_on_topics.check", fails)
+        topics.mask(ACROSS)
+        drive.run(range(5))
+        why = "MemoryError: Unable to allocate 3.73 GiB; the earlier zones still apply"
+        assert said == [why]
+        assert why in [one.text for one in drive.loop.alarms.worst() if one.active]
+        assert drive.loop.driver.zones is before
+
+
 def test_stations_show_new_zones_and_paths_are_checked_against_them(tmp_path):
     topics = Topics()
     zones = ZonesOnTopics(topics, (keep_out(FAR),), "map", "/", InlineJobs(), print)

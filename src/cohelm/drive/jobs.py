@@ -7,6 +7,8 @@ import queue
 import threading
 from collections.abc import Callable
 
+from cohelm.core.errors import CohelmError
+
 Job = Callable[[], None]
 _log = logging.getLogger("cohelm.drive")
 
@@ -54,6 +56,16 @@ class ThreadJobs:
 
 Jobs = InlineJobs | ThreadJobs
 """Runs jobs; the caller limits them to one of each kind at a time."""
+
+
+def told(error: Exception) -> str:
+    """What whoever asked for a job is told of its error; the log has all of what is not theirs."""
+    if isinstance(error, CohelmError):
+        return str(error)
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    _log.error("an error in a background job; the loop continues", exc_info=error)
+    return f"{type(error).__name__}: {error}"
 
 
 def in_thread(what: Callable[[], None]) -> Callable[[], None]:

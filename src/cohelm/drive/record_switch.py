@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from cohelm.core.errors import CohelmError
-from cohelm.drive.jobs import Jobs
+from cohelm.drive.jobs import Jobs, told
 from cohelm.drive.recorder import Recording
 from cohelm.drive.session import Session
 from cohelm.drive.shown import recordable
@@ -108,9 +108,9 @@ class RecordSwitch:
             now = self._session.loop.gated.now()
             made.begin(time.time_ns() - round(now * 1e9))
             self._made = made
-        except (CohelmError, OSError) as error:
-            _log.warning("no record: %s", error)
-            self._failed = f"no record: {getattr(error, 'strerror', None) or error}"
+        except Exception as error:
+            self._failed = f"no record: {told(error)}"
+            _log.warning("%s", self._failed)
             self._wanted = False
         finally:
             self._busy = False
@@ -122,9 +122,9 @@ class RecordSwitch:
                 self._failed = "the record is not whole, or still being written"
             made.path.rename(made.path.with_suffix(".mcap"))
             self._publisher.list_records()
-        except OSError as error:
-            _log.warning("the record stays %s: %s", made.path, error)
-            self._failed = f"the record stays {made.path.name}: {error.strerror}"
+        except Exception as error:
+            self._failed = f"the record stays {made.path.name}: {told(error)}"
+            _log.warning("%s", self._failed)
         finally:
             self._made, self._busy = None, False
 

@@ -6,14 +6,13 @@ path that can not be built ends in HOLD, with an alarm.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from cohelm.core.types import Floats
-from cohelm.drive.jobs import Jobs
+from cohelm.drive.jobs import Jobs, told
 from cohelm.drive.path_check import NONE, CheckedPath, PathChecker
 from cohelm.drive.path_check_process import Checking
 from cohelm.drive.session import Session, SessionConfig, driver_of
@@ -36,7 +35,6 @@ _MAX_WAIT = 5.0
 """A request that was not checked for this long is refused [s]."""
 _PAUSE = "way"
 _NOT_DRIVER = "the driver has changed since it came"
-_log = logging.getLogger("cohelm.drive")
 
 
 class PathRequest(NamedTuple):
@@ -202,8 +200,7 @@ class Rerouting:
             if accepted.reference is not None:
                 accepted.made = self._build(accepted.reference)
         except Exception as error:
-            _log.exception("no driver for the new path")
-            accepted.made = f"it could not be made: {error}"
+            accepted.made = f"it could not be made: {told(error)}"
 
     def _build(self, reference: Reference) -> Driver:
         plan = self._session.plan

@@ -11,8 +11,7 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
-from cohelm.core.errors import CohelmError
-from cohelm.drive.jobs import Jobs
+from cohelm.drive.jobs import Jobs, told
 from cohelm.drive.session import Session
 from cohelm.drive.shown import all_zone_messages
 from cohelm.link.bulk_messages import ZoneMap
@@ -106,8 +105,8 @@ class ZonesOnTopics:
             ]
             if topics:
                 self._take(session, newer, " and ".join(topics))
-        except CohelmError as error:
-            problem = f"{error}; the earlier zones still apply"
+        except Exception as error:
+            problem = f"{told(error)}; the earlier zones still apply"
         if problem != self._problem:
             self._problem = problem
             if problem:
