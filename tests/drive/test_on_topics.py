@@ -38,7 +38,10 @@ class Told:
         return made
 
     def report(self, topic, what) -> None:
-        self.said.append(f"{topic}: {what}")
+        self.note(f"{topic}: {what}")
+
+    def note(self, text) -> None:
+        self.said.append(text)
 
     def close(self) -> None:
         pass
@@ -164,6 +167,30 @@ def test_an_initial_pose_is_accepted_only_at_rest_and_on_the_map(drive, told):
         assert "the robot is moving, and takes an initial pose only at rest" in told.said[-1]
 
     drive.run(script())
+
+
+def test_of_a_flood_of_initial_poses_the_last_counts_and_it_is_said_once_a_second(
+    drive, told, monkeypatch
+):
+    events = []
+    monkeypatch.setattr(drive.loop.log, "event", lambda text, *_: events.append(text))
+
+    def script():
+        yield from range(5)
+        here = drive.loop.seen.pose
+        for k in range(150):  # every period, for three seconds
+            told.place = Placed("/initialpose", Pose(here.x + 0.4 * (k % 2), here.y, here.psi), 0.3)
+            yield
+        assert not drive.loop.seen.lost
+        yield from range(30)
+        assert drive.loop.seen.pose.x == pytest.approx(here.x, abs=0.05)
+
+    drive.run(script())
+    accepted = "/initialpose: accepted: localizing from there"
+    for said in (told.said, [text for text in events if text.startswith("/initialpose")]):
+        assert said[0] == accepted
+        assert len(said) <= 4
+        assert sum(int(text.rpartition("(")[2].split()[0]) for text in said[1:]) > 90
 
 
 def test_without_a_station_it_stands_until_the_first_goal(told):

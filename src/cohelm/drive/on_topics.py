@@ -21,6 +21,7 @@ from cohelm.drive.shown import map_message
 from cohelm.drive.zones_on_topics import ZonesOnTopics
 from cohelm.link.bulk_messages import Checked
 from cohelm.link.messages import Arming
+from cohelm.link.rate import Coalesced
 from cohelm.loop.loop import Loop
 from cohelm.perceive.localize.localization_map import LocalizationMap, gap_at
 from cohelm.ros.camera import Camera
@@ -84,6 +85,7 @@ class OnTopics:
         self._pending: dict[int, str] = {}
         """The topic of each request that is not answered yet."""
         self._count = 0
+        self._placed = Coalesced()  # a flood of initial poses does not fill the log
 
     def begin(self, session: Session, jobs: Callable[..., SessionJobs] = SessionJobs) -> None:
         """Begin a session that no station drives: paths are planned here, and the robot stands
@@ -124,11 +126,7 @@ class OnTopics:
         if self._goals is not None:
             if pilot is not None and not loop.supervisor.paused:
                 self._goals.route = pilot.planner.route.line
-            placed = self._goals.initial()
-            if placed is not None:
-                result = self._place(loop, placed) or "accepted: localizing from there"
-                self._goals.report(placed.topic, result)
-                loop.log.event(f"{placed.topic}: {result}")
+            self._take_initial_pose(loop, self._goals)
         if self._rerouting is not None:
             self._rerouting.turn(loop)
 
@@ -171,6 +169,18 @@ class OnTopics:
             loop.supervisor.pause(_JOY, why)
         else:
             loop.supervisor.resume(_JOY)
+
+    def _take_initial_pose(self, loop: Loop, goals: Goals) -> None:
+        placed, now = goals.initial(), loop.gated.now()
+        if placed is None:
+            lines = self._placed.due(now)
+        else:
+            result = self._place(loop, placed) or "accepted: localizing from there"
+            text = f"{placed.topic}: {result}"
+            lines = self._placed.add(now, text, text)
+        for line in lines:
+            goals.note(line)
+            loop.log.event(line)
 
     def _place(self, loop: Loop, placed: Placed) -> str:
         """Set the robot's pose on the map; why that is refused, or ""."""
