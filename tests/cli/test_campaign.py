@@ -7,10 +7,13 @@ import signal
 import subprocess
 import sys
 import time
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from cohelm import __version__ as cohelm_version
 from cohelm.robot.model import shipped_path
+from cohelm.study.campaign.worker import commit
 
 pytestmark = pytest.mark.xdist_group("adversarial")  # which is compiled once for them
 
@@ -45,6 +48,9 @@ def test_one_law_gives_one_json_object_with_its_counts(cohelm, driven, tmp_path)
     assert got["limit_excess"] == 0.0
     assert got["contacts_moving_share"]["high"] == pytest.approx(1.0 - 0.025 ** (1 / 3))
     assert "compare" not in got
+    assert got["version"] == cohelm_version
+    assert datetime.now(UTC) - datetime.fromisoformat(got["began"]) < timedelta(hours=1)
+    assert got["commit"] == commit()
     assert json.loads((tmp_path / "there" / "summary.json").read_text()).items() <= got.items()
 
 

@@ -116,7 +116,7 @@ def campaign(
         return
     with progress("starting") as bar:
         from cohelm.study import single
-        from cohelm.study.campaign import report, runner
+        from cohelm.study.campaign import report, runner, store
 
         folder, plan = _planned(suite, law, compare, n, seed, data, plant, robot, out)
         jobs = _processors() if jobs is None else jobs
@@ -124,7 +124,7 @@ def campaign(
         folder = folder or single.fresh(f"campaign-{plan.suite}")
         try:
             made, rows = runner.run(plan, folder, jobs, cluster, bar)
-            found = report.outcome(made, plan.laws, rows)
+            found = report.outcome(made, plan.laws, rows, store.origin(folder))
             page = report.write(found, folder, bar)
         except KeyboardInterrupt:
             say(

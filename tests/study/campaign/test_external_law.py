@@ -120,7 +120,8 @@ def test_a_law_that_is_not_the_same_again_is_reported_so(law, said, tmp_path):
     plan = CampaignConfig("random", (f"{HERE}:{law}",), 1, 1)
     suite_, rows = run(plan, tmp_path, 1, None, lambda *_: None)
     assert rows[0].fault == ""
-    page = report.write(report.outcome(suite_, plan.laws, rows), tmp_path, lambda *_: None)
+    found = report.outcome(suite_, plan.laws, rows, {})
+    page = report.write(found, tmp_path, lambda *_: None)
     assert said in page.read_text()
     made.append(None)
     if law == "moody":

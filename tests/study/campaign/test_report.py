@@ -62,8 +62,10 @@ def test_the_whole_room_is_shown_with_units_at_its_axes_and_a_legend():
         "speed [m/s]",
     ]
     said = " ".join(text.get_text() for text in drawing.legends[0].get_texts())
-    for word in ("path", "least clearance", "reference", "goal", "wall", "at rest", "moving"):
+    for word in ("path", "least clearance", "reference", "goal", "wall", "at rest", "mover"):
         assert word in said
+    drawing.canvas.draw()
+    assert drawing.legends[0].get_window_extent().width <= drawing.bbox.width
 
 
 def test_an_evasion_is_shown_where_it_was_tightest():
@@ -117,7 +119,7 @@ def test_a_full_disk_leaves_no_half_of_a_report(tmp_path, monkeypatch):
     def full(_):
         raise OSError(28, "No space left on device")
 
-    found = outcome(suite("random", 1, None), ("guard",), [CAME._replace(fault="broken")])
+    found = outcome(suite("random", 1, None), ("guard",), [CAME._replace(fault="broken")], {})
     page = write(found, tmp_path, lambda *_: None)
     whole = page.read_text()
     monkeypatch.setattr(os, "fsync", full)
@@ -129,12 +131,27 @@ def test_a_full_disk_leaves_no_half_of_a_report(tmp_path, monkeypatch):
 
 def test_ends_of_a_spread_are_told_apart_where_they_are_negative():
     rows = [CAME._replace(closest_mover_m=far) for far in (-0.5, 0.2, 1.0)]
-    _, lines = table(outcome(suite("random", 1, None), ("guard",), rows))
+    _, lines = table(outcome(suite("random", 1, None), ("guard",), rows, {}))
     assert dict(lines)["closest to a mover [m]"] == "0.20 (-0.50 to 1.00)"
+
+
+@pytest.mark.parametrize("commit", ["0123456789ab-dirty", None])
+def test_a_report_says_by_which_code_it_was_driven_and_when(tmp_path, commit):
+    origin = {
+        "version": "1.2.3", "commit": commit, "began": "2026-11-28T07:08:12Z", "code": "c0de",
+        "own": {"my:law": "0b5e"},
+    }  # fmt: skip
+    rows = [CAME._replace(fault="broken")]
+    found = outcome(suite("random", 1, None), ("guard", "my:law"), rows, origin)
+    assert found.as_dict().items() >= origin.items()
+    page = write(found, tmp_path, lambda *_: None).read_text()
+    for word in ("2026-11-28T07:08:12Z", "cohelm 1.2.3", "c0de", "my:law: code 0b5e"):
+        assert word in page
+    assert (f"commit {commit}" in page) == (commit is not None)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_suite_is_described_in_sentences_and_not_by_its_code(name):
-    said = html(about(name))
+    said = html(about(name, ("guard", "my.package:law"), None))
     assert said.startswith("<p>")
     assert not re.search(r"`|\*|\b[A-Z]{5,}\b|\n- ", said)

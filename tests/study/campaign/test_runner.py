@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -47,6 +48,24 @@ def test_a_shipped_scenario_that_was_changed_makes_other_rows(tmp_path, monkeypa
         file.write_text(seen)
         made.append(drive.code.__wrapped__())
     assert made[0] == made[2] != made[1]
+
+
+def test_a_cohelm_inside_of_another_repository_has_no_commit_of_that(tmp_path, monkeypatch):
+    """As in an environment that somebody keeps in his own checkout."""
+    package = tmp_path / ".venv" / "cohelm"
+    package.mkdir(parents=True)
+    (package / "__init__.py").touch()
+    monkeypatch.setattr(drive, "_PACKAGE", package)
+    assert drive.commit() is None
+    git = ("git", "-C", tmp_path, "-c", "user.name=a", "-c", "user.email=a@b")
+    for command in (("init", "-q"), ("commit", "-q", "--allow-empty", "-m", "theirs")):
+        subprocess.run([*git, *command], check=True)
+    assert drive.commit() is None
+    subprocess.run([*git, "add", "-A"], check=True)
+    subprocess.run([*git, "commit", "-q", "-m", "ours"], check=True)
+    assert re.fullmatch("[0-9a-f]{12}", drive.commit())
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert drive.commit() is None
 
 
 def test_an_interrupted_campaign_continues_and_repeats_no_episode(tmp_path, monkeypatch):

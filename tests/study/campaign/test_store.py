@@ -107,6 +107,16 @@ def test_a_folder_of_another_campaign_is_refused_with_what_differs(tmp_path, cha
     assert numbers(tmp_path) == [0]
 
 
+def test_another_day_or_commit_continues_and_the_folder_says_when_it_began(tmp_path):
+    first = PLAN | {"version": "1", "commit": "a", "began": "2026-11-28T07:08:12Z", "own": {}}
+    with Store(tmp_path, first):
+        pass
+    with Store(tmp_path, first | {"version": "2", "commit": "b", "began": "2026-11-29T00:00:00Z"}):
+        pass
+    made = store.origin(tmp_path)
+    assert made == {name: first[name] for name in ("version", "commit", "began", "code", "own")}
+
+
 def test_two_campaigns_at_once_in_one_folder_are_refused(tmp_path):
     with (
         Store(tmp_path, PLAN),

@@ -12,10 +12,22 @@ Part = str | tuple[str, ...]
 """A paragraph, or the items of a list."""
 
 
-def about(suite: str, robot: RobotModel | None = None) -> Sequence[Part]:
-    """Paragraphs and lists about a suite, plain text. robot: drives instead of the suite's own."""
+def about(suite: str, laws: Sequence[str], robot: RobotModel | None) -> Sequence[Part]:
+    """Paragraphs and lists about a suite and the laws that drove it, plain text. robot: drives
+    instead of the suite's own."""
     other = () if robot is None else (_OTHER_ROBOT.format(robot.name),)
-    return (*_ABOUT[suite], *other)
+    said = tuple(f"{law}: {_LAWS.get(law, _OWN)}" for law in laws)
+    return (*_ABOUT[suite], *other, "Laws:", said)
+
+
+_LAWS = {
+    "guard": "the safety filter, with the planner that finds ways round what stands and moves;",
+    "paper": "the paper's barrier; of walls it knows nothing;",
+    "none": "no filter but the wheels' limits;",
+    "rvo": "reciprocal velocity obstacles, of ir-sim; of walls it knows nothing;",
+    "vo": "velocity obstacles, of ir-sim; of walls it knows nothing;",
+}
+_OWN = "a law that does not come with cohelm; it is given the true obstacles."
 
 
 _OTHER_ROBOT = (

@@ -145,11 +145,12 @@ def _legend(case: Episode, trace: Trace) -> list[Artist]:
         (True, Patch(fc="none", ec=DANGER, lw=1.8, label="least clearance while moving")),
         (True, Patch(fc="none", ec=INK, lw=1.2, label="robot at the end")),
         (case.goal is not None,
-         Line2D([], [], color=REFERENCE, lw=1.0, ls=(0, (4, 3)), label="reference")),
+         Line2D([], [], color=REFERENCE, lw=1.0, ls=(0, (4, 3)),
+                label="reference or detour")),
         (case.goal is not None, Patch(fc="none", ec=PALE, ls=":", lw=1.2, label="goal")),
         (len(case.setup.obstacles.walls) > 0, Line2D([], [], color=WALL, lw=1.6, label="wall")),
         (not all(moving), Patch(fc=CONE, alpha=0.8, label="obstacle at rest")),
-        (any(moving), Patch(fc=MOVER, alpha=0.8, label="moving obstacle, last 4 s")),
+        (any(moving), Patch(fc=MOVER, alpha=0.8, label="mover then, its last 4 s")),
     ]  # fmt: skip
     return [artist for there, artist in entries if there]
 

@@ -33,13 +33,16 @@ class Outcome(NamedTuple):
     rows: dict[str, list[EpisodeResult]]
     """By law, in order of their numbers."""
     summaries: list[Summary]
+    origin: dict[str, Any]
+    """By which code it was driven, and since when: `store.origin`."""
 
     def as_dict(self) -> dict[str, Any]:
         """One object: the first law's numbers, and all laws under `compare` if there are more."""
         first = self.summaries[0].as_dict()
         made: dict[str, Any] = {
             "suite": self.suite.name, "plant": self.suite.plant,
-            "robot": self.suite.robot and self.suite.robot.name, "seed": self.suite.seed, **first,
+            "robot": self.suite.robot and self.suite.robot.name, "seed": self.suite.seed,
+            **self.origin, **first,
         }  # fmt: skip
         if len(self.laws) > 1:
             made["compare"] = [s.as_dict() for s in self.summaries]
@@ -47,11 +50,13 @@ class Outcome(NamedTuple):
         return made
 
 
-def outcome(made: Suite, laws: Sequence[str], rows: Sequence[EpisodeResult]) -> Outcome:
+def outcome(
+    made: Suite, laws: Sequence[str], rows: Sequence[EpisodeResult], origin: dict[str, Any]
+) -> Outcome:
     """All rows of a campaign, counted."""
     by_law = {law: [row for row in rows if row.law == law] for law in laws}
     summaries = [summary(law, by_law[law], goals=made.goals) for law in laws]
-    return Outcome(made, tuple(laws), by_law, summaries)
+    return Outcome(made, tuple(laws), by_law, summaries, origin)
 
 
 def worst(rows: Sequence[EpisodeResult], count: int) -> list[EpisodeResult]:
@@ -120,6 +125,16 @@ def made_on(found: Outcome) -> str:
     suite = found.suite
     plant = "" if suite.plant == "kinematic" else f", {suite.plant}"
     return f"{suite.name}{plant}" + ("" if suite.robot is None else f", by {suite.robot.name}")
+
+
+def driven_by(found: Outcome) -> str:
+    """By which code, and since when, as a sentence; empty where that is not known."""
+    if not found.origin:
+        return ""
+    commit = found.origin["commit"]
+    code = f"code {found.origin['code']}" + (f", commit {commit}" if commit else "")
+    own = "".join(f"; {law}: code {digest}" for law, digest in found.origin["own"].items())
+    return f"Begun at {found.origin['began']} with cohelm {found.origin['version']} ({code}){own}."
 
 
 def by_kind(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
@@ -191,7 +206,8 @@ def write(found: Outcome, folder: Path, progress: Progress) -> Path:
         figures.append(_figure(found.suite, row))
     page = PAGE.format(
         title=escape(f"cohelm campaign: {made_on(found)}, seed {found.suite.seed}"),
-        about=html(about(found.suite.name, found.suite.robot)),
+        origin=escape(driven_by(found)),
+        about=html(about(found.suite.name, found.laws, found.suite.robot)),
         laws=_html(*table(found)),
         kinds=_html(*by_kind(found)),
         first=escape(found.laws[0]),
@@ -289,6 +305,7 @@ summary {{ cursor: pointer; color: #555; }}
   img {{ filter: invert(.9) hue-rotate(180deg); }} th, td {{ border-color: #444; }} }}
 </style></head><body>
 <h1>{title}</h1>
+<p>{origin}</p>
 <h2>Law by law</h2>
 {laws}
 <p>A contact is an overlap of the robot's real outline with anything, looked for between control

@@ -9,10 +9,12 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
+from cohelm import __version__
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
 from cohelm.core.plugins import plugins
@@ -24,7 +26,7 @@ from cohelm.study.campaign.laws import GROUP, factory, is_own, own_code
 from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.campaign.store import Key, Store
 from cohelm.study.campaign.suites import Suite, suite
-from cohelm.study.campaign.worker import chunk, code
+from cohelm.study.campaign.worker import chunk, code, commit
 
 Work = tuple[str, tuple[int, ...]]
 """A law, and the numbers of the episodes to drive under it."""
@@ -97,6 +99,9 @@ class CampaignConfig:
             "code": code(),
             "data_digest": made.data,
             "own": {law: own_code(law) for law in self.laws if is_own(law)},
+            "version": __version__,
+            "commit": commit(),
+            "began": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         }
 
 

@@ -35,6 +35,9 @@ _VERSIONS = {
 }  # fmt: skip
 """Digests in a plan, and what they are of."""
 
+_LABELS = ("version", "commit", "began")
+"""For a reader alone: it is the digests that tell whether rows belong together."""
+
 Key = tuple[str, int]
 """Of a row: law and episode."""
 
@@ -95,8 +98,8 @@ class Store:
                     "another folder with --out"
                 )
             put(self.folder / PLAN, (json.dumps(self._plan, indent=2) + "\n").encode())
-        elif there != self._plan:
-            raise CohelmError(f"{self.folder}: {_difference(there, self._plan)}")
+        elif names := _differing(there, self._plan):
+            raise CohelmError(f"{self.folder}: {_difference(names, there, self._plan)}")
         for leftover in (self.folder / ROWS).glob("*.tmp"):
             leftover.unlink()
         self.rows = read_rows(self.folder)
@@ -136,6 +139,12 @@ def read_plan(folder: Path) -> dict[str, Any] | None:
     return plan  # pyright: ignore[reportUnknownVariableType]
 
 
+def origin(folder: Path) -> dict[str, Any]:
+    """By which code the campaign in a folder is driven, and since when; empty: it does not say."""
+    kept, names = read_plan(folder) or {}, (*_LABELS, "code", "own")
+    return {name: kept[name] for name in names} if kept.keys() >= set(names) else {}
+
+
 def read_rows(folder: Path) -> dict[Key, EpisodeResult]:
     """All rows of a campaign's folder, each once; of a row that is there twice the first.
 
@@ -160,9 +169,13 @@ def read_rows(folder: Path) -> dict[Key, EpisodeResult]:
     return rows
 
 
-def _difference(there: dict[str, Any], requested: dict[str, Any]) -> str:
+def _differing(there: dict[str, Any], requested: dict[str, Any]) -> list[str]:
+    both = {**there, **requested}
+    return [key for key in both if key not in _LABELS and there.get(key) != requested.get(key)]
+
+
+def _difference(names: list[str], there: dict[str, Any], requested: dict[str, Any]) -> str:
     """How two plans differ, as one sentence."""
-    names = [key for key in {**there, **requested} if there.get(key) != requested.get(key)]
     if set(names) <= _VERSIONS.keys():
         return (
             f"was driven with another version of {_VERSIONS[names[0]]}, whose rows do not belong "

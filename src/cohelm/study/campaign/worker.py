@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import subprocess
 from functools import cache
 from pathlib import Path
 
@@ -19,19 +20,36 @@ ROOMS = (
 )  # fmt: skip
 """Whose code a row can depend on."""
 
+_PACKAGE = Path(__file__).resolve().parents[2]
+
 
 @cache
 def code() -> str:
     """A digest of all the code, and the shipped scenarios, that an episode's row can depend on."""
-    package = Path(__file__).resolve().parents[2]
     digest = hashlib.sha256()
     for room in ROOMS:
-        for path in sorted((package / room).rglob("*")):
+        for path in sorted((_PACKAGE / room).rglob("*")):
             if path.suffix in (".py", ".yaml"):
-                digest.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+                digest.update(path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes())
     for name, path in shipped().items():  # lab and hands are driven in one of them
         digest.update(name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def commit() -> str | None:
+    """Git's name of the commit that this code is of, with `-dirty` where files have changed since;
+    None where it is in no checkout of its own."""
+    try:
+        if not _git("ls-files", "__init__.py"):  # installed beside somebody's own code, say
+            return None
+        return _git("describe", "--always", "--dirty", "--abbrev=12", "--exclude=*")
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
+def _git(*arguments: str) -> str:
+    command = ("git", "-C", _PACKAGE, *arguments)
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def chunk(suite: Suite, law: str, numbers: tuple[int, ...]) -> list[EpisodeResult]:
