@@ -1,15 +1,20 @@
 """A law by somebody else in a campaign: the same episodes and judge, errors with a sentence."""
 
+import ctypes
 import math
+import os
 import re
+import subprocess
 import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import cohelm
 from cohelm.core.errors import CohelmError
-from cohelm.study.campaign import report
+from cohelm.study.campaign import apart, report
 from cohelm.study.campaign.laws import own_code
 from cohelm.study.campaign.replay_episode import again, drive
 from cohelm.study.campaign.runner import CampaignConfig, run
@@ -54,6 +59,25 @@ def asks_wrongly(robot: cohelm.RobotModel, period: float):
     return lambda now: now.obstacles.placed(None)
 
 
+def hangs(robot: cohelm.RobotModel, period: float):
+    """Never returns, in compiled code that does not let go of the interpreter."""
+    sleep = ctypes.PyDLL(None).sleep
+    return lambda now: cohelm.Twist(0.2, 0.0) if now.t < 1.0 else sleep(100_000)
+
+
+def tells(robot: cohelm.RobotModel, period: float):
+    """The same at once, after it has said which process it is."""
+    ready = Path(os.environ["TOLD"])
+    ready.with_suffix(".new").write_text(str(os.getpid()))
+    ready.with_suffix(".new").rename(ready)
+    return lambda now: ctypes.PyDLL(None).sleep(100_000)
+
+
+def crashes(robot: cohelm.RobotModel, period: float):
+    """Takes its process with it."""
+    return lambda now: os._exit(3)
+
+
 def solves(robot: cohelm.RobotModel, period: float):
     """Fails deep inside of a library."""
     return lambda now: np.linalg.inv(np.zeros((2, 2)))
@@ -92,14 +116,34 @@ def test_an_external_law_is_judged_like_ours_and_replayed_equally():
         ("forgets", r"the controller must return a Twist \(v, omega\), got None at t = 1.00 s"),
         ("asks_wrongly", r"placed takes a cohelm.Pose\(x, y, psi\), got None"),
         ("solves", r"LinAlgError: Singular matrix \(test_external_law.py:\d+, .*linalg.py:\d+\)"),
+        ("hangs", r"the law did not answer within 1 s \(300 s .* time\) at t = 1.00 s"),
+        ("crashes", r"the law ended its process \(status 3\) at t = 0.00 s"),
     ],
 )
-def test_a_law_that_ends_in_any_way_has_failed_that_episode_and_no_other(law, said):
+def test_a_law_that_ends_in_any_way_has_failed_that_episode_and_no_other(law, said, monkeypatch):
+    monkeypatch.setattr(apart, "_LATER", 1.0)
     rows = chunk(ROOMS, f"{HERE}:{law}", (0, 1))
     assert [row.episode for row in rows] == [0, 1]
     for row in rows:
         assert re.fullmatch(said, row.fault), row.fault
         assert (row.suite, row.plant, row.law) == ("random", "kinematic", f"{HERE}:{law}")
+
+
+def test_a_law_that_hangs_ends_with_whoever_drives_it(tmp_path):
+    """Compiled code keeps the whole interpreter: it is the kernel that ends it."""
+    told = tmp_path / "pid"
+    driven = f"from {HERE} import *; chunk(ROOMS, HERE + ':tells', (0,))"
+    with subprocess.Popen([sys.executable, "-c", driven], env=os.environ | {"TOLD": told}) as one:
+        try:
+            while not told.exists():
+                assert one.poll() is None
+                time.sleep(0.05)
+        finally:
+            one.kill()
+    status, until = Path(f"/proc/{told.read_text()}/status"), time.monotonic() + 20.0
+    while status.exists() and "zombie" not in status.read_text():
+        assert time.monotonic() < until
+        time.sleep(0.05)
 
 
 def test_a_law_that_is_not_there_fails_no_episode_but_all_of_it():

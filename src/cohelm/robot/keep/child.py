@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import pickle
+import select
 import socket
 import struct
 from collections.abc import Callable
@@ -53,13 +54,19 @@ class Child:
         self._incoming.clear()
         return answer
 
-    def end(self, within: float = 0.0) -> None:
-        """Kill it, after it has had `within` [s] to end by itself."""
+    def wait(self, most: float) -> None:
+        """Until there is something to send or receive, `most` seconds."""
+        select.select([self._line], [self._line] if self._outgoing else [], [], most)
+
+    def end(self, within: float = 0.0) -> int:
+        """Kill it, after it has had `within` [s] to end by itself. Returns its exit status, the
+        negative signal where one ended it."""
         self._line.close()
         if within > 0.0:
             self._process.join(within)
         self._process.kill()
         self._process.join()
+        return self._process.exitcode or 0
 
     def _exchange(self) -> None:
         """Send and receive what is possible without waiting."""

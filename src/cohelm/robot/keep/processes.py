@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import gc
 import multiprocessing
 import os
@@ -16,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.robot.keep.priority import set_process_name
+
+_PARENT_GONE = 1  # PR_SET_PDEATHSIG
 
 
 def start_process(
@@ -101,6 +104,13 @@ def _run(name: str, what: bytes, outlives: bool) -> None:
     release()
     gc.freeze()  # what has been imported stays, and need never be looked through for garbage
     target(*args)
+
+
+def killed_with_parent() -> None:
+    """From now on the kernel kills this process when the thread that started it ends, whatever it
+    is doing; also where it computes without letting go of the interpreter."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PARENT_GONE, signal.SIGKILL, 0, 0, 0)
 
 
 def end_with_parent() -> Callable[[], None]:

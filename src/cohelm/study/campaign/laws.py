@@ -6,7 +6,7 @@ import hashlib
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import ModuleType
 
@@ -14,9 +14,10 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.plugins import plugin, plugins
 from cohelm.core.trace import Trace
 from cohelm.robot.model import RobotModel
+from cohelm.study.campaign.apart import drive
 from cohelm.study.campaign.episode import LAWS, Episode, Interventions, traced
 from cohelm.study.campaign.rvo import PEERS, peer_trace
-from cohelm.study.controlled import ControllerFactory, driven
+from cohelm.study.controlled import Controller, ControllerFactory
 
 GROUP = "cohelm.laws"
 """Entry points that name laws by others."""
@@ -76,4 +77,8 @@ def _own(case: Episode, law: str) -> Trace:
     if case.goal is not None:
         setup = replace(setup, near=case.goal.near)
     robot = RobotModel.of(case.robot.name, setup.outline, setup.limits, delay=setup.delay)
-    return driven(setup, factory(law)(robot, setup.dt))
+    return drive(setup, partial(_made, law, robot, setup.dt))
+
+
+def _made(law: str, robot: RobotModel, period: float) -> Controller:
+    return factory(law)(robot, period)
