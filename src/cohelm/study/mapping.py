@@ -139,12 +139,14 @@ def mapped(
                     if k % 20 == 0:
                         at = f"scan {len(session.stamps)}, {session.survey.places} places"
                         progress(at, 0.0 if live else 0.6 * k / len(new))
+                    interruption.now()
+                    if session.blank:  # nothing worth a folder
+                        continue
                     if time.monotonic() - saved > _SAVED:
                         session.save(folder)
                         saved = time.monotonic()
                     if time.monotonic() > show_at:
                         show_at = _shown(session, folder)
-                    interruption.now()
                 if not live:
                     break
                 grown = time.monotonic() if new else grown
@@ -162,7 +164,7 @@ def mapped(
     session.whole = session.whole and (recorded.whole or live)
     if not session.stamps:
         raise CohelmError(f"{path}: no scan came while there was odometry: record both")
-    if session.empty == len(session.stamps):
+    if session.blank:
         raise CohelmError(
             f"{path}: not one of its {len(session.stamps)} scans has a return in it, so there is "
             "nothing to map: check the LiDAR, or --robot for its range"

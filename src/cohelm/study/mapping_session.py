@@ -84,6 +84,11 @@ class MappingSession:
             self.points = {i: p for i, p in self.points.items() if i % self._every == 0}
 
     @property
+    def blank(self) -> bool:
+        """Whether not one scan has a return in it."""
+        return self.empty == len(self.stamps)
+
+    @property
     def _every(self) -> int:
         """Of so many scans one is drawn: a power of two, so that a longer drive draws some of those
         that a shorter one did."""
