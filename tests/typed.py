@@ -19,6 +19,7 @@ Cohelm = Callable[..., Said]
 @pytest.fixture
 def cohelm(monkeypatch, capsys, tmp_path) -> Cohelm:
     from cohelm.cli import main
+    from cohelm.cli.output import shared_again
 
     monkeypatch.chdir(tmp_path)
 
@@ -31,6 +32,8 @@ def cohelm(monkeypatch, capsys, tmp_path) -> Cohelm:
             main()
         except SystemExit as stop:
             code = int(stop.code or 0)
+        finally:
+            shared_again()
         return Said(code, *capsys.readouterr())
 
     return call

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,7 +30,13 @@ Out = Annotated[
     Path | None,
     typer.Option("--out", "-o", metavar="DIR", parser=named, help="Folder to write into."),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print exactly one JSON object, on stdout.")]
+Json = Annotated[
+    bool,
+    typer.Option(
+        "--json", callback=lambda wanted: bool(wanted) and _alone(),  # pyright: ignore
+        help="Print exactly one JSON object, on stdout.",
+    ),
+]  # fmt: skip
 
 Pictures = Annotated[
     float,
@@ -59,9 +67,37 @@ def console(*, stderr: bool = False) -> Any:
     return Console(stderr=stderr, soft_wrap=stderr, highlight=False, emoji=False)
 
 
+_stdout: int | None = None
+"""What was stdout, while that is stderr."""
+
+
+def _alone() -> bool:
+    """Nobody else prints on stdout from now on, laws and drivers by others neither, in C or in
+    processes that they start: it goes to stderr."""
+    global _stdout
+    if sys.stdout is not None:  # pyright: ignore[reportUnnecessaryComparison]  # `>&-`
+        with suppress(OSError):  # `2>&-`
+            _stdout = os.dup(1)
+            os.dup2(2, 1)
+    return True
+
+
+def shared_again() -> None:
+    """Stdout is as it was before --json."""
+    global _stdout
+    if _stdout is not None:
+        sys.stdout.flush()
+        os.dup2(_stdout, 1)
+        os.close(_stdout)
+        _stdout = None
+
+
 def print_json(value: Mapping[str, Any]) -> None:
     """Exactly one JSON object on stdout; NaN and infinity are no JSON, and a mistake of ours."""
-    print(json.dumps(value, indent=2, allow_nan=False))
+    text = json.dumps(value, indent=2, allow_nan=False)
+    shared_again()
+    print(text, flush=True)
+    _alone()
 
 
 def say(text: str) -> None:

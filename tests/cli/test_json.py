@@ -1,0 +1,46 @@
+"""Of a command with --json stdout holds one JSON object, whatever laws and drivers print there."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+LAW = """
+import os
+import cohelm
+print("on import")
+def law(robot, period):
+    def drives(now):
+        print("by Python")
+        os.write(1, b"by a library\\n")
+        return cohelm.Twist(0.3, 0.0)
+    return drives
+"""
+DRIVER = """
+import os
+from tests.api.carts import Simulated
+print("on import")
+class Cart(Simulated):
+    def read(self):
+        print("by Python")
+        os.write(1, b"by a library\\n")
+        return super().read()
+"""
+CAMPAIGN = "campaign random --law talks:law --n 1 --jobs 1 --out there"
+ROBOT = "robot sally --driver talks:Cart --for 1"
+
+
+@pytest.mark.parametrize(("text", "typed"), [(LAW, CAMPAIGN), (DRIVER, ROBOT)])
+def test_what_a_law_or_driver_prints_is_not_in_the_json(tmp_path, request, text, typed):
+    (tmp_path / "talks.py").write_text(text)
+    said = subprocess.run(
+        [sys.executable, "-m", "cohelm", *typed.split(), "--json"], cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(request.config.rootpath)},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert said.returncode == 0, said.stderr
+    assert isinstance(json.loads(said.stdout), dict)
+    for word in ("on import", "by Python", "by a library"):
+        assert word in said.stderr
