@@ -13,10 +13,12 @@ import pytest
 
 from cohelm import __version__ as cohelm_version
 from cohelm.robot.model import shipped_path
+from cohelm.study.campaign.runner import processors
 from cohelm.study.campaign.worker import commit
 
 pytestmark = pytest.mark.xdist_group("adversarial")  # which is compiled once for them
 
+MOST = 4 * processors()
 ONE = ("campaign", "adversary", "--law", "guard", "--n", "3", "--seed", "2", "--jobs", "1")
 TWO = ("campaign", "random", "--compare", "none,paper", "--n", "2", "--seed", "2", "--jobs", "1")
 
@@ -134,7 +136,13 @@ def test_a_replayed_row_equals_the_row_of_the_campaign(cohelm, driven, tmp_path)
         (("campaign", "randon"), ["no suite 'randon'", "did you mean random?"]),
         (("campaign", "barn"), ["--data"]),
         (("campaign", "random", "--n", "0"), ["--n"]),
-        (("campaign", "random", "--jobs", "0", "--n", "1"), ["--jobs"]),
+        *(
+            (
+                ("campaign", "random", "--jobs", jobs),
+                [f"between 1 and {MOST},", jobs],
+            )
+            for jobs in ("0", "-1", str(MOST + 1), "500")
+        ),
         (("campaign", "random", "--law", "gaurd"), ["no law 'gaurd'", "guard"]),
         (("campaign", "random", "--law", "none", "--compare", "paper"), ["not both"]),
         (("campaign", "random", "--law", "gaurd"), ["did you mean guard?"]),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -59,7 +58,10 @@ def campaign(
         int | None, typer.Option(metavar="S", help="Of everything random; 1 by default.")
     ] = None,
     jobs: Annotated[
-        int | None, typer.Option(metavar="J", help="Processes; as many as processors by default.")
+        int | None,
+        typer.Option(
+            metavar="J", help="Processes: as many as processors by default, four times at most."
+        ),
     ] = None,
     data: Annotated[
         Path | None,
@@ -119,7 +121,7 @@ def campaign(
         from cohelm.study.campaign import report, runner, store
 
         folder, plan = _planned(suite, law, compare, n, seed, data, plant, robot, out)
-        jobs = _processors() if jobs is None else jobs
+        jobs = runner.processors() if jobs is None else jobs
         runner.check(plan, jobs)  # problems are reported before a folder is made
         folder = folder or single.fresh(f"campaign-{plan.suite}")
         try:
@@ -202,7 +204,3 @@ def _again(folder: Path, which: str, out: Path | None, as_json: bool) -> None:
         ]  # fmt: skip
         print_table(f"{found.law}/{found.row.episode}", ("quantity", "value"), rows)
         say(f"record, row and picture: {plain(str(there))}")
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

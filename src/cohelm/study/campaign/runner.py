@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 from collections.abc import Generator, Iterator
@@ -33,6 +34,7 @@ Work = tuple[str, tuple[int, ...]]
 
 _FLUSH = 1.0  # rows are on the disk after at most so long [s]
 _MOST = 1_000_000
+_PER_PROCESSOR = 4  # processes at most: each takes some 260 MB
 
 
 @dataclass(frozen=True)
@@ -142,9 +144,18 @@ def run(
 
 def check(plan: CampaignConfig, jobs: int) -> Suite:
     """The suite of a plan; raises CohelmError for what `run` could not begin with."""
-    if jobs < 1:
-        raise CohelmError(f"--jobs must be at least 1, got {jobs}")
+    most = _PER_PROCESSOR * processors()
+    if not 1 <= jobs <= most:
+        raise CohelmError(
+            f"--jobs must be between 1 and {most}, {_PER_PROCESSOR} for each processor here, got "
+            f"{jobs}: more take memory and no less time"
+        )
     return plan.prepared()
+
+
+def processors() -> int:
+    """How many this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def remaining(
