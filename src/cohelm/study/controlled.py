@@ -14,14 +14,13 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.obstacles import Obstacles
 from cohelm.core.trace import Trace
-from cohelm.core.types import RADIUS, SAFE, VX, VY, Desired, Floats, Pose, Stick, Twist, X, Y
+from cohelm.core.types import RADIUS, VX, VY, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.human import human, limited
 from cohelm.law.reference import desired
+from cohelm.law.step import Step
 from cohelm.law.track import pose_error
 from cohelm.law.verdict import INVALID, UNTOUCHED
 from cohelm.pilot.behavior import FOLLOWING
-from cohelm.robot.achievable import achievable
-from cohelm.robot.kinematics import arc
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import build, load
 from cohelm.scenario.model import Scenario
@@ -29,9 +28,11 @@ from cohelm.sim.judge import Judged, judge
 from cohelm.sim.operator_model import IDLE, operate, replayed
 from cohelm.sim.run import run as simulated
 from cohelm.sim.setup import Setup
+from cohelm.sim.wheels import at_rest, moved, note
 from cohelm.sim.world import NOWHERE, outline_clearance, place
 from cohelm.study.metrics import Metrics, measure
 
+_NOT_SAID = math.nan, math.nan  # by a law by others
 _MAX_ACCELERATION = 1.0  # of what moves, as the guard takes it by default [m/s^2]
 
 
@@ -164,13 +165,14 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
         )
     n, dt, made = setup.steps, setup.dt, setup.blank(setup.steps)
     rows, h, discs = made.rows, made.h, made.discs
-    goal, reach = setup.goal, setup.reach
+    goal, gains = setup.goal, setup.gains
     moving = _moving(setup)
-    pose, applied, person = setup.start, Twist(0.0, 0.0), IDLE
-    queue = [Twist(0.0, 0.0)] * setup.delay_steps
+    robot = at_rest(setup.start)._replace(energy=math.nan)  # of a blend that is not
+    person = IDLE
+    queue = np.zeros((setup.delay_steps, 2))
     done = n
     for k in range(n):
-        t, there = k * dt, discs[k]
+        t, there, pose = k * dt, discs[k], robot.pose
         place(there, setup.obstacles, t)
         if setup.operator.active:
             person, stick = operate(
@@ -180,38 +182,27 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
             stick = replayed(setup.recorded_stick, t)
         wanted = desired(setup.reference, t, setup.spline_speed)
         obstacles = _obstacles(there, moving, setup.obstacles.walls)
-        now = Observation(t, dt, pose, applied, obstacles, wanted, goal, stick)
+        now = Observation(t, dt, pose, robot.applied, obstacles, wanted, goal, stick)
         command, sound = _command(controller, now)
-        queue.append(command)
-        arriving = queue.pop(0)
-        after = achievable(arriving, applied, setup.limits, dt)
+        robot, saturated = moved(k, dt, robot, command, stick, gains, setup.limits, queue)
         away = math.hypot(pose.x - goal[0], pose.y - goal[1])
-        apart = (there[:, X] - pose.x) ** 2 + (there[:, Y] - pose.y) ** 2
-        h[k] = apart - there[:, SAFE] ** 2
-        operator = human(limited(stick, setup.gains), setup.gains)
+        operator = human(limited(stick, gains), gains)
+        decided = Step(
+            *command, *command, *operator, *command, *_NOT_SAID, 1.0, 1.0, *_NOT_SAID, *_NOT_SAID,
+            math.nan, UNTOUCHED if sound else INVALID, -1,
+        )  # fmt: skip
         row = rows[k]
-        row["t"], row["x"], row["y"], row["psi"] = t, *pose
-        row["x_d"], row["y_d"], row["psi_d"], row["u_d"], row["r_d"] = wanted
-        row["e_p"] = pose_error(pose, wanted)
-        row["stick_x"], row["stick_psi"] = stick
-        row["operator_v"], row["operator_omega"] = operator
-        for name in ("safe", "tracking", "nominal"):
-            row[f"{name}_v"], row[f"{name}_omega"] = command
-        row["authority_x"] = row["authority_psi"] = row["rate"] = 1.0
-        row["h"] = h[k].min(initial=math.inf)
-        row["verdict"], row["limiting"] = UNTOUCHED if sound else INVALID, -1
-        row["applied_v"], row["applied_omega"] = after
-        row["saturated"] = after != arriving
+        note(row, h[k], t, pose, stick, wanted, decided, robot, saturated, there)
+        row["e_p"], row["h"] = pose_error(pose, wanted), h[k].min(initial=math.inf)
         row["clearance"] = outline_clearance(
-            pose, setup.outline, reach, there, setup.obstacles.walls, NOWHERE
+            pose, setup.outline, setup.reach, there, setup.obstacles.walls, NOWHERE
         )
-        row["clearance_seen"], row["tau"] = math.inf, t
+        row["clearance_seen"], row["tau"], row["rate"] = math.inf, t, 1.0
         row["behavior"], row["course"] = FOLLOWING, 0
         row["to_go"], row["arrived"] = away, away < setup.near
         if arrive and away < setup.near and t > 0.5 * setup.reference.duration:
             done = k + 1
             break
-        pose, applied = arc(pose, after, dt), after
     return made.until(done)
 
 
