@@ -14,10 +14,11 @@ from tests.link.ends import STATUS
 
 
 class Bare:
-    """Tells the same status 20 times a second; its records are those in `folder`."""
+    """Tells its status 20 times a second; its records are those in `folder`."""
 
     def __init__(self, folder: Path, status: Status = STATUS) -> None:
-        self._status = status
+        self.status = status
+        """What it tells."""
         self.robot_keys, self.keys = keys.pair_here()
         self.end, self.bulk = both_ends(self.robot_keys, "127.0.0.1", 0, folder, stale=5.0)
         self.port = self.end.address[1]
@@ -47,5 +48,5 @@ class Bare:
 
     def _tell(self) -> None:
         while not self._over.wait(0.05):
-            self.end.send_status(self._status)
+            self.end.send_status(self.status)
             self.requests += [one.request.what for one in self.end.receive().requests]

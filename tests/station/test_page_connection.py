@@ -12,7 +12,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from cohelm.core.types import Pose
 from cohelm.link.bulk_messages import DockPlace, Docks, HealthReport, Hello
-from cohelm.link.messages import Mode, RequestKind, ScanPart
+from cohelm.link.messages import Mode, ReportedVerdict, RequestKind, ScanPart
 from cohelm.link.robot_end import RobotEnd
 from cohelm.station import app
 from cohelm.station.serve import Server
@@ -229,6 +229,42 @@ def test_who_can_not_reset_a_stop_is_told_who_can(context: BrowserContext, tmp_p
         assert other.locator(".stopped span").evaluate(
             "(e) => e.scrollWidth <= e.clientWidth && e.scrollHeight <= e.clientHeight"
         )
+
+
+CHANGES = """() => {
+  window.changes = { eyes: 0, ears: 0 }
+  const eyes = document.querySelector('.why')
+  const ears = document.querySelector('.facts [role=status]')
+  const watch = (node, who) => new MutationObserver(() => (changes[who] += 1))
+    .observe(node, { childList: true, characterData: true, subtree: true })
+  watch(eyes, 'eyes')
+  watch(ears, 'ears')
+}"""
+
+
+def test_the_line_that_says_why_can_be_read_and_heard_where_it_goes_to_and_fro(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    """As a drive along a wall does: 56 changes in 15 s were counted in one."""
+    shaped = STATUS._replace(why="")
+    verdicts = (ReportedVerdict.SHAPED, ReportedVerdict.BRAKING, ReportedVerdict.UNTOUCHED)
+    with Bare(tmp_path, shaped) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        line = page.locator(".why")
+        expect(line).to_have_text("limited: obstacle near")
+        page.evaluate(CHANGES)
+        for turn in range(40):
+            guarding = shaped.guarding._replace(verdict=verdicts[turn % 3])
+            applied = shaped.nominal if turn % 3 == 2 else shaped.applied
+            robot.status = shaped._replace(guarding=guarding, applied=applied)
+            page.wait_for_timeout(100)
+        seen = page.evaluate("window.changes")
+        assert seen["eyes"] <= 3, seen
+        assert seen["ears"] <= 1, seen
+        robot.status = shaped._replace(why="the scan is 320 ms old")  # a weightier one is not kept
+        expect(line).to_have_text("the scan is 320 ms old", timeout=1_000)
+        robot.status = shaped
+        expect(line).to_have_text("limited: obstacle near")
 
 
 def test_a_battery_that_is_low_is_said_on_every_screen(

@@ -280,8 +280,8 @@ def test_zones_are_read_as_written_and_the_nearest_exit_is_the_shortest(asked) -
 def test_a_command_shaped_by_the_robots_own_limits_names_no_obstacle(asked) -> None:
     def shaped(limiting: str, clearance: float) -> str:
         return (
-            "m.why({why: '', nominal: [0, 1], applied: [0, 0.5], guarding: "
-            f"{{verdict: 'shaped', limiting: {limiting}, clearance: {clearance}}}}}, 'driver')"
+            "m.reason({why: '', nominal: [0, 1], applied: [0, 0.5], guarding: "
+            f"{{verdict: 'shaped', limiting: {limiting}, clearance: {clearance}}}}}, 'driver').text"
         )
 
     own, near = "at its speed or acceleration limit", "limited: obstacle near"
@@ -294,8 +294,10 @@ def test_the_end_of_the_route_is_said_and_is_normal(asked) -> None:
     state = json.dumps(
         {"mode": "automatic", "stopped": "", "why": DONE, "nominal": [0, 0], "applied": [0, 0]}
     )
-    said, odd = asked("panels/why.ts", f"m.why({state}, 'other')", f"m.abnormal({state})")
-    assert (said, odd) == (DONE, False)
+    said, weight = asked(
+        "panels/why.ts", *(f"m.reason({state}, 'other').{what}" for what in ("text", "weight"))
+    )
+    assert (said, weight) == (DONE, 0)
 
 
 def test_who_can_do_something_next_is_told_what(asked) -> None:
@@ -308,8 +310,36 @@ def test_who_can_do_something_next_is_told_what(asked) -> None:
         ({"stopped": "", "why": "idle"}, ["choose a mode", "press Take over, then choose", "idle"]),
         ({"stopped": "stop by anna (3)", "why": "no scan"}, 3 * ["no scan"]),
     ):
-        told = asked("panels/why.ts", *(f"m.why({json.dumps(state)}, '{one}')" for one in readers))
+        of = json.dumps(state)
+        told = asked("panels/why.ts", *(f"m.reason({of}, '{one}').text" for one in readers))
         assert [one in text for one, text in zip(said, told, strict=True)] == 3 * [True], told
+
+
+CALM = """((reasons) => {
+  let shown = null
+  return reasons.map(([now, text, weight, lasting]) => {
+    shown = m.calm(shown, { text, weight, lasting: lasting ?? false }, now, 1000)
+    return shown.text
+  })
+})"""
+
+
+def test_a_reason_stays_to_be_read_but_never_keeps_a_weightier_one_waiting(asked) -> None:
+    cases = {
+        "to and fro": [[0, "a", 0], [20, "b", 1], [40, "c", 2], [60, "b", 1], [80, "c", 2],
+                       [1079, "b", 1], [1080, "b", 1], [1100, "a", 0], [2100, "a", 0]],
+        "for a moment only": [[0, "a", 0], [20, "limit", 0], [40, "a", 0], [1039, "limit", 0],
+                              [1040, "limit", 0]],
+        "as weighty as any": [[0, "braking", 2], [20, "no scan", 2], [40, "braking", 2]],
+        "what a person does": [[0, "stopped", 2, True], [20, "idle", 2, True], [40, "a", 0]],
+    }  # fmt: skip
+    told = asked("panels/why.ts", *(f"{CALM}({json.dumps(case)})" for case in cases.values()))
+    assert dict(zip(cases, told, strict=True)) == {
+        "to and fro": ["a", "b", "c", "c", "c", "c", "b", "b", "a"],
+        "for a moment only": ["a", "a", "a", "a", "limit"],
+        "as weighty as any": ["braking", "no scan", "braking"],
+        "what a person does": ["stopped", "idle", "a"],
+    }
 
 
 def test_where_only_the_stick_commands_the_share_is_the_operators(asked) -> None:

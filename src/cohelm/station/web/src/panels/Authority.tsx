@@ -6,7 +6,7 @@ import { DEVICE_NAMES } from '../input/stick'
 import { points } from '../map/points'
 import { clearances, SECTORS } from '../map/ring'
 import * as s from '../state'
-import { abnormal, CLOSE_M, operatorsShare, why, type Reader } from './why'
+import { calm, CLOSE_M, operatorsShare, reason, toRead, TO_HEAR, type Reader, type Shown } from './why'
 import { metres, speed, yaw } from './format'
 
 const NEAR_M = 0.7
@@ -38,13 +38,32 @@ export function Authority() {
             </tr>
           </tbody>
         </table>
-        <p class={`why ${abnormal(state) ? 'abnormal' : ''}`} role="status">{why(state, reader())}</p>
+        <Why />
         <p class="nearest">
           clearance <b class={near(clearance)}>{metres(clearance)}</b>
         </p>
         {!s.isReplay.value && <Stick />}
       </div>
     </section>
+  )
+}
+
+/** Why the robot does what it does, for the eyes; and, slower, for the ears. */
+function Why() {
+  void s.clock.value
+  const seen = useRef<Shown | null>(null)
+  const heard = useRef<Shown | null>(null)
+  const state = s.state.value
+  const next = reason(state, reader())
+  const now = performance.now()
+  seen.current = calm(seen.current, next, now, toRead(next.text))
+  heard.current = calm(heard.current, next, now, TO_HEAR)
+  const odd = seen.current.weight > 0 && !(state?.mode === 'hold' && state.stopped === '')
+  return (
+    <>
+      <p class={`why ${odd ? 'abnormal' : ''}`} aria-hidden="true">{seen.current.text}</p>
+      <p class="heard" role="status">{heard.current.text}</p>
+    </>
   )
 }
 

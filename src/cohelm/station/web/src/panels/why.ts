@@ -44,26 +44,53 @@ function other({ nominal, applied }: Status): boolean {
   return Math.abs(nominal[0] - applied[0]) > 0.02 || Math.abs(nominal[1] - applied[1]) > 0.05
 }
 
-/** Why the applied command is not the nominal one: by the gate, the guard, or the robot's limits; where there is none,
- * what to do. */
-export function why(state: Status | null, reader: Reader): string {
-  if (state === null) return '–'
+/** Why the applied command is not the nominal one; where it is, what to do. */
+export interface Reason {
+  text: string
+  /** 0: nothing holds it back but the robot's own limits; 1: it is held back; 2: it is braked, refused or stopped. */
+  weight: 0 | 1 | 2
+  /** It changes only by what a person does, who is answered at once. */
+  lasting: boolean
+}
+
+/** By the gate, the guard, or the robot's limits. */
+export function reason(state: Status | null, reader: Reader): Reason {
+  const made = (text: string, weight: Reason['weight'], lasting = false): Reason => ({ text, weight, lasting })
+  if (state === null) return made('–', 0, true)
   const repeats = state.why === '' || state.why === state.stopped // which stands beside the button that resets it
   const next = NEXT[state.stopped && repeats ? 'stopped' : state.why]
-  if (next !== undefined) return next[reader]
-  if (state.why !== '') return state.why
-  if (!other(state)) return 'as commanded'
-  return guarded(state) ?? 'at its speed or acceleration limit'
+  if (next !== undefined) return made(next[reader], 2, true)
+  if (state.why === DONE) return made(DONE, 0)
+  if (state.why !== '') return made(state.why, state.why.startsWith('limited: ') ? 1 : 2)
+  if (!other(state)) return made('as commanded', 0)
+  const text = guarded(state)
+  if (text === undefined) return made('at its speed or acceleration limit', 0)
+  return made(text, state.guarding.verdict === 'shaped' ? 1 : 2)
+}
+
+export interface Shown extends Reason {
+  /** Until when a lighter one waits [ms]. */
+  until: number
+}
+
+/** Time to notice a text, and to read it, as subtitles are timed [ms]. */
+export function toRead(text: string): number {
+  return 500 + 300 * text.split(' ').length
+}
+
+/** To hear one, and something else after it [ms]. */
+export const TO_HEAR = 5000
+
+/** What is shown now: what weighs more, or most, at once; what does not when the other is over for `lasts` [ms], so that
+ * a line that goes to and fro with every step can be read. */
+export function calm(before: Shown | null, next: Reason, now: number, lasts: number): Shown {
+  const other = before !== null && next.text !== before.text
+  if (other && now < before.until && next.weight < 2 && next.weight <= before.weight) return before
+  return { ...next, until: next.lasting ? now : now + lasts }
 }
 
 /** Why the guard changed the command; undefined where no obstacle is close: the robot's own limits did. */
 function guarded({ guarding: { verdict, limiting, clearance } }: Status): string | undefined {
   const close = limiting !== null || (clearance !== null && clearance < CLOSE_M)
   return verdict === 'shaped' && !close ? undefined : GUARDED[verdict]
-}
-
-/** Whether the applied command differs, other than in hold. */
-export function abnormal(state: Status | null): boolean {
-  if (state === null || (state.mode === 'hold' && state.stopped === '')) return false
-  return (state.why !== '' && state.why !== DONE) || (other(state) && guarded(state) !== undefined)
 }
