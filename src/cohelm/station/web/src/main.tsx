@@ -2,6 +2,7 @@ import { effect } from '@preact/signals'
 import { render } from 'preact'
 import { App } from './App'
 import { startDriving } from './input/drive'
+import { keepFocus } from './input/focus'
 import { wrong } from './panels/Login'
 import { logIn } from './session'
 import { start } from './socket'
@@ -25,4 +26,7 @@ effect(() => {
 })
 
 const app = document.getElementById('app')
-if (app !== null) render(<App />, app)
+if (app !== null) {
+  keepFocus(app)
+  render(<App />, app)
+}

@@ -182,8 +182,8 @@ export function MapPanel() {
           Follow
         </button>
         <button type="button" onClick={showAll}>Show all</button>
-        {!s.isReplay.value && !edit.editing.value && (
-          <button type="button" onClick={edit.begin}>Edit route</button>
+        {!s.isReplay.value && (
+          <button type="button" aria-expanded={edit.editing.value} onClick={edit.editing.value ? edit.leave : edit.begin}>Edit route</button>
         )}
       </div>
       {edit.editing.value && <EditPanel onAdd={addByKey} />}

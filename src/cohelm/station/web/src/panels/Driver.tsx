@@ -42,16 +42,18 @@ export function Driver() {
   const who = s.who.value
   if (s.isReplay.value) return <Replay />
   if (who === null) return <div class="driver">{s.linked.value || s.welcome.value === null ? '…' : 'No link'}</div>
-  if (!s.linked.value) return <Unlinked mayTake={!who.you_drive && who.driver === null} />
+  const linked = s.linked.value // without it, who drove then may not drive now
+  const mine = linked && who.you_drive
   const left = who.left_s === null ? '' : ` (${Math.max(0, Math.ceil(who.left_s))} s)`
   return (
     <div class="driver" role="group" aria-label="Who drives">
       <span role="status">
-        {who.you_drive ? <strong>You drive</strong> : who.driver === null ? 'No driver' : `${who.driver} drives`}
-        {who.operators.length > 1 && <small> · {who.operators.length} connected</small>}
+        {!linked ? 'No link' : mine ? <strong>You drive</strong> : who.driver === null ? 'No driver' : `${who.driver} drives`}
+        {linked && who.operators.length > 1 && <small> · {who.operators.length} connected</small>}
       </span>
-      {who.you_drive && who.requester === null && <button type="button" onClick={() => release()}>Release</button>}
-      {who.you_drive && who.requester !== null && (
+      {/* each with a key: none is made of another, whose focus it would have */}
+      {mine && who.requester === null && <button key="release" type="button" onClick={() => release()}>Release</button>}
+      {mine && who.requester !== null && (
         <span class="requester" role="alert">
           {/* the seconds are not read out, each of them, over the buttons' names */}
           {who.requester} requests control<span aria-hidden="true">{left}</span>
@@ -59,21 +61,11 @@ export function Driver() {
           <button type="button" onClick={() => request('refuse')}>Keep</button>
         </span>
       )}
-      {!who.you_drive && who.driver === null && <button type="button" onClick={() => request('take')}>Take over</button>}
-      {!who.you_drive && who.driver !== null && !who.you_request && (
-        <button type="button" onClick={() => request('take')}>Request control</button>
+      {!who.you_drive && who.driver === null && <button key="take" type="button" onClick={() => request('take')}>Take over</button>}
+      {linked && !who.you_drive && who.driver !== null && !who.you_request && (
+        <button key="ask" type="button" onClick={() => request('take')}>Request control</button>
       )}
-      {who.you_request && <span role="status">requested<span aria-hidden="true">{left}</span></span>}
-    </div>
-  )
-}
-
-/** Who drove then may not drive now. */
-function Unlinked({ mayTake }: { mayTake: boolean }) {
-  return (
-    <div class="driver" role="group" aria-label="Who drives">
-      <span role="status">No link</span>
-      {mayTake && <button type="button" onClick={() => request('take')}>Take over</button>}
+      {linked && who.you_request && <span role="status">requested<span aria-hidden="true">{left}</span></span>}
     </div>
   )
 }

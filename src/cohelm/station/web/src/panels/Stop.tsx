@@ -7,7 +7,7 @@ export function Stop() {
   const why = s.state.value?.stopped ?? ''
   const other = !s.youDrive.value && s.linked.value
   return (
-    <div class="stop">
+    <div class="stop" role="group" aria-label="Stop">
       {why !== '' && (
         <div class="stopped" role="status">
           <span><b>Stopped:</b> {why}</span>

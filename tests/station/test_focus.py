@@ -1,0 +1,104 @@
+"""The keyboard's focus where what had it goes away."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from playwright.sync_api import BrowserContext, Locator, Page, expect
+
+from cohelm.link.bulk_messages import Alarms, WholeAlarm
+from cohelm.link.messages import MOST_ALARMS, Alarm, Mode, RequestKind, Severity
+from cohelm.station.serve import Server
+from tests.link.ends import STATUS
+from tests.station.bare import Bare
+from tests.station.person import who
+from tests.station.servers import served
+
+STANDS = STATUS._replace(mode=Mode.HOLD, why="idle")
+
+
+def shown(context: BrowserContext, server: Server) -> Page:
+    page = context.new_page()
+    page.goto(server.address)
+    expect(who(page)).to_contain_text("No driver")
+    return page
+
+
+def enter(button: Locator) -> None:
+    button.focus()
+    button.page.keyboard.press("Enter")
+
+
+def test_what_was_pressed_and_is_gone_leaves_the_focus_to_its_group(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        enter(page.get_by_role("button", name="Take over"))
+        expect(who(page)).to_be_focused()
+        page.keyboard.press("Enter")  # one too many
+        page.keyboard.press("Tab")
+        expect(page.get_by_role("button", name="Release")).to_be_focused()
+        robot.status = STANDS._replace(stopped="stop by anna (3)", why="")
+        enter(page.get_by_role("button", name="Reset"))
+        robot.status = STANDS
+        expect(page.get_by_role("group", name="Stop")).to_be_focused()
+        alarms = [Alarm(n, Severity.WARNING, False, False, f"warning {n}") for n in (1, 2)]
+        for left in (1, 0):
+            robot.status = STANDS._replace(alarms=tuple(alarms[: left + 1]))
+            acknowledge = page.get_by_role("button", name="Acknowledge")
+            expect(acknowledge).to_have_count(left + 1)
+            enter(acknowledge.last)
+            robot.status = STANDS._replace(alarms=tuple(alarms[:left]))
+            expect(page.get_by_label("Alarms", exact=True)).to_be_focused()
+        assert RequestKind.GIVE not in robot.requests
+
+
+def test_a_dialog_that_is_closed_leaves_the_focus_to_what_opened_it(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        told = tuple(Alarm(n, Severity.WARNING, True, False, f"warning {n}") for n in range(1, 7))
+        robot.status = STANDS._replace(alarms=told[:MOST_ALARMS])
+        robot.bulk.publish(Alarms(tuple(WholeAlarm(one, one.text) for one in told)))
+        for name in ("Edit route", "Stick settings", "2 more"):
+            opener = page.get_by_role("button", name=name)
+            for key in ("Escape", "Enter"):
+                enter(opener)
+                page.keyboard.press("Tab")
+                dialog = page.get_by_role("dialog")
+                expect(dialog.locator(":focus")).to_have_count(1)
+                if key == "Enter":
+                    dialog.get_by_role("button", name="Close").focus()
+                page.keyboard.press(key)
+                expect(dialog).to_have_count(0)
+                expect(opener).to_be_focused()
+
+
+def test_a_waypoint_removed_with_the_keyboard_leaves_the_focus_in_the_list(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        enter(page.get_by_role("button", name="Edit route"))
+        enter(page.get_by_role("button", name="Add in the middle"))
+        enter(page.get_by_role("button", name="Remove waypoint 1"))
+        expect(page.get_by_role("dialog", name="Edit the route")).to_be_focused()
+        page.keyboard.press("Escape")
+        expect(page.get_by_role("button", name="Edit route")).to_be_focused()
+
+
+def test_a_button_that_enter_is_held_on_is_pressed_once(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        page.get_by_role("button", name="Zoom in").focus()
+        page.evaluate(
+            "window.clicks = 0; addEventListener('click', () => (window.clicks += 1), true)"
+        )
+        for _ in range(5):
+            page.keyboard.down("Enter")
+        page.keyboard.up("Enter")
+        assert page.evaluate("window.clicks") == 1
