@@ -12,7 +12,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from cohelm.core.types import Pose
 from cohelm.link.bulk_messages import DockPlace, Docks, HealthReport, Hello
-from cohelm.link.messages import Mode, ReportedVerdict, RequestKind, ScanPart
+from cohelm.link.messages import Arming, Localised, Mode, ReportedVerdict, RequestKind, ScanPart
 from cohelm.link.robot_end import RobotEnd
 from cohelm.station import app
 from cohelm.station.serve import Server
@@ -491,3 +491,32 @@ def test_the_windows_title_has_the_robot_and_what_is_up_with_it(
         expect(page).to_have_title("You drive · sally")
         robot.die()
         expect(page).to_have_title("No link · sally")
+
+
+def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_path: Path) -> None:
+    """Somebody who looks on steers nothing, has no share of the command and can not drive on."""
+    status = STATUS._replace(localised=Localised.LOST, arming=Arming.ARMED)
+    with Bare(tmp_path, status) as robot, served(robot.connect) as server:
+        page, other = shown(context, server), context.new_page()
+        other.goto(server.address)
+        take(page)
+        page.bring_to_front()
+        for who_reads, device, share, lost in (
+            (page, "keyboard: ready", "you", "Localization is lost. In Shared or Manual"),
+            (other, "keyboard: steers once you drive", "driver", "Localization is lost."),
+        ):
+            who_reads.bring_to_front()
+            expect(who_reads.locator(".device")).to_have_text(device)
+            expect(who_reads.locator(".share")).to_contain_text(share)
+            said = who_reads.get_by_label("Alarms", exact=True)
+            expect(said).to_contain_text(lost)
+            assert ("drive on" in said.inner_text()) == (who_reads is page)
+        page.bring_to_front()
+        robot.status = status._replace(mode=Mode.AUTOMATIC)
+        expect(page.locator(".device")).to_have_text("keyboard: not used in Auto")
+        robot.die()
+        for who_reads, ends in ((page, "(--carry-on)"), (other, "No link to the robot: the disp")):
+            expect(who_reads.get_by_label("Alarms", exact=True)).to_contain_text(ends)
+            expect(who_reads.locator(".device")).to_have_text("keyboard: no link to the robot")
+            expect(who_reads.get_by_role("radio", name="Manual")).to_be_disabled()
+        assert "stops by itself" not in other.get_by_label("Alarms", exact=True).inner_text()

@@ -48,6 +48,9 @@ export const youDrive = computed(() => who.value?.you_drive === true && connecti
 /** Whether what is shown is the robot's present state, as far as the station knows. */
 export const linked = computed(() => connection.value === 'open' && link.value?.connected !== false)
 
+/** Whether what the driver presses can reach the robot. */
+export const mayDrive = computed(() => youDrive.value && linked.value)
+
 /** Of the window, by which one is told from another robot's. */
 export const title = computed(() => {
   const now = welcome.value !== null && !linked.value ? 'No link' : state.value?.stopped ? 'Stopped' : youDrive.value ? 'You drive' : ''

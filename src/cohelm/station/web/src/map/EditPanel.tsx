@@ -60,8 +60,8 @@ export function EditPanel({ onAdd }: { onAdd: () => void }) {
       <div class="row">
         <button type="button" onClick={onAdd}>Add in the middle</button>
         <button type="button" onClick={() => { edit.draft.value = []; edit.chosen.value = null }}>Clear</button>
-        <button type="button" disabled={points.length === 0 || !s.youDrive.value} onClick={edit.submit}>
-          {s.youDrive.value ? 'Send' : 'Send (you are not the driver)'}
+        <button type="button" disabled={points.length === 0 || !s.mayDrive.value} onClick={edit.submit}>
+          {s.mayDrive.value ? 'Send' : s.linked.value ? 'Send (you are not the driver)' : 'Send (no link)'}
         </button>
         <button type="button" onClick={edit.leave}>Close</button>
       </div>

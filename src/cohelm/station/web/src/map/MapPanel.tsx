@@ -201,5 +201,6 @@ function described(): string {
   const clearance = near === null ? '' : `, clearance ${near.toFixed(1)} m`
   const kept = s.zones.value.find((one) => one.what === 'keep_out')
   const zone = kept !== undefined && within(kept, [x, y]) ? ', in a keep-out zone' : ''
-  return `Map; robot at ${x.toFixed(1)}, ${y.toFixed(1)} metres, heading ${degrees} degrees${zone}${clearance}`
+  const when = s.linked.value ? '' : ', as it was without a link now'
+  return `Map${when}; robot at ${x.toFixed(1)}, ${y.toFixed(1)} metres, heading ${degrees} degrees${zone}${clearance}`
 }

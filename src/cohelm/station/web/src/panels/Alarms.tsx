@@ -24,16 +24,19 @@ function localAlarms(): ShownAlarm[] {
     out.push({ number: -1 - out.length, severity, text, active: true, acknowledged: true, local: true, all: [] })
   const c = s.connection.value
   const why = s.link.value === null || s.link.value.why === '' ? '' : ` (${s.link.value.why})`
+  // on a phone the end is cut: the reason comes last
+  const stale = s.who.value?.you_drive === true
+    ? 'the display is stale. The robot stops by itself, or drives on alone if it was started so (--carry-on)' : 'the display is stale'
   if (c === 'closed' || c === 'connecting') {
     if (s.welcome.value === null) {
       const said = s.turnedAway.value || 'the station does not answer'
       if (s.clock.value > BEGUN) add('warning', `No connection yet: ${said}. It is tried again and again.`)
-    } else add('alarm', `No connection to the station${why}. The display is stale. The robot stops by itself.`)
-  } else if (c === 'silent') add('alarm', 'No data from the station. The display is stale.')
+    } else add('alarm', `No connection to the station: ${stale}${why}.`)
+  } else if (c === 'silent') add('alarm', 'No data from the station: the display is stale.')
   else if (s.link.value !== null && !s.link.value.connected && s.state.value === null) {
     add('notice', `Not connected to a robot yet${s.link.value.why === '' ? '' : `: ${s.link.value.why}`}.`)
   } else if (s.link.value !== null && !s.link.value.connected) {
-    add('alarm', `No link to the robot${why}. The display is stale. The robot stops by itself.`)
+    add('alarm', `No link to the robot: ${stale}${why}.`)
   }
   if (s.unsentStop.value) add('alarm', 'STOP is not sent yet: it will be as soon as there is a connection to the station.')
   if (s.unansweredStop.value) add('alarm', 'STOP is sent, but the robot has not answered yet: it is sent on until it does.')
@@ -47,7 +50,7 @@ function localAlarms(): ShownAlarm[] {
   if (reason !== '') add('warning', `Your stick does not steer: ${reason}.`)
   if (resumeHint.value !== '') add('notice', `To continue: ${resumeHint.value}.`)
   const localised = s.state.value?.localised
-  if (localised === 'lost') add('alarm', 'Localization is lost. In Shared or Manual drive on a little by hand (speed is limited), so that it can localize again.')
+  if (localised === 'lost') add('alarm', `Localization is lost.${s.mayDrive.value ? ' In Shared or Manual drive on a little by hand (speed is limited), so that it can localize again.' : ''}`)
   else if (localised === 'poor') add('warning', 'Localization is uncertain.')
   const battery = s.health.value?.battery ?? 1
   if (battery < LOW_BATTERY) add(battery < EMPTY_BATTERY ? 'warning' : 'notice', `The battery is at ${percent(battery)}: bring the robot to its charger.`)

@@ -24,7 +24,7 @@ export function Authority() {
         <div class={`share ${share === null ? 'nobody' : ''}`} role="meter" aria-label="Operator's share of the command"
           aria-valuemin={0} aria-valuemax={100} aria-valuenow={Math.round((share ?? 0) * 100)}
           aria-valuetext={share === null ? 'nobody commands' : undefined}>
-          <span>you</span>
+          <span>{s.mayDrive.value ? 'you' : 'driver'}</span>
           <div class="bar"><i style={{ width: `${(share ?? 0) * 100}%` }} /></div>
           <span>auto</span>
         </div>
@@ -76,10 +76,18 @@ function near(clearance: number | null): string {
   return clearance !== null && clearance < CLOSE_M ? 'abnormal' : ''
 }
 
+/** What the stick does here and now. */
+function steers(): string {
+  if (s.connection.value === 'open' && !s.linked.value) return 'no link to the robot'
+  if (notArmedReason.value !== '') return notArmedReason.value
+  if (!s.youDrive.value) return 'steers once you drive'
+  return s.state.value?.mode === 'automatic' ? 'not used in Auto' : 'ready'
+}
+
 function Stick() {
   return (
     <p class="device">
-      {DEVICE_NAMES[device.value]}: <b>{notArmedReason.value || 'ready'}</b>
+      {DEVICE_NAMES[device.value]}: <b>{steers()}</b>
     </p>
   )
 }

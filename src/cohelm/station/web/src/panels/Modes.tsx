@@ -22,8 +22,8 @@ export function Modes() {
     <section class="modes" aria-label="How to drive">
       <div role="radiogroup" aria-label="Mode" class="segments">
         {MODES.map(([mode, name, meaning]) => (
-          <button key={mode} type="button" role="radio" aria-checked={now === mode} title={s.youDrive.value ? meaning : `${meaning} (the driver chooses)`}
-            disabled={!s.youDrive.value} onClick={() => send({ type: 'do', what: mode, value: 0 })}>
+          <button key={mode} type="button" role="radio" aria-checked={now === mode} title={s.mayDrive.value ? meaning : `${meaning} (the driver chooses)`}
+            disabled={!s.mayDrive.value} onClick={() => send({ type: 'do', what: mode, value: 0 })}>
             {name}
           </button>
         ))}
@@ -31,8 +31,8 @@ export function Modes() {
       <Docks />
       <div class="speed">
         <label class="speed">
-          speed {percent(speedScale.value)}
-          <input type="range" min="0.1" max="1" step="0.1" value={speedScale.value} disabled={!s.youDrive.value}
+          your speed {percent(speedScale.value)}
+          <input type="range" min="0.1" max="1" step="0.1" value={speedScale.value} disabled={!s.mayDrive.value}
             aria-label="Share of the full speed"
             onInput={(event) => (speedScale.value = event.currentTarget.valueAsNumber)} />
         </label>
@@ -57,10 +57,10 @@ function Docks() {
       {at === 'undocking' && <span role="status">undocking from {name} …</span>}
       {at === 'docked' && <span role="status">docked at {name}</span>}
       {(at === 'staged' || at === 'between') && (
-        <button type="button" disabled={!s.youDrive.value} onClick={() => request('dock')}>Dock at {name}</button>
+        <button type="button" disabled={!s.mayDrive.value} onClick={() => request('dock')}>Dock at {name}</button>
       )}
       {(at === 'docked' || at === 'between') && (
-        <button type="button" disabled={!s.youDrive.value} onClick={() => request('undock')}>Undock</button>
+        <button type="button" disabled={!s.mayDrive.value} onClick={() => request('undock')}>Undock</button>
       )}
     </div>
   )
@@ -77,7 +77,7 @@ function RoutesToDocks() {
   if (docks.length > (SMALL.matches ? 1 : MOST_BUTTONS)) {
     return (
       <div class="row docks" role="group" aria-label="Dock">
-        <select aria-label="Route to a dock" title={title} disabled={!s.youDrive.value} value=""
+        <select aria-label="Route to a dock" title={title} disabled={!s.mayDrive.value} value=""
           onChange={(e) => { go(docks.find((dock) => dock.name === e.currentTarget.value)); e.currentTarget.value = '' }}>
           <option value="">Route to …</option>
           {docks.map((dock) => <option key={dock.name} value={dock.name}>{dock.name}</option>)}
@@ -88,7 +88,7 @@ function RoutesToDocks() {
   return (
     <div class="row docks" role="group" aria-label="Dock">
       {docks.map((dock) => (
-        <button key={dock.name} type="button" disabled={!s.youDrive.value} title={title} onClick={() => go(dock)}>
+        <button key={dock.name} type="button" disabled={!s.mayDrive.value} title={title} onClick={() => go(dock)}>
           Route to {dock.name}
         </button>
       ))}

@@ -13,7 +13,7 @@ export function Stop() {
           <span><b>Stopped:</b> {why}</span>
           {/* why it is grey stands beside it, and is read out with it */}
           {other && <small id="reset-by">{s.who.value?.driver == null ? 'Take over first' : 'by the driver'}</small>}
-          <button type="button" disabled={!s.youDrive.value} aria-describedby={other ? 'reset-by' : undefined}
+          <button type="button" disabled={!s.mayDrive.value} aria-describedby={other ? 'reset-by' : undefined}
             onClick={() => send({ type: 'do', what: 'reset', value: 0 })}>
             Reset
           </button>
