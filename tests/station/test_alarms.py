@@ -128,3 +128,52 @@ def test_more_alarms_than_there_is_room_for_are_counted_and_can_be_seen_and_ackn
         page.keyboard.press("Escape")
         expect(every).to_be_hidden()
         until(lambda: robot.requests.count(RequestKind.ACKNOWLEDGE) == 7)
+
+
+ADDED = """() => {
+  window.added = []
+  new MutationObserver((all) => all.forEach((one) => one.addedNodes.forEach((node) => {
+    if (node.nodeType === Node.ELEMENT_NODE) added.push(node.textContent)
+  }))).observe(document.querySelector('.alarms'), { childList: true, subtree: true })
+}"""
+
+
+def test_a_screen_reader_is_told_what_is_new_and_not_all_of_it_at_each_second(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    first = Alarm(1, Severity.NOTICE, True, False, "the battery is not known")
+    counts = "the odometry is 3 s old"
+    status = STATUS._replace(mode=Mode.HOLD, why="", alarms=(first,))
+    with Bare(tmp_path, status) as robot, served(robot.connect) as server:
+        page = context.new_page()
+        page.goto(server.address)
+        region = alarms(page)
+        expect(region).to_contain_text("the battery is not known")
+        expect(region).to_have_attribute("aria-live", "polite")
+        page.evaluate(ADDED)
+        for second in range(3, 8):
+            second_alarm = Alarm(2, Severity.ALARM, True, False, counts.replace("3", str(second)))
+            robot.status = status._replace(alarms=(second_alarm, first))
+            expect(region).to_contain_text(f"is {second} s old")
+        expect(region).to_have_attribute("aria-live", "assertive")
+        expect(region).to_have_attribute("aria-atomic", "false")
+        expect(region).to_have_attribute("aria-relevant", "additions")
+        robot.status = status._replace(alarms=(first,))
+        expect(region).not_to_contain_text("odometry")
+        added = page.evaluate("added")
+        assert len(added) == 1, added
+        assert counts in added[0].lower()
+
+
+def test_a_stop_is_read_out_from_a_region_that_was_there_before(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
+        page = context.new_page()
+        page.goto(server.address)
+        region = page.get_by_role("group", name="Stop").locator("[role=status]")
+        expect(region).to_have_count(1)
+        before = region.element_handle()
+        robot.status = STATUS._replace(mode=Mode.HOLD, stopped="the odometry is 92 ms old")
+        expect(region).to_contain_text("Stopped: the odometry is 92 ms old")
+        assert before.evaluate("(one) => one.isConnected")

@@ -80,8 +80,9 @@ export function Alarms() {
   const cut = SMALL.matches && shown.some((alarm) => alarm.text.length > LONG)
   const more = hidden > 0 || cut
   return (
-    <div class="alarms" role="alert" aria-label="Alarms">
-      {shown.map((alarm) => <Row key={alarm.number} alarm={alarm} plain={more && SMALL.matches} />)}
+    <div class="alarms" role="alert" aria-label="Alarms" aria-atomic="false" aria-relevant="additions"
+      aria-live={all[0]?.severity === 'alarm' ? 'assertive' : 'polite'}>
+      {shown.map((alarm) => <Row key={spoken(alarm)} alarm={alarm} plain={more && SMALL.matches} />)}
       {more && (
         <button type="button" class="more" aria-expanded={open.value} onClick={() => (open.value = true)}>
           {hidden > 0 ? `${hidden} more` : 'In full'}
@@ -90,6 +91,11 @@ export function Alarms() {
       {open.value && more && <All alarms={all} />}
     </div>
   )
+}
+
+/** What is read out when it is new or has other words, and not at each second that it counts. */
+function spoken({ local, number, text }: ShownAlarm): string {
+  return `${local ? '' : number} ${text.replace(/\d+/g, '')}`
 }
 
 /** plain: without a button, for which there is no room. */
@@ -112,12 +118,12 @@ function All({ alarms }: { alarms: ShownAlarm[] }) {
   useEscape(close)
   const unseen = alarms.filter(toAcknowledge)
   return (
-    <div class="all-alarms" role="dialog" aria-label="All alarms">
+    <div class="all-alarms" role="dialog" aria-label="All alarms" aria-live="off">
       <div class="row">
         <button type="button" onClick={close}>Close</button>
         {unseen.length > 1 && <button type="button" onClick={() => acknowledge(unseen)}>Acknowledge all</button>}
       </div>
-      {alarms.map((alarm) => <Row key={alarm.number} alarm={alarm} />)}
+      {alarms.map((alarm) => <Row key={spoken(alarm)} alarm={alarm} />)}
     </div>
   )
 }

@@ -8,8 +8,9 @@ export function Stop() {
   const other = !s.youDrive.value && s.linked.value
   return (
     <div class="stop" role="group" aria-label="Stop">
-      {why !== '' && (
-        <div class="stopped" role="status">
+      {/* there before it says anything: what is put in with its words is not read out */}
+      <div class="contents" role="status">{why !== '' && (
+        <div class="stopped">
           <span><b>Stopped:</b> {why}</span>
           {/* why it is grey stands beside it, and is read out with it */}
           {other && <small id="reset-by">{s.who.value?.driver == null ? 'Take over first' : 'by the driver'}</small>}
@@ -18,7 +19,7 @@ export function Stop() {
             Reset
           </button>
         </div>
-      )}
+      )}</div>
       <button type="button" class="stop-button" aria-label="Stop the robot. Software stop; also the space bar" onClick={stop}>
         STOP<small>software stop<span class="keys"> · Space</span></small>
       </button>
