@@ -515,7 +515,10 @@ def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_
         robot.status = status._replace(mode=Mode.AUTOMATIC)
         expect(page.locator(".device")).to_have_text("keyboard: not used in Auto")
         robot.die()
-        for who_reads, ends in ((page, "(--carry-on)"), (other, "No link to the robot: the disp")):
+        for who_reads, ends in (
+            (page, "with --carry-on it drives on alone"),
+            (other, "No link to the robot: the disp"),
+        ):
             expect(who_reads.get_by_label("Alarms", exact=True)).to_contain_text(ends)
             expect(who_reads.locator(".device")).to_have_text("keyboard: no link to the robot")
             expect(who_reads.get_by_role("radio", name="Manual")).to_be_disabled()

@@ -42,7 +42,7 @@ function scene(now: number): Scene {
     editing: edit.editing.value,
     state,
     robot: s.robot.value,
-    ghost: state !== null && !s.isReplay.value && delay > 0.03 ? ghost(state, Math.min(delay, 2)) : null,
+    ghost: state !== null && s.linked.value && !s.isReplay.value && delay > 0.03 ? ghost(state, Math.min(delay, 2)) : null,
     lost: state?.localised === 'lost' || s.stateAge(now) > 1000,
   }
 }

@@ -23,20 +23,20 @@ function localAlarms(): ShownAlarm[] {
   const add = (severity: Alarm['severity'], text: string) =>
     out.push({ number: -1 - out.length, severity, text, active: true, acknowledged: true, local: true, all: [] })
   const c = s.connection.value
-  const why = s.link.value === null || s.link.value.why === '' ? '' : ` (${s.link.value.why})`
+  const why = s.link.value === null || s.link.value.why === '' ? '' : ` Reason: ${s.link.value.why}.`
   // on a phone the end is cut: the reason comes last
   const stale = s.who.value?.you_drive === true
-    ? 'the display is stale. The robot stops by itself, or drives on alone if it was started so (--carry-on)' : 'the display is stale'
+    ? 'the display is stale. The robot stops by itself; with --carry-on it drives on alone.' : 'the display is stale.'
   if (c === 'closed' || c === 'connecting') {
     if (s.welcome.value === null) {
       const said = s.turnedAway.value || 'the station does not answer'
       if (s.clock.value > BEGUN) add('warning', `No connection yet: ${said}. It is tried again and again.`)
-    } else add('alarm', `No connection to the station: ${stale}${why}.`)
+    } else add('alarm', `No connection to the station: ${stale}${why}`)
   } else if (c === 'silent') add('alarm', 'No data from the station: the display is stale.')
   else if (s.link.value !== null && !s.link.value.connected && s.state.value === null) {
     add('notice', `Not connected to a robot yet${s.link.value.why === '' ? '' : `: ${s.link.value.why}`}.`)
   } else if (s.link.value !== null && !s.link.value.connected) {
-    add('alarm', `No link to the robot: ${stale}${why}.`)
+    add('alarm', `No link to the robot: ${stale}${why}`)
   }
   if (s.unsentStop.value) add('alarm', 'STOP is not sent yet: it will be as soon as there is a connection to the station.')
   if (s.unansweredStop.value) add('alarm', 'STOP is sent, but the robot has not answered yet: it is sent on until it does.')

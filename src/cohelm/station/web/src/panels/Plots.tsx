@@ -8,6 +8,8 @@ import * as s from '../state'
 
 const SPAN_S = 30
 const EVERY_MS = 250
+/** What is older is not now. */
+const SILENT_S = 0.5
 const KEPT = 900
 const HEIGHT = 84
 
@@ -64,7 +66,8 @@ s.state.subscribe((state) => {
 })
 
 function data(chart: Chart): uPlot.AlignedData {
-  const now = kept.at(-1)?.stamp ?? 0
+  const silent = s.isReplay.value ? 0 : s.stateAge(performance.now()) / 1000
+  const now = (kept.at(-1)?.stamp ?? 0) + (silent > SILENT_S && silent < Infinity ? silent : 0)
   const rows = kept.filter((state) => state.stamp > now - SPAN_S)
   return [rows.map((r) => r.stamp - now), ...chart.curves.map((c) => rows.map(c.of))]
 }
