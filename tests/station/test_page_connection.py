@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from cohelm.core.types import Pose
-from cohelm.link.bulk_messages import DockPlace, Docks, HealthReport, Hello
+from cohelm.link.bulk_messages import DockPlace, Docks, HealthReport, Hello, LineKind, Polyline
 from cohelm.link.messages import Arming, Localised, Mode, ReportedVerdict, RequestKind, ScanPart
 from cohelm.link.robot_end import RobotEnd
 from cohelm.station import app
@@ -523,3 +523,39 @@ def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_
             expect(who_reads.locator(".device")).to_have_text("keyboard: no link to the robot")
             expect(who_reads.get_by_role("radio", name="Manual")).to_be_disabled()
         assert "stops by itself" not in other.get_by_label("Alarms", exact=True).inner_text()
+
+
+DARK_AT = """([x, y]) => {
+    const map = document.querySelector('#map')
+    const [px, py] = [map.width / 2 + x, map.height / 2 + y]
+    const { data } = map.getContext('2d').getImageData(px - 12, py - 12, 24, 24)
+    let dark = 0
+    for (let i = 0; i < data.length; i += 4) {
+        if (data[i] < 0x80) dark += 1
+    }
+    return dark
+}"""
+
+
+def test_the_page_shows_where_the_robot_goes_who_leads_and_what_stops_it(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path, STATUS._replace(authority=0.2)) as robot, served(robot.connect) as server:
+        page = shown(context, server, PAD)
+        stop = page.get_by_role("button", name="Stop the robot")
+        expect(stop).to_contain_text("Space")
+        place = stop.bounding_box()
+        page.evaluate("testPad.plug()")
+        expect(stop).to_contain_text("B or ○")
+        assert stop.bounding_box() == place
+        expect(page.locator(".share .leads")).to_have_text("driver")
+        robot.status = STATUS._replace(authority=0.9)
+        expect(page.locator(".share .leads")).to_have_text("auto")
+        robot.status = STATUS._replace(mode=Mode.HOLD, why="idle")
+        expect(page.locator(".share .leads")).to_have_count(0)
+        goal = [2 * 45, 3 * -45]  # of the robot, which is in the middle: pixels
+        assert page.evaluate(DARK_AT, goal) == 0
+        route = np.array([[1.0, 2.0], [3.0, 2.0], [3.0, 5.0]], np.float32)
+        robot.bulk.publish(Polyline(LineKind.REFERENCE, route))
+        page.wait_for_timeout(1000)
+        assert page.evaluate(DARK_AT, goal) > 100

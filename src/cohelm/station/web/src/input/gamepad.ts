@@ -78,6 +78,12 @@ export function resumeButtonName(): string {
   return number === 0 && pad()?.mapping === 'standard' ? 'A or ✕ of the gamepad' : `button ${number} of the gamepad`
 }
 
+/** Name of the stop button. */
+export function stopButtonName(): string {
+  const number = settings.value.stopButton
+  return number === 1 && pad()?.mapping === 'standard' ? 'B or ○' : `button ${number}`
+}
+
 const NEAR_M = 0.3
 const RUMBLE_MS = 200
 let rumbledAt = 0

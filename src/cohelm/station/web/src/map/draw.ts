@@ -36,6 +36,7 @@ export function draw(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   line(ctx, v, size, scene.trail, { stroke: colour.faint, width: 1.5 })
   line(ctx, v, size, scene.reference, { stroke: colour.path, width: 2, dash: [7, 5] })
   line(ctx, v, size, scene.detour, { stroke: colour.path, width: 2, dash: [2, 4] })
+  drawGoal(ctx, v, size, scene)
   for (const one of scene.zones) drawSpeeds(ctx, v, size, one)
   drawDiscs(ctx, v, size, scene.discs)
   drawScan(ctx, v, size, scene.scan)
@@ -226,17 +227,27 @@ function drawScan(ctx: Ctx, v: View, size: Size, scan: Float64Array): void {
   }
 }
 
-function drawWaypoints(ctx: Ctx, v: View, size: Size, scene: Scene): void {
-  if (scene.editing) {
-    line(ctx, v, size, scene.waypoints, { stroke: colour.operator, width: 2, dash: [4, 4] })
+/** Where the robot goes; while the route is edited its waypoints show that. */
+function drawGoal(ctx: Ctx, v: View, size: Size, scene: Scene): void {
+  const goal = scene.reference.at(-1)
+  if (goal === undefined || scene.editing) return
+  const [x, y] = toPixel(v, size, goal)
+  for (const r of [3, 9]) {
+    circle(ctx, [x, y], r)
+    stroke(ctx, { stroke: colour.path, width: 3 })
   }
+  label(ctx, 'goal', [x, y - 15], colour.path)
+}
+
+function drawWaypoints(ctx: Ctx, v: View, size: Size, scene: Scene): void {
+  if (!scene.editing) return
+  line(ctx, v, size, scene.waypoints, { stroke: colour.operator, width: 2, dash: [4, 4] })
   for (const [i, point] of scene.waypoints.entries()) {
     const [x, y] = toPixel(v, size, point)
     const bad = scene.worst === i
-    circle(ctx, [x, y], scene.editing ? 9 : 3)
-    ctx.fillStyle = scene.editing ? '#fff' : colour.path
+    circle(ctx, [x, y], 9)
+    ctx.fillStyle = '#fff'
     ctx.fill()
-    if (!scene.editing) continue
     stroke(ctx, { stroke: bad ? colour.danger : colour.operator, width: scene.chosen === i ? 4 : 2 })
     ctx.fillStyle = bad ? colour.danger : colour.ink
     ctx.font = 'bold 11px system-ui, sans-serif'

@@ -24,9 +24,9 @@ export function Authority() {
         <div class={`share ${share === null ? 'nobody' : ''}`} role="meter" aria-label="Operator's share of the command"
           aria-valuemin={0} aria-valuemax={100} aria-valuenow={Math.round((share ?? 0) * 100)}
           aria-valuetext={share === null ? 'nobody commands' : undefined}>
-          <span>{s.mayDrive.value ? 'you' : 'driver'}</span>
+          <span class={leads(share !== null && share >= 0.5)}>{s.mayDrive.value ? 'you' : 'driver'}</span>
           <div class="bar"><i style={{ width: `${(share ?? 0) * 100}%` }} /></div>
-          <span>auto</span>
+          <span class={leads(share !== null && share < 0.5)}>auto</span>
         </div>
         <table>
           <tbody>
@@ -70,6 +70,10 @@ function Why() {
 function reader(): Reader {
   if (s.isReplay.value || !s.linked.value) return 'nobody'
   return s.youDrive.value ? 'driver' : s.who.value?.driver == null ? 'anyone' : 'other'
+}
+
+function leads(is: boolean): string {
+  return is ? 'leads' : ''
 }
 
 function near(clearance: number | null): string {
