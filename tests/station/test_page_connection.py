@@ -12,7 +12,16 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from cohelm.core.types import Pose
 from cohelm.link.bulk_messages import DockPlace, Docks, HealthReport, Hello, LineKind, Polyline
-from cohelm.link.messages import Arming, Localised, Mode, ReportedVerdict, RequestKind, ScanPart
+from cohelm.link.messages import (
+    Alarm,
+    Arming,
+    Localised,
+    Mode,
+    ReportedVerdict,
+    RequestKind,
+    ScanPart,
+    Severity,
+)  # fmt: skip
 from cohelm.link.robot_end import RobotEnd
 from cohelm.station import app
 from cohelm.station.serve import Server
@@ -222,6 +231,14 @@ def test_who_can_not_reset_a_stop_is_told_who_can(context: BrowserContext, tmp_p
         expect(page.locator(".why")).to_have_text("stopped: its driver can reset it")
         expect(other.get_by_role("button", name="Reset")).to_have_accessible_description("")
         expect(other.locator(".why")).to_have_text("stopped: press Reset, then choose a mode")
+        page.set_viewport_size({"width": 740, "height": 330})  # a phone held sideways
+        alarm = Alarm(1, Severity.ALARM, True, False, "the odometry is 92 ms old")
+        robot.status = status._replace(alarms=(alarm,))
+        expect(page.get_by_role("button", name="Acknowledge")).to_be_visible()
+        why = page.locator(".why").bounding_box()
+        assert why is not None
+        assert why["y"] + why["height"] <= 330 - 6
+        page.set_viewport_size({"width": 1280, "height": 800})
         robot.die()
         expect(page.locator(".why")).to_have_text("stopped")  # nobody knows what to do next
         expect(reset).to_have_accessible_description("")
