@@ -205,6 +205,39 @@ def test_a_driver_that_would_end_its_process_is_a_fault_and_does_not(method, err
     port.close()
 
 
+class Unspeakable(Exception):
+    def __str__(self) -> str:
+        raise AttributeError("code")
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (Unspeakable(), "read failed: Unspeakable"),
+        (ValueError("word " * 1_000_000), "read failed: ValueError: word word"),
+        (cohelm.CohelmError("word " * 1_000_000), "word word"),
+    ],
+)
+def test_what_a_driver_raises_is_said_however_long_or_broken(error, said):
+    """A message to the loop has room for a megabyte, and an operator no time for so much."""
+    cart = Cart()
+    port = RobotAdapter(cart)
+    cart.broken, cart.error = "read", error
+    (found,) = port.read().health.faults
+    assert found.startswith(said)
+    assert len(found) <= 400
+    assert found == said or found.endswith("…")
+
+
+def test_faults_that_a_driver_reports_are_as_many_and_as_long_as_stations_show():
+    cart = Cart()
+    reported = Health(0.0, 0.5, ("word " * 1_000_000,) * 100)
+    cart.read = lambda: cohelm.Readings(health=reported)
+    found = RobotAdapter(cart).read().health.faults
+    assert len(found) == 16
+    assert all(len(fault) <= 400 and fault.endswith("…") for fault in found)
+
+
 def test_a_robot_whose_stop_fails_is_sent_zero():
     """Or the last twist would stay until its hardware has noticed; and again, as nobody knows."""
     cart = Cart()

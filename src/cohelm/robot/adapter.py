@@ -32,6 +32,7 @@ _STILL = Twist(0.0, 0.0)
 _SAME = 0.005  # stamps of one reading, read twice with its age, differ by less [s]
 _AGAIN = 0.1  # a stop is repeated after this time, in case one was lost [s]
 _LOOK = 0.05  # period of the watchdog [s]
+_MOST, _LONGEST = 16, 400  # faults at a time, and letters of each
 _HANGS = 0.1  # a call that takes longer is not waited for before stopping [s]
 
 
@@ -100,8 +101,8 @@ class RobotAdapter:
                 self._failed["read"] = _said("read", error)
             self._alone()
         health = self._newest.health or Health(self._robot.now(), math.nan, ())
-        faults, self._failed = tuple(self._failed.values()), {}
-        return self._newest._replace(health=health._replace(faults=(*health.faults, *faults)))
+        faults, self._failed = (*health.faults, *self._failed.values())[:_MOST], {}
+        return self._newest._replace(health=health._replace(faults=tuple(map(_brief, faults))))
 
     def send(self, twist: Twist) -> Twist:
         """Send a twist, limited to the speeds; one that is not finite is a stop."""
@@ -277,8 +278,17 @@ def _said(method: str, error: BaseException) -> str:
 
 
 def _named(error: BaseException) -> str:
-    text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+    name = type(error).__name__
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # its author's mistake, too
+        return name
+    return f"{name}: {text}" if text else name
+
+
+def _brief(text: str) -> str:
+    """No longer than a person reads, and than the line to the loop has room for."""
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1].rstrip()}…"
 
 
 class AdaptedMaker(NamedTuple):
@@ -295,7 +305,7 @@ class AdaptedMaker(NamedTuple):
         except CohelmError:
             raise
         except BaseException as error:
-            raise CohelmError(f"the robot can not be made: {_named(error)}") from error
+            raise CohelmError(_brief(f"the robot can not be made: {_named(error)}")) from error
         adapted = RobotAdapter(robot)
         if adapted.model != model:
             raise CohelmError(
