@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
-import signal
 import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection, wait
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from cohelm.core.errors import CohelmError
 from cohelm.drive.operate import DriveOptions
 from cohelm.drive.teleop_server import TeleopConfig
-from cohelm.robot.keep.processes import end_with_parent, start_process
+from cohelm.robot.keep.processes import end_with_parent, how_ended, start_process
 
 if TYPE_CHECKING:
     from cohelm.drive.live import LiveConfig
@@ -144,14 +143,10 @@ class RobotProcess:
                 return str(self._line.recv())
         except (EOFError, OSError):
             pass
-        self._process.join(_END)
         return self._how_ended()
 
     def _how_ended(self) -> str:
-        code = self._process.exitcode or 0
-        if code < 0:
-            return f"killed by {signal.Signals(-code).name}"
-        return f"it exited with code {code}" + ("; see above" if code else "")
+        return how_ended(self._process, _END) or "it does not end"
 
 
 def _drive(

@@ -169,6 +169,44 @@ def test_no_driver_keeps_the_gate_process_alive(make, lingers, capfd):
     assert ("the robot's driver does not end" in capfd.readouterr().err) == lingers
 
 
+class Crashes(Still):
+    """As a library in C does, or one that ends the process itself."""
+
+    def __init__(self, model: cohelm.RobotModel, how: str, at: int) -> None:
+        super().__init__(model)
+        self.how, self.left = how, at
+        self.fails()
+
+    def fails(self) -> None:
+        self.left -= 1
+        if self.left < 0:
+            os.kill(os.getpid(), signal.SIGSEGV) if self.how == "crashes" else os._exit(3)
+
+    def read(self) -> cohelm.Readings:
+        self.fails()
+        return super().read()
+
+
+def driven(made: AdaptedMaker) -> None:
+    gated = RemoteGatedRobot(made, rules(SALLY, 0.02))
+    try:
+        for _ in range(100):
+            gated.read()
+            time.sleep(0.02)
+    finally:
+        gated.close()
+
+
+@pytest.mark.parametrize("at", [0, 5], ids=["made", "driven"])
+@pytest.mark.parametrize(
+    ("how", "said"), [("crashes", "killed by SIGSEGV"), ("exits", "it exited with code 3")]
+)
+def test_how_the_gate_process_has_ended_is_said(at, how, said):
+    made = AdaptedMaker(functools.partial(Crashes, how=how, at=at), SALLY)
+    with pytest.raises(CohelmError, match=rf"the gate process has ended \({said}.*\); the robot"):
+        driven(made)
+
+
 def test_a_driver_that_reads_the_terminal_is_told_no_and_stops_no_process():
     ours, theirs = pty.openpty()
     try:

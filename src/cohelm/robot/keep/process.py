@@ -17,7 +17,7 @@ from cohelm.robot.clock import sleep_until
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import LocalGatedRobot
-from cohelm.robot.keep.processes import detach, end_group, start_process
+from cohelm.robot.keep.processes import detach, end_group, how_ended, start_process
 from cohelm.robot.keep.serve import BRAKING, CLOSING, Begun, control, serve
 from cohelm.robot.keep.shared_memory import SharedMemory
 from cohelm.robot.model import RobotModel
@@ -25,6 +25,7 @@ from cohelm.robot.port import Frame, Readings, RobotPort, Scan
 
 _START = 600.0  # time for making the robot, compiling included [s]
 _ANSWER = 2.0  # time for an answer; then the gate process counts as gone [s]
+_LAST = 1.0  # time between its last word and its end [s]
 _WATCHDOGS = 10.0  # ... or this many times the watchdog's time, if that is longer
 
 Make = Callable[[], RobotPort]
@@ -152,7 +153,7 @@ class RemoteGatedRobot:
         try:
             taken = self._line.send((self._number, what, with_), handle)
         except OSError as error:
-            raise _gone() from error
+            raise self._gone() from error
         if not taken:
             raise _silent()
         return self._answer(self._within)
@@ -171,10 +172,16 @@ class RemoteGatedRobot:
                 if gate is not None:
                     self._gate = gate
         except (EOFError, OSError) as error:
-            raise _gone() from error
+            raise self._gone() from error
         if isinstance(answer, CohelmError):
             raise answer
         return answer
+
+    def _gone(self) -> CohelmError:
+        how = how_ended(self._process, _LAST)
+        return CohelmError(
+            f"the gate process has ended{how and f' ({how})'}; the robot stops by itself"
+        )
 
     def _begun(self) -> tuple[Begun, int]:
         """The gate process's first message, once it has made the robot."""
@@ -186,21 +193,17 @@ class RemoteGatedRobot:
                 )
             begun, handle = self._line.receive()
         except (EOFError, OSError) as error:
-            raise _gone() from error
+            raise self._gone() from error
         if isinstance(begun, CohelmError):
             raise begun
         if not isinstance(begun, Begun) or handle is None:
-            raise _gone()
+            raise self._gone()
         self._gate, self._offset = begun.gate, begun.now - begun.then
         return begun, handle
 
 
 GatedRobot = LocalGatedRobot | RemoteGatedRobot
 """The robot as the loop has it: one thread calls it, and only `wait` takes time."""
-
-
-def _gone() -> CohelmError:
-    return CohelmError("the gate process has ended; the robot stops by itself")
 
 
 def _silent() -> CohelmError:

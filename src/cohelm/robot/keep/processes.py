@@ -46,6 +46,17 @@ def start_process(
     return process
 
 
+def how_ended(process: SpawnProcess, within: float) -> str:
+    """How a process has ended, or does so within that time [s]; empty: it has not."""
+    process.join(within)
+    code = process.exitcode
+    if code is None:
+        return ""
+    if code < 0:
+        return f"killed by {signal.Signals(-code).name}"
+    return f"it exited with code {code}" + ("; see above" if code else "")
+
+
 def detach(process: SpawnProcess) -> None:
     """Do not join the process at exit, as Python would, without a limit."""
     multiprocessing.process._children.discard(process)  # pyright: ignore
