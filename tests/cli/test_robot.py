@@ -38,6 +38,14 @@ def test_a_paired_station_connects_to_a_listening_robot(tmp_path, monkeypatch):
         robot.communicate(timeout=30.0)
 
 
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "<&- >&- 2>&-"])
+def test_it_drives_where_standard_streams_are_closed(closed):
+    """As a script or a service may: no socket takes the number of one, and what is printed."""
+    drive = f"exec {sys.executable} -m cohelm robot lab-guard --for 1 {closed}"
+    done = subprocess.run(["sh", "-c", drive], capture_output=True, text=True, timeout=150.0)
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr
+
+
 def test_mode_options_are_refused_with_listen(cohelm):
     said = cohelm("robot", "--listen", "127.0.0.1", "--arrive")
     assert said.code == 2

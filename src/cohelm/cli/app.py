@@ -125,6 +125,7 @@ _NO_NODE = (
 
 def main() -> None:
     """Run the command line: one sentence and code 2 for what the user can mend, 130 on Ctrl-C."""
+    _open_standard_streams()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that has no m² shows m?
@@ -166,6 +167,13 @@ def main() -> None:
         sys.exit(1)
     finally:
         settled()
+
+
+def _open_standard_streams() -> None:
+    """Where one was closed (`>&-`) a file or socket would take its number, and what is printed."""
+    while (opened := os.open(os.devnull, os.O_RDWR)) < 3:
+        os.set_inheritable(opened, True)
+    os.close(opened)
 
 
 def examples(*lines: str) -> str:

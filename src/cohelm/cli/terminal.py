@@ -29,7 +29,7 @@ _NUMBERS = re.compile(r"[\d.]+")
 
 def _terminal() -> int:
     """That of stdin, if a person can type there now; else -1."""
-    with suppress(OSError, ValueError):
+    with suppress(OSError, ValueError, AttributeError):  # closed: `<&-`
         fd = sys.stdin.fileno()
         if os.isatty(fd) and foreground(fd):
             return fd

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import redirect_stdout
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from operator import attrgetter
@@ -19,6 +20,7 @@ def plugins(group: str) -> dict[str, EntryPoint]:
 
 def plugin(group: str, name: str) -> Any:
     """The object of `package:name`, also in the working folder, or the entry point of that name.
+    What it prints when it is imported goes to stderr: it is no result of a command.
 
     Raises CohelmError where there is no such thing, or importing it fails.
     """
@@ -27,7 +29,8 @@ def plugin(group: str, name: str) -> Any:
         if not colon:
             known = plugins(group)
             if name in known:
-                return known[name].load()
+                with redirect_stdout(sys.stderr):
+                    return known[name].load()
             there = f"; installed packages have {', '.join(sorted(known))}" if known else ""
             raise CohelmError(f"{name}: give package:name, or an entry point of {group}{there}")
         if module.endswith(".py") or "/" in module:
@@ -39,7 +42,8 @@ def plugin(group: str, name: str) -> Any:
         here = str(Path.cwd())
         if here not in sys.path:
             sys.path.insert(0, here)
-        return attrgetter(inside)(import_module(module))
+        with redirect_stdout(sys.stderr):
+            return attrgetter(inside)(import_module(module))
     except CohelmError:
         raise
     except (Exception, SystemExit) as error:  # a program without `if __name__ == "__main__"`

@@ -57,6 +57,11 @@ def test_without_a_terminal_only_the_stick_is_read(tmp_path):
         stick.close()
 
 
+def test_with_stdin_closed_only_the_stick_is_read(monkeypatch):
+    monkeypatch.setattr("sys.stdin", None)
+    assert not TerminalButtons(Held()).listens
+
+
 def test_in_the_background_the_terminal_is_not_read():
     person, here = pty.openpty()  # not the one this runs in
     stick = TerminalButtons(Held(), here)

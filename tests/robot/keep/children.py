@@ -10,7 +10,7 @@ def sleep(how: str) -> None:
     release = end_with_parent()
     if how == "free":
         release()
-    print("ready", flush=True)
+    print("ready", file=sys.stderr, flush=True)
     time.sleep(60.0)
 
 

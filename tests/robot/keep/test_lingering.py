@@ -169,6 +169,27 @@ def test_no_driver_keeps_the_gate_process_alive(make, lingers, capfd):
     assert ("the robot's driver does not end" in capfd.readouterr().err) == lingers
 
 
+class Prints(Still):
+    def __init__(self, model: cohelm.RobotModel) -> None:
+        super().__init__(model)
+        print("made")
+        subprocess.run(["echo", "from another process"], check=True)
+
+    def read(self) -> cohelm.Readings:
+        print("read")
+        return super().read()
+
+
+def test_what_a_driver_prints_is_no_result_of_the_command(capfd):
+    """That of `--json` is exactly one object."""
+    gated = RemoteGatedRobot(AdaptedMaker(Prints, SALLY), rules(SALLY, 0.02))
+    gated.read()
+    gated.close()
+    said = capfd.readouterr()
+    assert said.out == ""
+    assert all(what in said.err for what in ("made", "from another process", "read"))
+
+
 class Crashes(Still):
     """As a library in C does, or one that ends the process itself."""
 

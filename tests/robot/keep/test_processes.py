@@ -30,7 +30,7 @@ def test_a_child_process_ignores_terminal_signals_and_ends_with_its_parent(how):
     child = int(parent.stdout.readline())
     try:
         os.kill(child, signal.SIGINT)  # it has only just begun
-        assert parent.stdout.readline() == "ready\n"
+        assert parent.stderr.readline() == "ready\n"
         os.kill(child, signal.SIGINT)
         os.kill(child, signal.SIGHUP)
         time.sleep(0.1)

@@ -26,7 +26,7 @@ class TerminalButtons:
         self.name, self.kind, self.force = device.name, device.kind, device.force
         self.repeats, self.feel = device.repeats, device.feel
         self._fd, self._before = -1, list[Any]()
-        with contextlib.suppress(OSError, ValueError, termios.error):
+        with contextlib.suppress(OSError, ValueError, AttributeError, termios.error):
             found = sys.stdin.fileno() if fd is None else fd
             if os.isatty(found) and foreground(found):
                 self._before = termios.tcgetattr(found)

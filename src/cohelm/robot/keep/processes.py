@@ -9,6 +9,7 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from multiprocessing import connection, reduction, resource_tracker
@@ -27,12 +28,15 @@ def start_process(
     """A new process that runs `target`; SIGINT and SIGHUP are blocked in it and its children.
 
     A terminal signals all its processes. The parent handles that and stops the robot in order; in
-    a child that still imports it would be a traceback. outlives: the child also survives its parent
-    while it still imports, which takes seconds.
+    a child that still imports it would be a traceback. What a child prints is no result of a
+    command, and goes to stderr. outlives: the child also survives its parent while it still
+    imports, which takes seconds.
     """
     context = multiprocessing.get_context("spawn")
     what = _PickledApart((target, args))
-    process = context.Process(target=_run, name=name, args=(name, what, outlives), daemon=daemon)
+    streams = sys.__stdout__ is not None and sys.__stderr__ is not None  # else others' numbers
+    arguments = name, what, outlives, streams
+    process = context.Process(target=_run, name=name, args=arguments, daemon=daemon)
     resource_tracker.ensure_running()  # started with the process, it would undo the mask
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     try:
@@ -106,8 +110,10 @@ class _PickledApart:
         return bytes, (bytes(reduction.ForkingPickler.dumps(self._what)),)
 
 
-def _run(name: str, what: bytes, outlives: bool) -> None:
+def _run(name: str, what: bytes, outlives: bool, streams: bool) -> None:
     set_process_name(name)
+    if streams:
+        os.dup2(2, 1)
     release = end_with_parent()
     if outlives:
         release()
