@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,7 @@ from cohelm.link.bulk_messages import DockPlace, Docks, HealthReport, Hello, Lin
 from cohelm.link.messages import (
     Alarm,
     Arming,
+    Discs,
     Localised,
     Mode,
     ReportedVerdict,
@@ -576,3 +578,28 @@ def test_the_page_shows_where_the_robot_goes_who_leads_and_what_stops_it(
         robot.bulk.publish(Polyline(LineKind.REFERENCE, route))
         page.wait_for_timeout(1000)
         assert page.evaluate(DARK_AT, goal) > 100
+
+
+def test_a_fault_in_one_picture_of_the_map_is_said_and_is_not_the_last_picture(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    """The map stood still for ever while all else went on, which nobody could see."""
+    with Bare(tmp_path) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        connected(page)
+        alarms = page.get_by_label("Alarms", exact=True)
+        wrong = np.array([[1.0, 2.5, 0.0, 0.0, -1.0, -0.5]], np.float32)
+        robot.end.show(Discs(1, wrong))  # no radius is negative
+        page.wait_for_timeout(500)
+        expect(alarms).not_to_contain_text("failed")
+        page.evaluate("""() => {
+            const ofCanvas = CanvasRenderingContext2D.prototype
+            const real = ofCanvas.fillRect
+            ofCanvas.fillRect = () => { throw new Error('once') }
+            setTimeout(() => {
+                ofCanvas.fillRect = real
+                delete document.querySelector('#map').dataset.fps
+            }, 200)
+        }""")
+        expect(alarms).to_contain_text("This page has failed at something")
+        expect(page.locator("#map")).to_have_attribute("data-fps", re.compile(r"\d"))

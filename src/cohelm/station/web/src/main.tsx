@@ -6,7 +6,7 @@ import { keepFocus } from './input/focus'
 import { wrong } from './panels/Login'
 import { logIn } from './session'
 import { start } from './socket'
-import { title } from './state'
+import * as s from './state'
 import './style.css'
 
 // An address that contains the token logs in; the token is removed from the history.
@@ -21,8 +21,11 @@ if (token !== null) {
 // ... also if the page is open already, and only the part after # is new
 addEventListener('hashchange', () => shown() !== null && location.reload())
 startDriving()
+addEventListener('error', ({ error }) => {
+  if (error instanceof Error) s.failed.value = true // others are no fault of ours: of a size observer, of an extension
+})
 effect(() => {
-  document.title = title.value
+  document.title = s.title.value
 })
 
 const app = document.getElementById('app')

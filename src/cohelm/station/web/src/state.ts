@@ -37,6 +37,9 @@ export const zones = signal<Zones[]>([])
 export const scans = signal<Scan[]>([])
 export const frame = signal<Frame | null>(null)
 
+/** Whether the page failed at something, and may show what is old. */
+export const failed = signal(false)
+
 /** When the newest state was received [ms, performance.now()]; its age is counted from there. */
 export const stateAt = signal(0)
 /** Ticks four times a second, for what ages without a message. */

@@ -158,8 +158,8 @@ export function MapPanel() {
     canvas.addEventListener('wheel', wheel, { passive: false })
     let frame = 0
     const turn = (now: number) => {
+      frame = requestAnimationFrame(turn) // first: a fault in one picture must not be the last one
       if (dirty) paint(canvas, now)
-      frame = requestAnimationFrame(turn)
     }
     frame = requestAnimationFrame(turn)
     return () => {

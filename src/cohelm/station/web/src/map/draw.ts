@@ -216,7 +216,7 @@ function drawDiscs(ctx: Ctx, v: View, size: Size, discs: Discs['rows']): void {
 
 function circle(ctx: Ctx, [x, y]: Point, r: number): void {
   ctx.beginPath()
-  ctx.arc(x, y, r, 0, 2 * Math.PI)
+  ctx.arc(x, y, Math.max(r, 0), 0, 2 * Math.PI)
 }
 
 function drawScan(ctx: Ctx, v: View, size: Size, scan: Float64Array): void {

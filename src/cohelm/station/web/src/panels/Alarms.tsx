@@ -38,6 +38,7 @@ function localAlarms(): ShownAlarm[] {
   } else if (s.link.value !== null && !s.link.value.connected) {
     add('alarm', `No link to the robot: ${stale}${why}`)
   }
+  if (s.failed.value) add('alarm', 'This page has failed at something, and may show what is old: reload it.')
   if (s.unsentStop.value) add('alarm', 'STOP is not sent yet: it will be as soon as there is a connection to the station.')
   if (s.unansweredStop.value) add('alarm', 'STOP is sent, but the robot has not answered yet: it is sent on until it does.')
   const late = s.lateStop.value
