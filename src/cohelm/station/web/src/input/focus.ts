@@ -21,7 +21,10 @@ function goOn(): void {
   const to = opener ?? held.find((one) => one.hasAttribute('aria-label'))
   last = null
   if (to === undefined) return
-  if (to !== opener) to.tabIndex = -1
+  if (to !== opener) {
+    to.tabIndex = -1
+    to.addEventListener('blur', () => to.removeAttribute('tabindex'), { once: true }) // a click does not focus it
+  }
   to.focus({ preventScroll: true })
 }
 

@@ -133,7 +133,7 @@ function showAll(): void {
   view.value = viewOf(all, size) ?? view.value
 }
 
-/** Where a waypoint goes that was not pointed at: a metre ahead of the last, or of the robot. */
+/** A waypoint that was not pointed at: in the middle of the map. */
 function addByKey(): void {
   edit.add(toWorld(view.value, size, [size.width / 2, size.height / 2]))
 }

@@ -17,7 +17,8 @@ const over = (value: number | null | undefined, limit: number) => value != null 
 
 export function LinkPanel() {
   void s.clock.value
-  const q = s.link.value
+  const q = s.linked.value ? s.link.value : null // of a link that is gone there is no round trip
+  const page = s.connection.value === 'open' ? s.pageMs.value : null
   const state = s.state.value
   const health = s.health.value
   const age = s.stateAge(performance.now())
@@ -38,7 +39,7 @@ export function LinkPanel() {
             <Row name="packet loss" value={percent(q?.lost)} odd={over(q?.lost, 0.05)} />
             <Row name="command age" value={ms(inMs(timing?.command_age))} odd={over(timing?.command_age, 0.15)} />
             <Row name="display age" value={age === Infinity ? '–' : `${ms(age)} old`} odd={!(age < 300)} />
-            <Row name="page round trip" value={ms(s.pageMs.value)} odd={over(s.pageMs.value, 150)} />
+            <Row name="page round trip" value={ms(page)} odd={over(page, 150)} />
             <Row name="clock offset" value={ms(inMs(q?.offset))} />
             <Row name="control loop late by" value={ms(inMs(timing?.late))} odd={over(timing?.late, 0.02)} />
           </>}
