@@ -558,6 +558,14 @@ DARK_AT = """([x, y]) => {
 }"""
 
 
+def draws(page: Page, at: list[int], least: int, most: int) -> None:
+    """Until so many pixels there, from the middle, are dark; those of no picture all are."""
+    end = time.monotonic() + WAIT / 1e3
+    while not least <= (dark := page.evaluate(DARK_AT, at)) <= most:
+        assert time.monotonic() < end, dark
+        page.wait_for_timeout(100)
+
+
 def test_the_page_shows_where_the_robot_goes_who_leads_and_what_stops_it(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -575,11 +583,16 @@ def test_the_page_shows_where_the_robot_goes_who_leads_and_what_stops_it(
         robot.status = STATUS._replace(mode=Mode.HOLD, why="idle")
         expect(page.locator(".share .leads")).to_have_count(0)
         goal = [2 * 45, 3 * -45]  # of the robot, which is in the middle: pixels
-        assert page.evaluate(DARK_AT, goal) == 0
+        draws(page, goal, 0, 0)
         route = np.array([[1.0, 2.0], [3.0, 2.0], [3.0, 5.0]], np.float32)
         robot.bulk.publish(Polyline(LineKind.REFERENCE, route))
-        page.wait_for_timeout(1000)
-        assert page.evaluate(DARK_AT, goal) > 100
+        draws(page, goal, 100, 576)
+        square = np.array([[0.3, 0.3], [-0.3, 0.3], [-0.3, -0.3], [0.3, -0.3]], np.float32)
+        robot.bulk.publish(Hello("sally", square, 2.0, 1.0, (np.nan,) * 4))  # type: ignore[arg-type]
+        robot.bulk.publish(Polyline(LineKind.REFERENCE, np.zeros((0, 2), np.float32)))
+        for _ in range(12):
+            page.get_by_role("button", name="Zoom out").click()
+        draws(page, [0, 0], 80, 500)
 
 
 def test_a_fault_in_one_picture_of_the_map_is_said_and_is_not_the_last_picture(

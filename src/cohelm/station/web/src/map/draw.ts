@@ -262,6 +262,15 @@ function outline(ctx: Ctx, v: View, size: Size, pose: Pose, corners: Point[]): v
   ctx.closePath()
 }
 
+/** The robot is found on a map of any size: it is drawn no shorter than this [pixel]. */
+const ROBOT_PX = 20
+
+function visible(corners: Point[], scale: number): Point[] {
+  const long = 2 * Math.max(...corners.map(([x, y]) => Math.hypot(x, y))) * scale
+  if (!(long > 0) || long >= ROBOT_PX) return corners
+  return corners.map(([x, y]): Point => [x * ROBOT_PX / long, y * ROBOT_PX / long])
+}
+
 function drawRobot(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   const { state, robot, ghost } = scene
   if (state === null || state.pose === null || robot === null) return
@@ -276,11 +285,12 @@ function drawRobot(ctx: Ctx, v: View, size: Size, scene: Scene): void {
     outline(ctx, v, size, ghost, robot.outline)
     stroke(ctx, { stroke: colour.operator, width: 1.5, dash: [4, 3] })
   }
-  outline(ctx, v, size, state.pose, robot.outline)
+  const corners = visible(robot.outline, v.scale)
+  outline(ctx, v, size, state.pose, corners)
   ctx.fillStyle = scene.lost ? 'rgba(180, 85, 0, 0.5)' : 'rgba(255, 255, 255, 0.85)'
   ctx.fill()
   stroke(ctx, { stroke: scene.lost ? colour.warning : colour.ink, width: 2.5 })
-  drawNose(ctx, v, size, state.pose, robot.outline)
+  drawNose(ctx, v, size, state.pose, corners)
   const { limiting } = state.guarding
   if (limiting !== null) drawLimiting(ctx, v, size, limiting)
 }
