@@ -577,6 +577,8 @@ def test_the_page_shows_where_the_robot_goes_who_leads_and_what_stops_it(
         page.evaluate("testPad.plug()")
         expect(stop).to_contain_text("B or ○")
         assert stop.bounding_box() == place
+        page.evaluate("testPad.unplug()")
+        expect(stop).to_contain_text("Space")
         expect(page.locator(".share .leads")).to_have_text("driver")
         robot.status = STATUS._replace(authority=0.9)
         expect(page.locator(".share .leads")).to_have_text("auto")

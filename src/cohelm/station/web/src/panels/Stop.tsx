@@ -1,6 +1,6 @@
 // The STOP button: always visible, for every operator. A software stop, and labelled so.
 import { device } from '../input/drive'
-import { stopButtonName } from '../input/gamepad'
+import { pad, stopButtonName } from '../input/gamepad'
 import { send, stop } from '../socket'
 import * as s from '../state'
 
@@ -23,7 +23,7 @@ export function Stop() {
         </div>
       )}</div>
       <button type="button" class="stop-button" aria-label="Stop the robot. Software stop; also the space bar" onClick={stop}>
-        STOP<small>software stop<span class="keys"> · {device.value === 'gamepad' ? stopButtonName() : 'Space'}</span></small>
+        STOP<small>software stop<span class="keys"> · {device.value === 'gamepad' && pad() !== null ? stopButtonName() : 'Space'}</span></small>
       </button>
     </div>
   )
