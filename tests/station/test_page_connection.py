@@ -462,7 +462,10 @@ def test_a_slider_set_with_the_mouse_leaves_the_arrow_keys_to_the_stick(
 
 def test_a_connection_that_hangs_is_made_anew(context: BrowserContext, station: Server) -> None:
     page = shown(context, station, HANGING)
+    alarms = page.get_by_label("Alarms", exact=True)
+    assert alarms.inner_text() != "No alarms"  # which nobody knows yet
     connected(page)
+    expect(alarms).to_contain_text("No alarms")
 
 
 def test_a_request_that_hangs_does_not_hold_up_the_connection(

@@ -75,7 +75,7 @@ export function Alarms() {
   const all: ShownAlarm[] = [...localAlarms(), ...mergeAlarms(s.state.value?.alarms ?? [])]
   const order = { alarm: 0, warning: 1, notice: 2 }
   all.sort((a, b) => order[a.severity] - order[b.severity])
-  if (all.length === 0) return <div class="alarms" role="status" aria-label="Alarms">No alarms</div>
+  if (all.length === 0) return <div class="alarms" role="status" aria-label="Alarms">{s.state.value === null ? '…' : 'No alarms'}</div>
   const shown = all.slice(0, room())
   const hidden = all.length - shown.length
   const cut = SMALL.matches && shown.some((alarm) => alarm.text.length > LONG)
