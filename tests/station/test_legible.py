@@ -84,3 +84,19 @@ def test_letters_grow_with_those_of_the_system(browser: Browser, tmp_path: Path)
         assert slider["width"] > 40
         assert page.evaluate("document.documentElement.scrollWidth") <= 1280
     large.close()
+
+
+def test_a_number_that_is_out_of_the_normal_is_marked_by_more_than_its_colour(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    mark = "(one) => getComputedStyle(one, '::before').content.replace(/[^◆]/g, '')"
+    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
+        page = context.new_page()
+        page.goto(server.address)
+        clearance = page.locator(".nearest b")
+        expect(clearance).to_have_text("0.20 m")
+        assert clearance.evaluate(mark) == "◆"
+        far = STANDS.guarding._replace(clearance=1.0)
+        robot.status = STANDS._replace(guarding=far)
+        expect(clearance).to_have_text("1.00 m")
+        assert clearance.evaluate(mark) == ""
