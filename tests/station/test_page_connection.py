@@ -623,3 +623,23 @@ def test_a_fault_in_one_picture_of_the_map_is_said_and_is_not_the_last_picture(
         }""")
         expect(alarms).to_contain_text("This page has failed at something")
         expect(page.locator("#map")).to_have_attribute("data-fps", re.compile(r"\d"))
+
+
+def test_without_a_link_nothing_is_said_to_help(context: BrowserContext, tmp_path: Path) -> None:
+    status = STATUS._replace(mode=Mode.HOLD, stopped="stop by anna (3)", arming=Arming.ARMED)
+    with Bare(tmp_path, status) as robot, served(robot.connect) as server:
+        page = shown(context, server, PAD)
+        take(page)
+        page.evaluate("testPad.plug()")
+        alarms = page.get_by_label("Alarms", exact=True)
+        expect(alarms).to_contain_text("To continue: hold A or ✕ of the gamepad")
+        page.evaluate("testPad.deflect(0, 1)")
+        expect(alarms).to_contain_text("Your stick does not steer: press Reset first")
+        robot.die()
+        expect(alarms).to_contain_text("No link to the robot")
+        page.evaluate("testPad.deflect(0, 0)")
+        page.wait_for_timeout(500)
+        expect(alarms.locator(".alarm")).to_have_count(1)
+        page.evaluate("testPad.deflect(0, 1)")
+        page.wait_for_timeout(500)
+        expect(alarms.locator(".alarm")).to_have_count(1)

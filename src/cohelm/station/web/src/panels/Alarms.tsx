@@ -48,8 +48,8 @@ function localAlarms(): ShownAlarm[] {
     else add('notice', `STOP, pressed ${pressed} in this tab, was sent late, ${ago(late.sent - late.pressed)} after: there was no connection.`)
   }
   const reason = noEffectReason.value || (s.youDrive.value ? notArmedReason.value : '')
-  if (reason !== '') add('warning', `Your stick does not steer: ${reason}.`)
-  if (resumeHint.value !== '') add('notice', `To continue: ${resumeHint.value}.`)
+  if (s.linked.value && reason !== '') add('warning', `Your stick does not steer: ${reason}.`)
+  if (s.linked.value && resumeHint.value !== '') add('notice', `To continue: ${resumeHint.value}.`)
   const localised = s.state.value?.localised
   if (localised === 'lost') add('alarm', `Localization is lost.${s.mayDrive.value ? ' In Shared or Manual drive on a little by hand (speed is limited), so that it can localize again.' : ''}`)
   else if (localised === 'poor') add('warning', 'Localization is uncertain.')
