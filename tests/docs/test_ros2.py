@@ -1,4 +1,4 @@
-"""docs/ros2.md names options, topics and robots that there are."""
+"""The pages on ROS 2 name options, topics and robots that there are."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ from cohelm.cli import app
 from cohelm.robot.model import SHIPPED
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGE = (DOCS / "ros2.md").read_text(encoding="utf-8")
+PAGES = "".join(page.read_text(encoding="utf-8") for page in sorted(DOCS.glob("ros2*.md")))
 COMMANDS = get_command(app).commands
 
 
@@ -17,11 +17,11 @@ def options(name: str) -> set[str]:
     return {one for p in COMMANDS[name].params for one in (*p.opts, *p.secondary_opts)}
 
 
-def test_every_option_on_the_page_is_one():
+def test_every_option_on_the_pages_is_one():
     known = options("filter") | options("base") | options("robot")
-    named = set(re.findall(r"(?<![\w-])--[a-z][a-z0-9-]*", PAGE)) - {"--ros-args", "--once"}
+    named = set(re.findall(r"(?<![\w-])--[a-z][a-z0-9-]*", PAGES)) - {"--ros-args", "--once"}
     assert named <= known, named - known
-    table = PAGE.split("| option | is for |")[1].split("\n\n")[0]
+    table = PAGES.split("| option | is for |")[1].split("\n\n")[0]
     assert set(re.findall(r"--[a-z][a-z-]+", table)) == options("filter") - {
         "--robot", "--print-config", "--json",
     }  # fmt: skip
