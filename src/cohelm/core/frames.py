@@ -33,6 +33,15 @@ def between(a: Pose, b: Pose) -> Pose:
     return Pose(c * dx + s * dy, -s * dx + c * dy, wrap(b.psi - a.psi))
 
 
+@jit_inline
+def eye(body: Pose, mount: Pose) -> tuple[float, float, float, float]:
+    """Where a sensor at this mount is by the pose of its body; cosine and sine of its heading."""
+    c, s = math.cos(body.psi), math.sin(body.psi)
+    x = body.x + c * mount.x - s * mount.y
+    y = body.y + s * mount.x + c * mount.y
+    return x, y, math.cos(body.psi + mount.psi), math.sin(body.psi + mount.psi)
+
+
 def turned(points: Floats, psi: float) -> Floats:
     """Points or directions (p, 2), rotated by an angle [rad]."""
     c, s = math.cos(psi), math.sin(psi)

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from cohelm.core.frames import eye
 from cohelm.core.jit import jit
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
 from cohelm.robot.sensors import Lidar
@@ -43,10 +44,7 @@ def sight(
     pose: Pose, lidar: Lidar, discs: Floats, walls: Floats, grid: Grid, ranges: Floats
 ) -> None:
     """True distances along the beams, as in `scan`, without the sensor's errors."""
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
-    x = pose.x + c * lidar.mount.x - s * lidar.mount.y
-    y = pose.y + s * lidar.mount.x + c * lidar.mount.y
-    c, s = math.cos(pose.psi + lidar.mount.psi), math.sin(pose.psi + lidar.mount.psi)
+    x, y, c, s = eye(pose, lidar.mount)
     if not math.isfinite(x + y + c + s):
         ranges[:] = math.nan
         return

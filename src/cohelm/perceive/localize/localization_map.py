@@ -10,7 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.frames import placed, turned
+from cohelm.core.frames import eye, placed, turned
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.match.surfaces import Surfaces, one_each, row_at, surfaces
@@ -245,7 +245,7 @@ def judge(
     offset: of beam ends in front of their surface; spread: their standard deviation from there
     [m].
     """
-    x, y, c, s = eye(lidar, pose)
+    x, y, c, s = eye(pose, lidar.mount)
     counts = np.zeros(5, np.int64)
     log, near_log, passed, beyond = 0.0, 0.0, 0, 0.0
     before, run = SILENT, 0
@@ -276,15 +276,6 @@ def judge(
         counts[AGREE] / beam_count, counts[IN_FRONT] / beam_count, counts[BEHIND] / beam_count, log,
         beam_count, log + UNDRAWN * beyond, better, passed,
     )  # fmt: skip
-
-
-@jit_inline
-def eye(lidar: Lidar, pose: Pose) -> tuple[float, float, float, float]:
-    """Position of a LiDAR by the pose of its body, and cosine and sine of its heading."""
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
-    x = pose.x + c * lidar.mount.x - s * lidar.mount.y
-    y = pose.y + s * lidar.mount.x + c * lidar.mount.y
-    return x, y, math.cos(pose.psi + lidar.mount.psi), math.sin(pose.psi + lidar.mount.psi)
 
 
 @jit

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cohelm.core.frames import eye
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.localize.localization_map import (
@@ -27,7 +28,6 @@ from cohelm.perceive.localize.localization_map import (
     UNDRAWN,
     USUAL,
     LocalizationMap,
-    eye,
     read,
 )
 from cohelm.robot.sensors import Lidar
@@ -116,7 +116,7 @@ def new_errors(
 
     seen, lies: of the place (`MapErrorCosts.cells`, `off`), to which it is added. stamp: of the
     scan [s]."""
-    x, y, c, s = eye(lidar, pose)
+    x, y, c, s = eye(pose, lidar.mount)
     kinds, cells = np.empty(len(ranges), np.int64), np.empty((len(ranges), 2), np.int64)
     fars, ends = np.empty(len(ranges)), np.empty((len(ranges), 2))
     n, closer, lain, near = 0, 0.0, 0.0, 0.0

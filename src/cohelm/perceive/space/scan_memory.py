@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from cohelm.core.frames import eye
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.scan.deskew import beam_at
@@ -64,10 +65,7 @@ def renew(points: Floats, pose: Pose, lidar: Lidar, ranges: Floats, keep: float)
     clear it. keep: distance from the LiDAR beyond which points are forgotten [m].
     """
     n = len(ranges)
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
-    x = pose.x + c * lidar.mount.x - s * lidar.mount.y
-    y = pose.y + s * lidar.mount.x + c * lidar.mount.y
-    c, s = math.cos(pose.psi + lidar.mount.psi), math.sin(pose.psi + lidar.mount.psi)
+    x, y, c, s = eye(pose, lidar.mount)
     made = np.empty((n + len(points), 2))
     m = 0
     clean = smoothed(ranges, lidar.step, _HALF_WIDTH)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.frames import between
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
@@ -192,12 +193,8 @@ def _pose(numbers: Floats) -> Floats:
 
 def _mount(laser: Floats, robot: Floats) -> Pose:
     """The laser on the robot, from the first scan's poses of both; at most a robot's size."""
-    c, s = math.cos(robot[2]), math.sin(robot[2])
-    dx, dy = float(laser[0] - robot[0]), float(laser[1] - robot[1])
-    psi = math.remainder(float(laser[2] - robot[2]), 2.0 * math.pi)
-    if math.hypot(dx, dy) > 2.0:
-        return Pose(0.0, 0.0, 0.0)
-    return Pose(c * dx + s * dy, -s * dx + c * dy, psi)
+    found = between(Pose(*robot[:3].tolist()), Pose(*laser[:3].tolist()))
+    return Pose(0.0, 0.0, 0.0) if math.hypot(found.x, found.y) > 2.0 else found
 
 
 def _convention(n: int) -> tuple[float, float]:
