@@ -46,6 +46,5 @@ def test_sampled_sequences_cross_a_room_within_the_limits_and_the_same_every_tim
 
 def test_without_the_peer_it_names_what_to_install(monkeypatch):
     monkeypatch.setattr(rvo.importlib.util, "find_spec", lambda _name: None)
-    rvo._process.cache_clear()
     with pytest.raises(CohelmError, match=r"pip install .*ir-sim"):
         chunk(suite("random", 1, None), "rvo", (0,))

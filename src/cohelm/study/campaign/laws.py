@@ -14,9 +14,10 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.plugins import plugin, plugins
 from cohelm.core.trace import Trace
 from cohelm.robot.model import RobotModel
+from cohelm.study.campaign import rvo
 from cohelm.study.campaign.apart import drive
 from cohelm.study.campaign.episode import LAWS, Episode, Interventions, traced
-from cohelm.study.campaign.rvo import PEERS, peer_trace
+from cohelm.study.campaign.rvo import PEERS
 from cohelm.study.controlled import Controller, ControllerFactory
 
 GROUP = "cohelm.laws"
@@ -28,12 +29,25 @@ def is_own(law: str) -> bool:
     return law not in LAWS
 
 
+def by_others(law: str) -> bool:
+    """Whether a law is a peer's or one's own: it drives apart, and says nothing of a filter."""
+    return law in PEERS or is_own(law)
+
+
 def factory(law: str) -> ControllerFactory:
     """What makes the law for a robot and a control period. CohelmError where there is none."""
     made: ControllerFactory = plugin(GROUP, law)
     if not callable(made):
         raise CohelmError(f"{law} must be a function (robot, period) that returns a controller")
     return made
+
+
+def check(law: str) -> None:
+    """CohelmError where there is no such law here."""
+    if law in PEERS:
+        rvo.check()
+    elif is_own(law):
+        factory(law)
 
 
 @cache
@@ -65,7 +79,7 @@ def pieces(case: Episode, law: str, acted: Interventions) -> Iterator[Trace]:
     acted: where what gate and monitors did is counted, where there are any.
     """
     if law in PEERS:
-        return iter((peer_trace(case, law),))
+        return iter((rvo.peer_trace(case, law),))
     if is_own(law):
         return iter((_own(case, law),))
     return traced(case, law, acted)

@@ -9,23 +9,18 @@ does, and gets the wheels' limits (`acce` is its largest change of speed in a st
 robot for a circle, 0.1 m larger than the outline's farthest corner, as it always does. The robot
 then moves as ours does: wheel limits, exact arcs, 50 steps a second.
 
-ir-sim runs in a process of its own, for the same reasons as the peers of `cohelm bench`: each
-worker keeps one. This module is also what that process runs.
+It drives apart, as laws by others do.
 """
 
 from __future__ import annotations
 
-import atexit
 import importlib
 import importlib.util
 import json
 import os
-import pickle
-import subprocess
-import sys
 import tempfile
 from dataclasses import replace
-from functools import cache
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,66 +30,34 @@ from cohelm.core.extras import missing
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, VX, VY, Floats, Twist, X, Y
 from cohelm.sim.world import place
+from cohelm.study.campaign.apart import drive
 from cohelm.study.campaign.episode import DT, Episode
-from cohelm.study.controlled import Observation, driven
+from cohelm.study.controlled import Observation
 
 PEERS: tuple[str, ...] = ("rvo", "vo")
 
 _HOLD = 5  # control steps for which one of its commands is held: 0.1 s
 
 
-def peer_trace(case: Episode, law: str) -> Trace:
-    """The drive of a case by ir-sim's controller, to arrival or the time limit.
-
-    Raises CohelmError where ir-sim is not installed.
-    """
-    process = _process()
-    assert process.stdin is not None
-    assert process.stdout is not None
-    pickle.dump((case, law), process.stdin)
-    process.stdin.flush()
-    answer = pickle.load(process.stdout)
-    if isinstance(answer, str):
-        raise RuntimeError(answer)
-    return answer
-
-
-@cache
-def _process() -> subprocess.Popen[bytes]:
-    """The process with ir-sim in it; it ends with this one."""
+def check() -> None:
+    """CohelmError where ir-sim is not installed."""
     if importlib.util.find_spec("irsim") is None:
         raise missing("what drives by the laws rvo and vo of ir-sim", "peers")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "cohelm.study.campaign.rvo"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env={**os.environ, "MPLBACKEND": "Agg"},
-    )
-    atexit.register(_end, process)
-    return process
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
-    process.kill()
-    process.wait()
-    for pipe in (process.stdin, process.stdout):
-        if pipe is not None:
-            pipe.close()
-
-
-def _drive(irsim: Any, case: Episode, mode: str) -> Trace:
-    """A drive; in ir-sim's process."""
-    goal = case.goal
-    assert goal is not None
-    setup = replace(case.setup, pilot=None, near=goal.near)
-    return driven(setup, _Law(irsim, case, mode))
+def peer_trace(case: Episode, law: str) -> Trace:
+    """The drive of a case by ir-sim's controller, to arrival or the time limit."""
+    assert case.goal is not None
+    setup = replace(case.setup, pilot=None, near=case.goal.near)
+    return drive(setup, partial(_Law, case, law))
 
 
 class _Law:
     """ir-sim's controller as an external law, each of its commands held for a while."""
 
-    def __init__(self, irsim: Any, case: Episode, mode: str) -> None:
+    def __init__(self, case: Episode, mode: str) -> None:
+        os.environ["MPLBACKEND"] = "Agg"
+        irsim: Any = importlib.import_module("irsim")
         discs = np.empty((len(case.setup.names), 6))
         place(discs, case.setup.obstacles, 0.0)
         self._env = _world(irsim, case, discs, mode)
@@ -150,25 +113,3 @@ def _world(irsim: Any, case: Episode, discs: Floats, mode: str) -> Any:
         path = Path(folder) / "world.yaml"
         path.write_text(json.dumps(scene), encoding="utf-8")  # JSON is YAML
         return irsim.make(str(path), headless=True, log_level="CRITICAL")
-
-
-def _serve() -> None:
-    """Answer one case with one drive until there are no more."""
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what ir-sim prints must not mix with the answers
-    irsim: Any = importlib.import_module("irsim")
-    while True:
-        try:
-            case, law = pickle.load(sys.stdin.buffer)
-        except EOFError:
-            return
-        try:
-            answer: object = _drive(irsim, case, law)
-        except Exception as error:  # reported in the episode's row
-            answer = f"ir-sim failed: {type(error).__name__}: {error}"
-        pickle.dump(answer, answers)
-        answers.flush()
-
-
-if __name__ == "__main__":
-    _serve()

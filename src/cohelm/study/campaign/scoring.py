@@ -144,7 +144,7 @@ def _row(
         jerk_rms_mps3=_jerk(rows["applied_v"]),
         recovery_s=back if measured else math.nan,
         unrecovered=unrecovered if measured else 0,
-        filtered_share=math.nan if _unfiltered(law) else float((rows["verdict"] != 0).mean()),
+        filtered_share=math.nan if laws.by_others(law) else float((rows["verdict"] != 0).mean()),
         gate_share=acted.gate_share,
         monitor_share=acted.monitor_share,
         stops=acted.stops,
@@ -155,11 +155,6 @@ def _row(
         contact_driven_mps=touched.driven,
         stick=[],
     )
-
-
-def _unfiltered(law: str) -> bool:
-    """Whether its rows do not say what a filter did, if it has one."""
-    return law in laws.PEERS or laws.is_own(law)
 
 
 def _falls(case: Episode, rows: NDArray[np.void]) -> int:

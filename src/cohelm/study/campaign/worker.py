@@ -59,8 +59,7 @@ def chunk(suite: Suite, law: str, numbers: tuple[int, ...]) -> list[EpisodeResul
     stop ten thousand; nor do those of a law of the user's own. CohelmError where there is no such
     law here.
     """
-    if laws.is_own(law):
-        laws.factory(law)
+    laws.check(law)
     return [_one(suite, law, number) for number in numbers]
 
 
@@ -73,7 +72,7 @@ def _one(suite: Suite, law: str, number: int) -> EpisodeResult:
             stick = case.rollout.attack.script.ravel().tolist()
         return run_episode(case, law)._replace(stick=stick)
     except FAILS as error:  # the campaign goes on; the report and the exit say so
-        if isinstance(error, CohelmError) and not laws.is_own(law):
+        if isinstance(error, CohelmError) and not laws.by_others(law):
             raise
         return NOT_DRIVEN._replace(
             suite=suite.name, plant=suite.plant, law=law, episode=number, fault=fault_of(error)
