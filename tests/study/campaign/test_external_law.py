@@ -1,7 +1,9 @@
 """A law by somebody else in a campaign: the same episodes and judge, errors with a sentence."""
 
+import contextlib
 import ctypes
 import math
+import multiprocessing
 import os
 import re
 import subprocess
@@ -35,6 +37,14 @@ def ram(robot: cohelm.RobotModel, period: float):
     return law
 
 
+def employs(robot: cohelm.RobotModel, period: float):
+    """Has a process of its own, as solvers have."""
+    helper = multiprocessing.get_context("spawn").Process(target=int)
+    helper.start()
+    helper.join()
+    return ram(robot, period)
+
+
 def filtered(robot: cohelm.RobotModel, period: float):
     """The same behind the filter."""
     safe, law = cohelm.SafetyFilter(robot, period), ram(robot, period)
@@ -60,8 +70,10 @@ def asks_wrongly(robot: cohelm.RobotModel, period: float):
 
 
 def hangs(robot: cohelm.RobotModel, period: float):
-    """Never returns, in compiled code that does not let go of the interpreter."""
+    """Never returns, in compiled code that does not let go of the interpreter; nor does a process
+    that it has started."""
     sleep = ctypes.PyDLL(None).sleep
+    subprocess.Popen(["sleep", "98765"])
     return lambda now: cohelm.Twist(0.2, 0.0) if now.t < 1.0 else sleep(100_000)
 
 
@@ -127,6 +139,9 @@ def test_a_law_that_ends_in_any_way_has_failed_that_episode_and_no_other(law, sa
     for row in rows:
         assert re.fullmatch(said, row.fault), row.fault
         assert (row.suite, row.plant, row.law) == ("random", "kinematic", f"{HERE}:{law}")
+    for one in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            assert one.read_bytes() != b"sleep\x0098765\x00"
 
 
 def test_a_law_that_hangs_ends_with_whoever_drives_it(tmp_path):
@@ -144,6 +159,10 @@ def test_a_law_that_hangs_ends_with_whoever_drives_it(tmp_path):
     while status.exists() and "zombie" not in status.read_text():
         assert time.monotonic() < until
         time.sleep(0.05)
+
+
+def test_a_law_may_have_processes_of_its_own():
+    assert chunk(ROOMS, f"{HERE}:employs", (0,))[0].fault == ""
 
 
 def test_a_law_that_is_not_there_fails_no_episode_but_all_of_it():

@@ -15,7 +15,7 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from cohelm.robot.keep.processes import end_with_parent, start_process
+from cohelm.robot.keep.processes import detach, end_group, end_with_parent, start_process
 
 _SIZE = struct.Struct("!Q")
 _PART = 1 << 18
@@ -25,13 +25,17 @@ class Child:
     """The process and the socket to it. All calls come from one thread and return at once."""
 
     def __init__(
-        self, name: str, answer: Callable[[Any], Any], begin: Callable[[], Any] | None = None
-    ) -> None:
+        self, name: str, answer: Callable[[Any], Any], begin: Callable[[], Any] | None = None,
+        parent: bool = False,
+    ) -> None:  # fmt: skip
         """answer: run there for each request. begin: run there first; what it returns is received
-        first. Both are pickled."""
+        first. Both are pickled. parent: it may start processes, which end with it."""
         self._line, theirs = socket.socketpair()
-        self._process = start_process(name, _serve, theirs, answer, begin, daemon=True)
+        self._process = start_process(name, _serve, theirs, answer, begin, daemon=not parent)
         theirs.close()
+        self._parent = parent
+        if parent:
+            detach(self._process)  # Python would wait for it at exit
         self._line.setblocking(False)
         self._outgoing, self._incoming = b"", bytearray()
         self.gone = False
@@ -66,6 +70,8 @@ class Child:
             self._process.join(within)
         self._process.kill()
         self._process.join()
+        if self._parent:
+            end_group(self._process.pid)
         return self._process.exitcode or 0
 
     def _exchange(self) -> None:

@@ -21,7 +21,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.trace import Trace
 from cohelm.core.types import Twist
 from cohelm.robot.keep.child import Child
-from cohelm.robot.keep.processes import killed_with_parent
+from cohelm.robot.keep.processes import killed_with_parent, lead_group
 from cohelm.sim.setup import Setup
 from cohelm.study.campaign.result import FAILS, fault_of
 from cohelm.study.controlled import Controller, Observation, driven
@@ -69,12 +69,13 @@ def _process() -> tuple[Child, Any]:
         if not held[0].gone:
             return held
     shared = RawArray("d", 2)
-    _held.process = Child("cohelm law", partial(_driven, shared)), shared
+    _held.process = Child("cohelm law", partial(_driven, shared), parent=True), shared
     return _held.process
 
 
 def _driven(shared: Any, asked: tuple[list[str], bytes, float]) -> Trace | str:
     """In the process: a drive, or why it failed."""
+    lead_group()
     killed_with_parent()  # no thread of ours runs beside compiled code that never returns
     sys.path[:], packed, later = asked
     try:
