@@ -16,6 +16,7 @@ import pytest
 
 import cohelm
 from cohelm.core.errors import CohelmError
+from cohelm.robot.keep.child import Child
 from cohelm.study.campaign import apart, report
 from cohelm.study.campaign.laws import own_code
 from cohelm.study.campaign.replay_episode import again, drive
@@ -139,9 +140,16 @@ def test_a_law_that_ends_in_any_way_has_failed_that_episode_and_no_other(law, sa
     for row in rows:
         assert re.fullmatch(said, row.fault), row.fault
         assert (row.suite, row.plant, row.law) == ("random", "kinematic", f"{HERE}:{law}")
-    for one in Path("/proc").glob("[0-9]*/cmdline"):
-        with contextlib.suppress(OSError):  # it has ended meanwhile
-            assert one.read_bytes() != b"sleep\x0098765\x00"
+    until = time.monotonic() + 20.0
+    while any(map(_sleeps, Path("/proc").glob("[0-9]*/cmdline"))):
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def _sleeps(command: Path) -> bool:
+    with contextlib.suppress(OSError):  # it has ended meanwhile
+        return command.read_bytes() == b"sleep\x0098765\x00"
+    return False
 
 
 def test_a_law_that_hangs_ends_with_whoever_drives_it(tmp_path):
@@ -159,6 +167,20 @@ def test_a_law_that_hangs_ends_with_whoever_drives_it(tmp_path):
     while status.exists() and "zombie" not in status.read_text():
         assert time.monotonic() < until
         time.sleep(0.05)
+
+
+def test_the_answer_of_an_interrupted_drive_is_not_taken_for_that_of_the_next(monkeypatch):
+    """As after Ctrl-C in a notebook."""
+
+    def interrupted(_child, _most):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as during:
+        during.setattr(Child, "wait", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            chunk(ROOMS, f"{HERE}:ram", (0,))
+    next_, again = (chunk(ROOMS, f"{HERE}:ram", (1,)) for _ in range(2))
+    assert repr(next_) == repr(again)
 
 
 def test_a_law_may_have_processes_of_its_own():

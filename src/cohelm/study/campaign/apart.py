@@ -46,17 +46,20 @@ def drive(setup: Setup, make: Callable[[], Controller]) -> Trace:
     if multiprocessing.current_process().daemon:  # as under Dask's nanny: may have no children
         return driven(setup, make())
     child, shared = _process()
-    shared[_DUE], shared[_T] = time.monotonic() + _FIRST, 0.0
-    child.send((sys.path, pickle.dumps((setup, make)), _LATER))
-    while (answer := child.received()) is None:
-        late = time.monotonic() > shared[_DUE]
-        if late or child.gone:
-            _held.process = None
-            status = child.end(0.0 if late else 1.0)
-            ended = f"ended its process ({_named(status)})"
-            slow = f"did not answer within {_LATER:g} s ({_FIRST:g} s for the first time)"
-            raise CohelmError(f"the law {slow if late else ended} at t = {shared[_T]:.2f} s")
-        child.wait(_LOOK)
+    try:
+        shared[_DUE], shared[_T] = time.monotonic() + _FIRST, 0.0
+        child.send((sys.path, pickle.dumps((setup, make)), _LATER))
+        while (answer := child.received()) is None:
+            late = time.monotonic() > shared[_DUE]
+            if late or child.gone:
+                ended = f"ended its process ({_named(child.end(0.0 if late else 1.0))})"
+                slow = f"did not answer within {_LATER:g} s ({_FIRST:g} s for the first time)"
+                raise CohelmError(f"the law {slow if late else ended} at t = {shared[_T]:.2f} s")
+            child.wait(_LOOK)
+    except BaseException:  # what it answers after Ctrl-C is no answer to the next drive
+        _held.process = None
+        child.end()
+        raise
     if isinstance(answer, str):
         raise CohelmError(answer)
     return answer
