@@ -43,6 +43,14 @@ class Simulated(Cart):
     real_time = False
 
 
+class Talking(Simulated):
+    """Prints what it does."""
+
+    def stop(self) -> None:
+        print("stop")
+        super().stop()
+
+
 class Dying(Simulated):
     """Its wheels' line dies after three seconds."""
 

@@ -123,6 +123,13 @@ def test_a_custom_robot_without_a_site_stands(cohelm, named):
     assert json.loads(said.out)["least_clearance_moving_m"] is None
 
 
+def test_what_a_custom_robot_prints_is_no_result(cohelm):
+    said = cohelm("robot", "--driver", "tests.api.carts:Talking", "--for", "1", "--json")
+    assert said.code == 0, said.err
+    assert "\nstop\n" in said.err
+    assert json.loads(said.out)["reason"] == "the drive is over"
+
+
 def test_an_invalid_address_of_the_live_view_starts_nothing(cohelm):
     said = cohelm("robot", "--foxglove", "host:port")
     assert said.code == 2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -239,7 +241,10 @@ def robot(
         say(_without_site(made, None if chosen is None else chosen[0]))
     if listen is not None and not keys.stations() and not foxglove_teleop:
         say("no station is paired yet, so no operator can drive: cohelm pair new STATION")
-    with starting(made.model.name) as line, end_signals() as stop, topics_too as beside:
+    with (
+        redirect_stdout(sys.stderr),  # what its own code prints is no result
+        starting(made.model.name) as line, end_signals() as stop, topics_too as beside,
+    ):  # fmt: skip
 
         def on_start(session: Session) -> AbstractContextManager[None]:
             line.over()
