@@ -20,6 +20,7 @@ from cohelm.robot.keep.child import Child
 from cohelm.study.campaign import apart, report
 from cohelm.study.campaign.laws import own_code
 from cohelm.study.campaign.replay_episode import again, drive
+from cohelm.study.campaign.result import fault_of
 from cohelm.study.campaign.runner import CampaignConfig, run
 from cohelm.study.campaign.suites import suite
 from cohelm.study.campaign.worker import chunk
@@ -185,6 +186,26 @@ def test_the_answer_of_an_interrupted_drive_is_not_taken_for_that_of_the_next(mo
 
 def test_a_law_may_have_processes_of_its_own():
     assert chunk(ROOMS, f"{HERE}:employs", (0,))[0].fault == ""
+
+
+def test_a_fault_is_one_readable_line_however_long_its_error_and_deep_its_calls():
+    def deep(left: int) -> None:
+        if left:
+            deep(left - 1)
+        raise RuntimeError("no solution " + "of this\n" * 1000)
+
+    try:
+        deep(100)
+    except RuntimeError as error:
+        said = fault_of(error)
+    assert said.startswith("RuntimeError: no solution of this of this")
+    assert len(said) < 700
+    places = re.findall(r"(\w+\.py):(\d+)", said)
+    assert len(places) == 6  # the first five, and where it was raised
+    assert {name for name, _ in places} == {"test_external_law.py"}
+    assert places[1] != places[-1]
+    assert " ...)" not in said
+    assert said.isprintable()
 
 
 def test_a_law_that_is_not_there_fails_no_episode_but_all_of_it():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 import traceback
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
@@ -112,15 +113,22 @@ NOT_DRIVEN = EpisodeResult(
 
 FAILS = (Exception, SystemExit)
 """What a law may raise: one that calls sys.exit has failed, and no more."""
+_PLACES, _TEXT = 6, 400
+"""So many lines are named, and letters of an error cited, at most."""
 _PACKAGE = Path(__file__).resolve().parents[2]
 
 
 def fault_of(error: BaseException) -> str:
     """What went wrong, for a row: a sentence of ours as it is, else the error and the lines that it
-    came through, of others' code if there is any."""
+    came through, of others' code if there is any. Of many the first, which are the law's own, and
+    the last; numba's errors alone have a hundred."""
     if isinstance(error, CohelmError):
         return str(error)
     frames = traceback.extract_tb(error.__traceback__)
     others = [one for one in frames if not Path(one.filename).is_relative_to(_PACKAGE)]
-    lines = ", ".join(f"{Path(one.filename).name}:{one.lineno}" for one in others or frames[-1:])
-    return f"{type(error).__name__}: {error} ({lines})"
+    places = [f"{Path(one.filename).name}:{one.lineno}" for one in others or frames[-1:]]
+    if len(places) > _PLACES:
+        places[_PLACES - 1 : -1] = ["..."]
+    clean = "".join(c if c.isprintable() else " " for c in str(error))
+    text = textwrap.shorten(clean, _TEXT, placeholder=" ...")
+    return f"{type(error).__name__}: {text} ({', '.join(places)})"
