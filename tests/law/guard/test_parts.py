@@ -192,6 +192,23 @@ def test_obstacles_left_out_of_the_rows_are_out_of_reach(outline, around, before
         assert approach(near[i] - 0.03, a, DT) >= fast - 1e-9
 
 
+_ALONG = st.sampled_from([-1.2, -0.5, 0.0, 0.5, 1.2])  # the axes and the diagonals, exactly
+
+
+@given(outlines(), coordinates, coordinates, _ALONG, _ALONG, twists(ALL))
+def test_a_mover_left_out_of_the_rows_is_out_of_reach_whichever_way_it_goes(
+    outline, x, y, vx, vy, before
+):
+    now = surroundings([disc(x, y, 0.1, 0.2, vx, vy)])
+    near = clearances(outline, HERE, now)[0]
+    assume(near > 1e-6)
+    if len(rows_of(HERE, before, now, outline)):
+        return
+    fast = approaching._outline_speed(before, ALL, circumscribed_radius(outline), DT)
+    a = 0.7 * min(ALL.acceleration, ALL.wheel_acceleration)
+    assert approach(near - 0.03, a, DT) >= fast + math.hypot(vx, vy) - 1e-9
+
+
 @given(outlines(), still_things())
 def test_there_is_room_for_every_bound_and_for_no_more(outline, around):
     most = len(around.discs) + len(around.points) + len(around.segments) * (2 + len(outline))

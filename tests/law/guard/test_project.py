@@ -3,7 +3,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import example, given, strategies as st
 
 from cohelm.core.types import Twist
 from cohelm.law.guard.project import _SLACK, NO_OBSTACLE, project
@@ -13,12 +13,16 @@ twists = st.builds(Twist, numbers, numbers)
 weights = st.sampled_from([0.02, 0.3, 0.5, 1.0, 8.0])
 
 
+_LEVERS = st.one_of(st.just(0), st.integers(-600, 600))
+
+
 @st.composite
 def bounds(draw: st.DrawFn, most: int = 10) -> np.ndarray:
-    """Half-planes like those of contacts: unit normal, lever, some through the origin."""
+    """Half-planes like those of contacts: unit normal, lever, some through the origin, and some
+    parallel to others; in thousandths, so that two are parallel or cross nearby."""
     rows = []
     for i in range(draw(st.integers(0, most))):
-        turn, lever = draw(st.floats(-math.pi, math.pi)), draw(st.floats(-0.6, 0.6))
+        turn, lever = draw(st.integers(-3141, 3141)) / 1000, draw(_LEVERS) / 1000
         b = draw(st.one_of(st.just(0.0), st.floats(-1.5, 0.5)))
         rows.append((math.cos(turn), lever, b, float(i)))
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
@@ -40,13 +44,17 @@ def vertices(nominal: Twist, rows: np.ndarray, weight: float) -> list[np.ndarray
 
 
 def least_change(nominal: Twist, rows: np.ndarray, weight: float, slack: float) -> float:
-    """Distance to the nearest allowed place by trying them all; infinite if there is none."""
+    """Distance to the nearest place that keeps every bound to within `slack`, by trying them all;
+    infinite if there is none."""
     a, goal = rows[:, :2] / [1.0, weight], np.array([nominal.v, nominal.omega * weight])
-    allowed = [p for p in vertices(nominal, rows, weight) if (a @ p >= rows[:, 2] - slack).all()]
+    moved = np.column_stack([rows[:, :2], rows[:, 2] - slack])
+    far = [(p, 1e-9 * (1.0 + np.hypot(*p))) for p in vertices(nominal, moved, weight)]
+    allowed = [p for p, rounding in far if (a @ p >= moved[:, 2] - rounding).all()]
     return min((float(np.hypot(*(p - goal))) for p in allowed), default=math.inf)
 
 
 @given(twists, bounds(), weights)
+@example(Twist(0.0, 0.0), np.array([[1.0, 0.0, 1.0, 0.0], [0.5, 0.0, 0.8, 1.0]]), 1.0)  # parallel
 def test_it_is_the_least_change_that_keeps_every_bound(nominal, rows, weight):
     rows = rows[np.hypot(rows[:, 0], rows[:, 1] / weight) > 1e-3]
     got = project(nominal, rows.copy(), len(rows), weight)
