@@ -42,6 +42,21 @@ _EQUAL = (
     ("bounds.py", "braked", "steps > 1.0", "steps >= 1.0", "1 - 1 / 1 is 0, a stop"),
     ("bounds.py", "coasting", "whole > 0.0", "whole >= 0.0", "no whole step has no length"),
     ("step.py", "guard", "4", "5", "a column more, which nothing reads"),
+    ("approach.py", "approach_rows", "if abs(vx) + abs(vy) + abs(velocity_error) != 0.0:",
+     "if True:", "what is faster by nothing reaches no farther"),
+    ("certify.py", "_clears_static", "g < floor + grain", "g <= floor + grain",
+     "checks more often than it must"),
+    ("contact.py", "point_clearance", "if wx * ey - wy * ex > 0.0:", "if False:",
+     "`contact` finds the same, more slowly"),
+    ("contact.py", "overlap", "min(a, b) > best.clearance", "min(a, b) >= best.clearance",
+     "of two edges as deep, either may be named"),
+    ("contact.py", "overlap", "math.inf > right.clearance > best.clearance",
+     "math.inf > right.clearance >= best.clearance", "of two edges as deep, either may be named"),
+    ("contact.py", "wall_clearance", "0.0 < wx * ex + wy * ey < square",
+     "0.0 <= wx * ex + wy * ey < square", "as in `_wall_rows` above"),
+    ("certify.py", "_travelled", "t <= m.dt", "t < m.dt", "at the first step's end both are it"),
+    ("project.py", "_most_violated", "violation > largest", "violation >= largest",
+     "of two bounds violated as much, either may be next"),
 )  # fmt: skip
 """File, function, what was and what would be; and why no test can notice."""
 

@@ -16,7 +16,7 @@ from cohelm.law.guard.certify import _near, _travelled, manoeuvre
 from cohelm.law.guard.project import NO_OBSTACLE
 from cohelm.law.guard.rules import Rules
 from cohelm.law.guard.step import NOTHING, circumscribed_radius, guard, prepared
-from cohelm.law.guard.surroundings import surroundings
+from cohelm.law.guard.surroundings import is_static, surroundings
 from cohelm.law.verdict import INVALID, UNTOUCHED
 from cohelm.robot.limits import Limits, unlimited
 from tests.law.guard.scenes import (
@@ -192,21 +192,30 @@ def test_obstacles_left_out_of_the_rows_are_out_of_reach(outline, around, before
         assert approach(near[i] - 0.03, a, DT) >= fast - 1e-9
 
 
-_ALONG = st.sampled_from([-1.2, -0.5, 0.0, 0.5, 1.2])  # the axes and the diagonals, exactly
+@pytest.mark.parametrize("vx", [0.0, 0.5, -0.5])
+@pytest.mark.parametrize("vy", [0.0, 0.5, -0.5])
+@pytest.mark.parametrize("most", [0.0, 0.5])
+@pytest.mark.parametrize("error", [0.0, 0.5])
+def test_only_what_stands_and_can_not_set_off_is_static(vx, vy, most, error):
+    now = surroundings([disc(2.0, 0.0, 0.1, 0.2, vx, vy)], [most], velocity_error=[error])
+    assert is_static(now, 0) == (vx == vy == most == error == 0.0)
 
 
-@given(outlines(), coordinates, coordinates, _ALONG, _ALONG, twists(ALL))
-def test_a_mover_left_out_of_the_rows_is_out_of_reach_whichever_way_it_goes(
-    outline, x, y, vx, vy, before
-):
-    now = surroundings([disc(x, y, 0.1, 0.2, vx, vy)])
-    near = clearances(outline, HERE, now)[0]
-    assume(near > 1e-6)
-    if len(rows_of(HERE, before, now, outline)):
-        return
-    fast = approaching._outline_speed(before, ALL, circumscribed_radius(outline), DT)
-    a = 0.7 * min(ALL.acceleration, ALL.wheel_acceleration)
-    assert approach(near - 0.03, a, DT) >= fast + math.hypot(vx, vy) - 1e-9
+@pytest.mark.parametrize("vx", [-1.2, -0.5, 0.0, 0.5])
+@pytest.mark.parametrize("vy", [-1.2, -0.5, 0.0, 0.5])
+@pytest.mark.parametrize("error", [0.0, 0.5, 1.0])
+def test_a_mover_left_out_of_the_rows_is_out_of_reach_whichever_way_it_goes(vx, vy, error):
+    """Along the axes and the diagonals, exactly, too."""
+    fast = approaching._outline_speed(REST, ALL, circumscribed_radius(SALLY), DT)
+    a, left_out = 0.7 * min(ALL.acceleration, ALL.wheel_acceleration), 0
+    for away in np.linspace(0.6, 6.0, 200):
+        now = surroundings([disc(away, 0.0, 0.1, 0.2, vx, vy)], velocity_error=[error])
+        if len(rows_of(HERE, REST, now, SALLY)):
+            continue
+        left_out += 1
+        near = clearances(SALLY, HERE, now)[0]
+        assert approach(near - 0.03, a, DT) >= fast + math.hypot(vx, vy) + error - 1e-9
+    assert left_out
 
 
 @given(outlines(), still_things())
