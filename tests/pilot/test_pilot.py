@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.flat import flat, made
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.law.govern import CourseClock
 from cohelm.law.guard.surroundings import surroundings
@@ -14,7 +15,7 @@ from cohelm.law.verdict import INVALID
 from cohelm.pilot.behavior import ESCAPING, FOLLOWING, LED
 from cohelm.pilot.pilot import NOTHING_NEAR, Pilot, taken
 from cohelm.pilot.replanning import Plan
-from cohelm.pilot.step import NO_MOVE, slowed
+from cohelm.pilot.step import NO_MOVE, Settings, limit_speed
 from cohelm.plan import path_planner
 from cohelm.plan.course import course
 from cohelm.plan.recovery import RecoveryMove
@@ -228,10 +229,15 @@ def test_the_nominal_command_is_slowed_down_on_the_same_arc():
 
 
 def test_a_speed_limit_holds_for_evasions_and_never_speeds_up():
-    slow = slowed(SETTINGS, 0.1)
+    def limited(s, fastest):
+        row, arrays = flat(s)
+        limit_speed(row, s, fastest)
+        return made(Settings, row, arrays=arrays)
+
+    slow = limited(SETTINGS, 0.1)
     assert (slow.fastest, slow.evasion.speed) == (0.1, 0.1)
-    assert slowed(slow, 0.3) == slow
-    assert slowed(SETTINGS, math.inf) == SETTINGS
+    assert limited(slow, 0.3) == slow
+    assert limited(SETTINGS, math.inf) == SETTINGS
     assert slow._replace(fastest=math.inf, evasion=SETTINGS.evasion) == SETTINGS
 
 

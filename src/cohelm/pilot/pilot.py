@@ -24,8 +24,8 @@ from cohelm.pilot.step import (
     Decision,
     PilotState,
     Settings,
+    limit_speed,
     pilot_step,
-    slowed,
     still,
 )
 from cohelm.plan.course import Course, course, route, row_on_route
@@ -96,8 +96,7 @@ class Pilot:
             dt = min(max(passed, 0.0), 3.0 * dt)  # a late step must not make the reference jump
         self._now = now
         stick, course, reference = stick or CENTRED, self.course, self.course.reference
-        here = slowed(self.settings, fastest)
-        self._numbers[_FASTEST], self._numbers[_EVADES] = here.fastest, here.evasion.speed
+        limit_speed(self._numbers, self.settings, fastest)
         # an int would compile another specialization
         x, y, psi, v = float(pose[0]), float(pose[1]), float(pose[2]), float(twist[0])
         _step(
@@ -193,7 +192,6 @@ def taken(state: PilotState, made: Plan, planner: Planner, pose: Pose, twist: Tw
 
 
 _STATE = len(names(PilotState))
-_FASTEST, _EVADES = map(names(Settings).index, ("fastest", "evasion.speed"))
 
 
 def _contiguous(array: Floats) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from cohelm.core.flat import names
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.scalars import wrap
@@ -50,19 +51,21 @@ class Settings(NamedTuple):
     recovery_yaw_rate: float = 1.0
     """[rad/s]"""
     fastest: float = math.inf
-    """The nominal command is slowed down to this, on the same arc; see `slowed` [m/s]."""
+    """The nominal command is slowed down to this, on the same arc; see `limit_speed` [m/s]."""
     evasion: EvasionParams = EvasionParams()
     """Of moving obstacles."""
     rest: float = 0.0
     """Delay from command to wheels beyond whole control periods [s]."""
 
 
-def slowed(s: Settings, fastest: float) -> Settings:
-    """The same settings, no faster than `fastest`, evasions included [m/s]."""
-    fastest = min(s.fastest, fastest)
-    return s._replace(
-        fastest=fastest, evasion=s.evasion._replace(speed=min(s.evasion.speed, fastest))
-    )
+_FASTEST, _EVADES = map(names(Settings).index, ("fastest", "evasion.speed"))
+
+
+def limit_speed(row: Floats, s: Settings, fastest: float) -> None:
+    """Write into row, the `numbers` of the settings: no faster than `fastest`, evasions included
+    [m/s]."""
+    fastest = min(fastest, s.fastest)
+    row[_FASTEST], row[_EVADES] = fastest, min(s.evasion.speed, fastest)
 
 
 class PilotState(NamedTuple):

@@ -23,7 +23,7 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.pilot.behavior import LED
 from cohelm.pilot.pilot import NOTHING_NEAR, taken
 from cohelm.pilot.replanning import Planner, Task
-from cohelm.pilot.step import START, PilotState, Settings, pilot_step, slowed
+from cohelm.pilot.step import START, PilotState, Settings, limit_speed, pilot_step
 from cohelm.plan.course import Course, course, nearly_done, route
 from cohelm.plan.evasion.movers import empty_mover_history
 from cohelm.plan.zones import Zoned
@@ -107,6 +107,7 @@ def pieces(setup: Setup, piloted: Piloted, length: int) -> Iterator[Trace]:
     reaction = (period + delay) * dt
     walls = near_walls(scene.obstacles.walls, start, settings, reaction)
     limited, constant = flat(settings), flat(scene)
+    limit_speed(limited[0], settings, math.inf)
     k, written = 0, 0
     out = setup.blank(min(length, steps))
     while k < steps and not now.arrived:
@@ -117,7 +118,7 @@ def pieces(setup: Setup, piloted: Piloted, length: int) -> Iterator[Trace]:
         seen = now.seen_obstacles
         if zones is not None:
             now = now._replace(seen_obstacles=zones.beside(seen, now.robot.pose))
-            limited = flat(slowed(settings, zones.limit(now.robot.pose)[0]))
+            limit_speed(limited[0], settings, zones.limit(now.robot.pose)[0])
         if k % period == 0:
             walls = near_walls(scene.obstacles.walls, now.robot.pose, settings, reaction)
             seen_obstacles = known(k * dt, now.seen_obstacles, walls, scene)
