@@ -256,6 +256,41 @@ def test_every_command_finds_a_mover_no_nearer_than_clear_or_than_it_was(outline
         assert min(found) >= min(now, 0.015) - 1e-9
 
 
+@pytest.mark.parametrize("kind", ["point", "disc", "mover"])
+def test_a_corner_that_swings_past_between_two_commands_is_refused(kind):
+    """It is 9 mm away before the step and after it, and 5 mm in between."""
+    reach = circumscribed_radius(SALLY)
+    swing, off = 0.016 / reach, 0.00494
+    ahead = math.atan2(0.29, 0.36) + 0.5 * swing
+    turning = Twist(0.0, swing / DT)
+    x, y = math.cos(ahead), math.sin(ahead)
+    far = reach + off
+    past = {
+        "point": surroundings(points=[[far * x, far * y]]),
+        "disc": surroundings([[far * x, far * y, 0.0, 0.0, 1e-4, 0.2]]),
+        "mover": surroundings([[far * x, far * y, 1e-6, 0.0, 1e-4, 0.2]]),
+    }[kind]
+    for turned in (0.0, swing):
+        assert clearances(SALLY, Pose(0.0, 0.0, turned), past)[0] > 0.0085
+    assert clearances(SALLY, Pose(0.0, 0.0, 0.5 * swing), past)[0] < 0.0075
+    assert certificate(SALLY, turning, SALLY_LIMITS, past) == 0
+    assert certificate(SALLY, Twist(0.0, 0.0), SALLY_LIMITS, past) == CLEAR
+
+
+def test_what_takes_too_many_checks_is_refused():
+    """A wall a micrometre beside the robot meets it 5 cm ahead; by a hard margin of 0.1 um the
+    checks end before. One a millimetre beside it takes few. Nor is a disc followed that is ahead by
+    less than the hard margin."""
+    wall = surroundings(segments=[[0.36, 0.29 + 1e-6, 1.36, 0.29 - 19e-6]])
+    assert certificate(SALLY, Twist(1.0, 0.0), SALLY_LIMITS, wall, 1e-7) == 0
+    beside = surroundings(segments=[[0.36, 0.291, 1.36, 0.291]])
+    assert certificate(SALLY, Twist(1.0, 0.0), SALLY_LIMITS, beside, 1e-7) == CLEAR
+    ahead = surroundings([[0.46 + 9e-8, 0.0, 0.9, 0.0, 0.1, 0.2]])
+    assert certificate(SALLY, Twist(0.9, 0.0), SALLY_LIMITS, ahead, 1e-7) == 0
+    farther = surroundings([[0.469, 0.0, 0.9, 0.0, 0.1, 0.2]])
+    assert certificate(SALLY, Twist(0.9, 0.0), SALLY_LIMITS, farther) == CLEAR
+
+
 @pytest.mark.parametrize("speed", [0.5, 1e-3, 4e-4, 1e-6])
 def test_repeated_waits_never_creep_towards_a_near_obstacle(speed):
     """However little a step takes: fifty a second would add up."""
