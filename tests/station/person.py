@@ -41,6 +41,12 @@ def alarms(page: Page) -> Locator:
     return page.get_by_label("Alarms", exact=True)
 
 
+def mode_button(page: Page, name: str, pressed: bool | None = None) -> Locator:
+    """pressed: only where it is the robot's mode, or is not; None: either."""
+    modes = page.get_by_role("group", name="Mode", exact=True)
+    return modes.get_by_role("button", name=name, pressed=pressed)
+
+
 def press(page: Page, name: str) -> Callable[[], None]:
     """Presses the button of this name, if it is there and can be pressed."""
 
@@ -83,8 +89,10 @@ def free(page: Page) -> None:
 
 def choose(page: Page, mode: str) -> None:
     """A mode, as the robot tells it back."""
-    radio = page.get_by_role("radio", name=mode)
-    until(lambda: expect(radio).to_be_checked(timeout=SOON), lambda: radio.click())
+    until(
+        lambda: expect(mode_button(page, mode, pressed=True)).to_be_visible(timeout=SOON),
+        lambda: mode_button(page, mode).click(),
+    )
 
 
 def drive(page: Page, mode: str = "Manual") -> None:

@@ -11,7 +11,7 @@ from cohelm.link.bulk_messages import Alarms, DockPlace, Docks, WholeAlarm
 from cohelm.link.messages import Alarm, Mode, RequestKind, Severity
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
-from tests.station.person import alarms, take
+from tests.station.person import alarms, mode_button, take
 from tests.station.servers import served
 
 LONG = (
@@ -92,7 +92,7 @@ def test_on_small_phones_nothing_that_is_said_pushes_the_modes_under_the_pads(
         take(page)
         page.get_by_label("Route to a dock").wait_for()
         for mode in ("Hold", "Auto", "Manual"):
-            page.get_by_role("radio", name=mode).tap()
+            mode_button(page, mode).tap()
         other.get_by_role("button", name="Request control").click()
         page.get_by_role("button", name="Hand over").wait_for()
         page.get_by_text("Manual: the robot did not answer").wait_for()

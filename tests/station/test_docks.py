@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, expect
 
-from tests.station.person import choose, release, take
+from tests.station.person import choose, mode_button, release, take
 from tests.station.servers import Robot, served
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("realtime")]
@@ -45,7 +45,7 @@ def test_an_operator_docks_and_undocks_and_sees_the_route_back(
         choose(page, "Auto")
         way = docks.get_by_role("button", name="Route to charger")
         way.click()
-        expect(page.get_by_role("radio", name="Auto")).to_be_checked()
+        expect(mode_button(page, "Auto", pressed=True)).to_be_visible()
         expect(dock).to_be_enabled()
         choose(page, "Hold")
         release(page)

@@ -22,6 +22,7 @@ from tests.station.person import (
     drive,
     free,
     given,
+    mode_button,
     release,
     stopped,
     take,
@@ -48,6 +49,19 @@ def test_take_over_drive_with_the_keyboard_and_release(page: Page) -> None:
     expect(given(page)).to_contain_text(LEFT)
     page.keyboard.up("ArrowLeft")
     expect(given(page)).to_contain_text(STILL)
+    release(page)
+
+
+def test_an_arrow_key_on_a_mode_drives_and_chooses_no_other(page: Page) -> None:
+    drive(page)
+    mode_button(page, "Manual").focus()
+    page.keyboard.down("ArrowLeft")
+    expect(given(page)).to_contain_text(LEFT)
+    expect(mode_button(page, "Manual", pressed=True)).to_be_focused()
+    page.keyboard.up("ArrowLeft")
+    expect(given(page)).to_contain_text(STILL)
+    # of a group of these a screen reader says that arrow keys choose
+    expect(page.get_by_role("radio")).to_have_count(0)
     release(page)
 
 
@@ -205,10 +219,10 @@ def test_after_a_stop_only_a_long_press_on_the_gamepad_resumes(
     expect(alarms(page)).to_contain_text(f"{how}: resets the stop")
     expect(stopped(page)).to_be_visible()
     until(lambda: expect(stopped(page)).to_be_hidden(timeout=4_000), lambda: hold(1.2))
-    expect(page.get_by_role("radio", name="Hold")).to_be_checked()
+    expect(mode_button(page, "Hold", pressed=True)).to_be_visible()
     expect(alarms(page)).to_contain_text(f"{how}: continues in Manual")
-    manual = page.get_by_role("radio", name="Manual")
-    until(lambda: expect(manual).to_be_checked(timeout=4_000), lambda: hold(1.2))
+    manual = mode_button(page, "Manual", pressed=True)
+    until(lambda: expect(manual).to_be_visible(timeout=4_000), lambda: hold(1.2))
     expect(given(page)).to_contain_text(STILL)
     expect(alarms(page)).not_to_contain_text("To continue")
     page.evaluate("testPad.deflect(0, 1)")
@@ -286,7 +300,7 @@ def test_a_page_that_hangs_for_a_moment_continues_in_its_mode(
         expect(stopped(page)).to_be_hidden()
         page.evaluate("testPad.hold(0, 0.6)")
         expect(given(page)).to_contain_text(LEFT)
-        expect(page.get_by_role("radio", name="Manual")).to_be_checked()
+        expect(mode_button(page, "Manual", pressed=True)).to_be_visible()
         page.evaluate("testPad.deflect(0, 0)")
         release(page)
         page.close()
@@ -405,7 +419,7 @@ def test_a_phone_in_landscape_shows_the_map_and_both_touch_pads(
     boxes = [
         page.get_by_role(role, name=name).bounding_box()
         for role, name in (
-            ("slider", "Forward and back"), ("slider", "Left and right"), ("radio", "Manual"),
+            ("slider", "Forward and back"), ("slider", "Left and right"), ("button", "Manual"),
             ("button", "Stop the robot"), ("button", "Release"), ("button", "Camera"),
         )
     ]  # fmt: skip
@@ -506,7 +520,7 @@ def _covered(page: Page) -> list[str]:
     return [
         name
         for role, name in (
-            ("radio", "Hold"), ("radio", "Shared"), ("radio", "Auto"), ("radio", "Manual"),
+            ("button", "Hold"), ("button", "Shared"), ("button", "Auto"), ("button", "Manual"),
             ("button", "Reset"), ("button", "Plots"), ("slider", "Share of the full speed"),
             ("slider", "Forward and back"), ("slider", "Left and right"),
         )

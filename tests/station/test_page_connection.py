@@ -30,7 +30,7 @@ from cohelm.station.serve import Server
 from tests.link.ends import STATUS
 from tests.station.bare import Bare
 from tests.station.conftest import WAIT
-from tests.station.person import take, who
+from tests.station.person import mode_button, take, who
 from tests.station.servers import served
 
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
@@ -543,7 +543,7 @@ def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_
         ):
             expect(who_reads.get_by_label("Alarms", exact=True)).to_contain_text(ends)
             expect(who_reads.locator(".device")).to_have_text("keyboard: no link to the robot")
-            expect(who_reads.get_by_role("radio", name="Manual")).to_be_disabled()
+            expect(mode_button(who_reads, "Manual")).to_be_disabled()
             for row in ("round trip", "packet loss", "clock offset"):
                 expect(who_reads.get_by_role("row", name=row).first).to_contain_text("–")
         assert "stops by itself" not in other.get_by_label("Alarms", exact=True).inner_text()

@@ -24,6 +24,7 @@ from tests.station.person import (
     drive,
     given,
     lead,
+    mode_button,
     press,
     release,
     stopped,
@@ -79,7 +80,7 @@ def test_a_second_browser_requests_control_and_the_driver_refuses_then_hands_ove
     )
     expect(page.get_by_role("button", name="Request control")).to_be_visible()
     # who watches may stop, but not choose a mode
-    expect(page.get_by_role("radio", name="Manual")).to_be_disabled()
+    expect(mode_button(page, "Manual")).to_be_disabled()
     page.keyboard.press("Space")
     expect(stopped(other)).to_be_visible()
     release(other)

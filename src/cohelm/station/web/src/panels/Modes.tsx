@@ -20,9 +20,10 @@ export function Modes() {
   const now = s.state.value?.mode
   return (
     <section class="modes" aria-label="How to drive">
-      <div role="radiogroup" aria-label="Mode" class="segments">
+      {/* no radio buttons: of these a screen reader says that arrow keys choose, and here they drive, wherever the focus is */}
+      <div role="group" aria-label="Mode" class="segments">
         {MODES.map(([mode, name, meaning]) => (
-          <button key={mode} type="button" role="radio" aria-checked={now === mode} title={s.mayDrive.value ? meaning : `${meaning} (the driver chooses)`}
+          <button key={mode} type="button" aria-pressed={now === mode} title={s.mayDrive.value ? meaning : `${meaning} (the driver chooses)`}
             disabled={!s.mayDrive.value} onClick={() => send({ type: 'do', what: mode, value: 0 })}>
             {name}
           </button>
