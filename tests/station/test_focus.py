@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import pytest
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 
 from cohelm.link.bulk_messages import Alarms, WholeAlarm
@@ -52,6 +54,20 @@ def test_what_was_pressed_and_is_gone_leaves_the_focus_to_its_group(
             robot.status = STANDS._replace(alarms=tuple(alarms[:left]))
             expect(page.get_by_label("Alarms", exact=True)).to_be_focused()
         assert RequestKind.GIVE not in robot.requests
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 780), (740, 330), (820, 1180)])
+def test_stop_is_what_keys_and_ears_reach_first(
+    context: BrowserContext, tmp_path: Path, width: int, height: int
+) -> None:
+    stopped = STANDS._replace(stopped="stop by anna (3)", why="")
+    with Bare(tmp_path, stopped) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        page.set_viewport_size({"width": width, "height": height})
+        page.keyboard.press("Tab")
+        expect(page.get_by_role("button", name="Stop the robot")).to_be_focused()
+        controls = page.locator("button, a, input, select, [role=slider]")
+        expect(controls.first).to_have_accessible_name(re.compile("^Stop the robot"))
 
 
 def test_a_dialog_that_is_closed_leaves_the_focus_to_what_opened_it(

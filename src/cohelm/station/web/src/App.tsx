@@ -28,11 +28,11 @@ export function App() {
   return (
     <div class={`station tab-${tab.value.toLowerCase()} ${stale ? 'stale' : ''} ${s.youDrive.value ? 'driving' : ''} ${editing.value ? 'editing' : ''}`}>
       <header>
-        {/* above everything that appears and disappears, so that STOP keeps its position */}
+        {/* above everything that appears and disappears, so that STOP keeps its position; and first for keys and ears */}
         <div class="head">
+          <Stop />
           <Driver />
           <Record />
-          <Stop />
         </div>
         <Alarms />
         <Refused />

@@ -10,6 +10,9 @@ export function Stop() {
   const other = !s.youDrive.value && s.linked.value
   return (
     <div class="stop" role="group" aria-label="Stop">
+      <button type="button" class="stop-button" aria-label="Stop the robot. Software stop; also the space bar" onClick={stop}>
+        STOP<small>software stop<span class="keys"> · {device.value === 'gamepad' && pad() !== null ? stopButtonName() : 'Space'}</span></small>
+      </button>
       {/* there before it says anything: what is put in with its words is not read out */}
       <div class="contents" role="status">{why !== '' && (
         <div class="stopped">
@@ -22,9 +25,6 @@ export function Stop() {
           </button>
         </div>
       )}</div>
-      <button type="button" class="stop-button" aria-label="Stop the robot. Software stop; also the space bar" onClick={stop}>
-        STOP<small>software stop<span class="keys"> · {device.value === 'gamepad' && pad() !== null ? stopButtonName() : 'Space'}</span></small>
-      </button>
     </div>
   )
 }
