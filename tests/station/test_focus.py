@@ -92,6 +92,32 @@ def test_a_dialog_that_is_closed_leaves_the_focus_to_what_opened_it(
                 expect(opener).to_be_focused()
 
 
+def test_escape_closes_one_dialog_at_a_time_the_last_that_was_opened_first(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    (tmp_path / "run.mcap").write_bytes(b"record")
+    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        told = tuple(Alarm(n, Severity.WARNING, True, False, f"warning {n}") for n in range(1, 7))
+        robot.status = STANDS._replace(alarms=told[:MOST_ALARMS])
+        robot.bulk.publish(Alarms(tuple(WholeAlarm(one, one.text) for one in told)))
+        names = ("Edit route", "2 more", "Stick settings", "Records (1)")
+        openers = [page.get_by_role("button", name=name) for name in names]
+        dialogs = page.get_by_role("dialog")
+        for count, opener in enumerate(openers, 1):
+            enter(opener)
+            expect(dialogs).to_have_count(count)
+        page.get_by_role("list", name="Records on the robot").get_by_role("link").focus()
+        for left, opener in zip((3, 2, 1, 0), reversed(openers), strict=True):
+            page.keyboard.down("Escape")
+            for _ in range(3):  # held down, it is pressed once
+                page.keyboard.down("Escape")
+            page.keyboard.up("Escape")
+            expect(opener).to_be_focused()
+            expect(dialogs).to_have_count(left)
+            expect(opener).to_have_attribute("aria-expanded", "false")
+
+
 def test_a_waypoint_removed_with_the_keyboard_leaves_the_focus_in_the_list(
     context: BrowserContext, tmp_path: Path
 ) -> None:

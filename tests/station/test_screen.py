@@ -186,8 +186,9 @@ def test_everything_has_an_accessible_name_and_nothing_is_loaded_from_another_or
         .map(e => e.outerHTML)"""
     )
     assert nameless == []
-    page.keyboard.press("Escape")
-    expect(page.get_by_role("dialog")).to_have_count(0)
+    for left in (1, 0):
+        page.keyboard.press("Escape")
+        expect(page.get_by_role("dialog")).to_have_count(left)
     release(page)
     assert asked
     assert all(url.startswith(f"{server.origin}/") for url in asked), asked

@@ -49,10 +49,8 @@ function toggle(on: boolean): void {
 }
 
 export function Record() {
-  useEscape(() => (open.value = false))
   if (s.isReplay.value) return null
   const on = s.state.value?.recording === true
-  const files = s.records.value
   return (
     <div class="record">
       <button
@@ -62,28 +60,36 @@ export function Record() {
         {on ? '■ Stop recording' : '● Record'}
       </button>
       <button type="button" aria-expanded={open.value} onClick={() => (open.value = !open.value)}>
-        Records ({files.length})
+        Records ({s.records.value.length})
       </button>
-      {open.value && (
-        <ul class="files" aria-label="Records on the robot">
-          {files.length === 0 && <li>none yet</li>}
-          {files.map((file) => (
-            <li key={file.name}>
-              <a
-                href={path(file.name)}
-                onClick={(event) => {
-                  event.preventDefault()
-                  void download(file.name)
-                }}
-              >
-                {file.name}
-              </a>{' '}
-              {bytes(file.size)}
-              <DownloadStatus of={statuses.value[file.name]} />
-            </li>
-          ))}
-        </ul>
-      )}
+      {open.value && <Files />}
+    </div>
+  )
+}
+
+function Files() {
+  useEscape(() => (open.value = false))
+  const files = s.records.value
+  return (
+    <div class="files" role="dialog" aria-label="Records">
+      <ul aria-label="Records on the robot">
+        {files.length === 0 && <li>none yet</li>}
+        {files.map((file) => (
+          <li key={file.name}>
+            <a
+              href={path(file.name)}
+              onClick={(event) => {
+                event.preventDefault()
+                void download(file.name)
+              }}
+            >
+              {file.name}
+            </a>{' '}
+            {bytes(file.size)}
+            <DownloadStatus of={statuses.value[file.name]} />
+          </li>
+        ))}
+      </ul>
     </div>
   )
 }
