@@ -122,7 +122,7 @@ def _still() -> list[b.FromRobot]:
     angle = np.linspace(0.0, 2.0 * math.pi, 400)
     circle = 3.0 * np.column_stack((np.cos(angle), np.sin(angle)))
     return [
-        b.Hello("pattern", outline, 0.8, 1.5, (1.05, 0.3, 0.5, 0.1)),
+        b.Hello("pattern", outline, 0.8, 1.5, (1.05, 0.3, 0.5, 0.1), False),
         b.Map(1, Pose(-25.0, -25.0, 0.0), 0.05, CELLS, CELLS, 0, 0, CELLS, CELLS,
               zlib.compress(cells.tobytes())),
         b.Polyline(b.LineKind.REFERENCE, circle.astype(np.float32)),

@@ -146,7 +146,7 @@ class SimulatedLink(StationPublisher):
         self._count = itertools.count()
         self.end = End(self, self.now)
         self.bulk = Bulk(self.end, records)
-        super().__init__(self.end, self.bulk, model, records, False)
+        super().__init__(self.end, self.bulk, model, records, False, False)
 
     def now(self) -> float:
         return self.clock()

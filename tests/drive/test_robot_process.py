@@ -8,6 +8,9 @@ from cohelm.drive.operate import DriveOptions
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.link import keys
+from cohelm.link.bulk_messages import Hello
+from cohelm.station.robot_link import Linked
+from tests.patience import started
 
 LAB = DriveOptions("lab-guard", "lab-guard", "twin", True, None, [])
 NOWHERE = LAB._replace(name="no-such-place", kind="kinematic")
@@ -47,3 +50,19 @@ def test_a_robot_killed_while_it_starts_says_by_what(tmp_path):
         time.sleep(0.01)
     robot.close()
     assert robot.over == "the robot's process ended before it was ready: killed by SIGKILL"
+
+
+def test_a_robot_tells_its_stations_whether_it_drives_on_without_them(tmp_path):
+    own, theirs = keys.pair_here()
+    plan = LAB._replace(kind="kinematic")
+    robot = RobotProcess(plan, TeleopConfig(own, "127.0.0.1", 0, tmp_path), carry_on=True)
+    assert started(robot), robot.over
+    link = Linked(theirs, robot.host, robot.port)
+    until, hello = time.monotonic() + 30.0, None
+    while hello is None:
+        assert time.monotonic() < until
+        time.sleep(0.05)
+        hello = next((n.message for n in link.news() if isinstance(n.message, Hello)), None)
+    assert hello.carry_on
+    link.close()
+    robot.close()

@@ -488,7 +488,7 @@ def test_a_long_reason_covers_nothing_that_is_pressed(
     told = STATUS._replace(stopped=reason, why=f"{reason}; check battery and fuse F3")
     with Bare(tmp_path, told) as robot, served(robot.connect) as server:
         robot.bulk.publish(
-            Hello("cart", np.zeros((3, 2), np.float32), 2.0, 1.0, (np.nan,) * 4)  # type: ignore[arg-type]
+            Hello("cart", np.zeros((3, 2), np.float32), 2.0, 1.0, (np.nan,) * 4, False)  # type: ignore[arg-type]
         )
         page = browser_phone.new_page()
         page.set_viewport_size({"width": width, "height": height})

@@ -173,7 +173,7 @@ def test_a_display_without_a_link_to_the_robot_is_pale(
 ) -> None:
     with Bare(tmp_path) as robot, served(robot.connect) as server:
         robot.bulk.publish(
-            Hello("sally", np.zeros((3, 2), np.float32), 2.0, 1.0, (np.nan,) * 4)  # type: ignore[arg-type]
+            Hello("sally", np.zeros((3, 2), np.float32), 2.0, 1.0, (np.nan,) * 4, False)  # type: ignore[arg-type]
         )
         page = shown(context, server)
         connected(page)
@@ -194,7 +194,7 @@ def test_before_the_first_status_there_is_no_link_to_be_lost(
     monkeypatch.setattr(RobotEnd, "send_status", lambda *_: None)
     with Bare(tmp_path) as robot, served(robot.connect) as server:
         robot.bulk.publish(
-            Hello("sally", np.zeros((3, 2), np.float32), 2.0, 1.0, (np.nan,) * 4)  # type: ignore[arg-type]
+            Hello("sally", np.zeros((3, 2), np.float32), 2.0, 1.0, (np.nan,) * 4, False)  # type: ignore[arg-type]
         )
         page = shown(context, server)
         expect(page.get_by_role("row", name="robot").first).to_contain_text("sally")
@@ -507,7 +507,7 @@ def test_the_windows_title_has_the_robot_and_what_is_up_with_it(
     with Bare(tmp_path) as robot, served(robot.connect) as server:
         page = shown(context, server)
         lens = (np.nan,) * 4
-        robot.bulk.publish(Hello("sally", np.zeros((3, 2), np.float32), 2.0, 1.0, lens))  # type: ignore[arg-type]
+        robot.bulk.publish(Hello("sally", np.zeros((3, 2), np.float32), 2.0, 1.0, lens, False))  # type: ignore[arg-type]
         expect(page).to_have_title("sally")
         take(page)
         expect(page).to_have_title("You drive · sally")
@@ -593,7 +593,7 @@ def test_the_page_shows_where_the_robot_goes_who_leads_and_what_stops_it(
         robot.bulk.publish(Polyline(LineKind.REFERENCE, route))
         draws(page, goal, 100, 576)
         square = np.array([[0.3, 0.3], [-0.3, 0.3], [-0.3, -0.3], [0.3, -0.3]], np.float32)
-        robot.bulk.publish(Hello("sally", square, 2.0, 1.0, (np.nan,) * 4))  # type: ignore[arg-type]
+        robot.bulk.publish(Hello("sally", square, 2.0, 1.0, (np.nan,) * 4, False))  # type: ignore[arg-type]
         robot.bulk.publish(Polyline(LineKind.REFERENCE, np.zeros((0, 2), np.float32)))
         for _ in range(12):
             page.get_by_role("button", name="Zoom out").click()

@@ -98,7 +98,7 @@ class Playback:
                 series.all = [one._replace(usual=usual) for one in series.all]
         camera = IMAGE in self._series
         seen = self._model if camera else self._model.model_copy(update={"camera": None})
-        self._hello = hello(seen)
+        self._hello = hello(seen, False)
         if "/scene" in self._series:  # one for each outline
             series = self._series["/scene"]
             series.all = [self._hello._replace(outline=one) for one in series.all]

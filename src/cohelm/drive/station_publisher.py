@@ -21,16 +21,17 @@ class StationPublisher:
     """Publishes over both ends of the link. Its calls return at once."""
 
     def __init__(
-        self, end: RobotEnd, bulk: RobotBulk, model: RobotModel, records: Path, camera: bool
-    ) -> None:
+        self, end: RobotEnd, bulk: RobotBulk, model: RobotModel, records: Path, camera: bool,
+        carry_on: bool,
+    ) -> None:  # fmt: skip
         """end, bulk: of the link; this object closes them. records: folder whose
-        files can be fetched. camera: whether there will be pictures.
+        files can be fetched. camera: whether there will be pictures. carry_on: as of `LoopParams`.
         """
         self.end, self._bulk = end, bulk
         self.publish, self.reply = bulk.publish, bulk.reply
         self._records = records
         shown = model if camera else model.model_copy(update={"camera": None})
-        self._hello = hello(shown)
+        self._hello = hello(shown, carry_on)
         self.publish(self._hello)
         self.list_records()
 
@@ -65,7 +66,7 @@ class StationPublisher:
         self.end.close()
 
 
-def hello(model: RobotModel) -> Hello:
+def hello(model: RobotModel, carry_on: bool) -> Hello:
     """The robot's description."""
     nan, camera = math.nan, model.camera
     lens = (nan, nan, nan, nan)
@@ -76,4 +77,5 @@ def hello(model: RobotModel) -> Hello:
     return Hello(
         model.name, model.outline.astype(np.float32),
         limits.speed_mps or limits.wheel_speed_mps or nan, limits.yaw_rate_radps or nan, lens,
+        carry_on,
     )  # fmt: skip

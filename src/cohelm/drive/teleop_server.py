@@ -54,6 +54,7 @@ def serve(
     publisher = StationPublisher(
         end, bulk, plan.robot.model, config.records,
         plan.robot.kind != "kinematic" and not (topics is not None and topics.blind),
+        plan.loop.carry_on,
     )  # fmt: skip
     if live is not None and own is not None:
         from cohelm.drive.foxglove_teleop import Joined  # most drives have no live view

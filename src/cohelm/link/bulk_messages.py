@@ -51,6 +51,8 @@ class Hello(NamedTuple):
     """[rad/s]"""
     camera: tuple[float, float, float, float]
     """Vertical angle of view [rad], x and z of its mount [m], tilt down [rad]; NaN: no camera."""
+    carry_on: bool
+    """In shared and automatic mode it drives on alone when its operator is lost."""
 
 
 class LineKind(IntEnum):

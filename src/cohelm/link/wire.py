@@ -29,7 +29,7 @@ from cohelm.link.bulk_messages import (
 from cohelm.link.codec import Malformed, Reader, WireField, layout, reported
 from cohelm.link.messages import Discs, Long, RequestKind, ScanPart, Status, Time, Uplink
 
-VERSION = 11
+VERSION = 12
 LARGEST = 1150
 """Bytes of a datagram's message; with DTLS, UDP and IPv6 around it, below 1280 (RFC 8200)."""
 _REQUESTS_AT, _REQUEST_SIZE, _WHAT_AT = 50, 15, 4

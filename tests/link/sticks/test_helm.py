@@ -34,7 +34,7 @@ class Robot:
     def __init__(self, keys) -> None:
         self.end, self.bulk = both_ends(keys, HERE)
         outline = np.zeros((3, 2), np.float32)
-        self.bulk.publish(Hello("sally", outline, 2.0, 1.0, (NAN, NAN, NAN, NAN)))
+        self.bulk.publish(Hello("sally", outline, 2.0, 1.0, (NAN, NAN, NAN, NAN), False))
         self.side = Side()
         self.hands: list[Used] = []
         self._open = True

@@ -203,6 +203,8 @@ export interface Hello {
   omega_max: number | null
   /** Vertical angle of view [rad], x and z of its mount [m], tilt down [rad]; NaN: no camera. */
   camera: [number, number, number, number] | null
+  /** In shared and automatic mode it drives on alone when its operator is lost. */
+  carry_on: boolean
 }
 
 /** Down, at 50 Hz: the robot's state. */
