@@ -537,16 +537,37 @@ def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_
         robot.status = status._replace(mode=Mode.AUTOMATIC)
         expect(page.locator(".device")).to_have_text("keyboard: not used in Auto")
         robot.die()
-        for who_reads, ends in (
-            (page, "with --carry-on it drives on alone"),
-            (other, "No link to the robot: the disp"),
-        ):
-            expect(who_reads.get_by_label("Alarms", exact=True)).to_contain_text(ends)
+        for who_reads in (page, other):
+            expect(who_reads.get_by_label("Alarms", exact=True)).to_contain_text("No link to")
             expect(who_reads.locator(".device")).to_have_text("keyboard: no link to the robot")
             expect(mode_button(who_reads, "Manual")).to_be_disabled()
             for row in ("round trip", "packet loss", "clock offset"):
                 expect(who_reads.get_by_role("row", name=row).first).to_contain_text("–")
         assert "stops by itself" not in other.get_by_label("Alarms", exact=True).inner_text()
+
+
+@pytest.mark.parametrize(
+    ("carry_on", "mode", "does"),
+    [
+        (False, Mode.SHARED, "stale. The robot stops by itself."),
+        (True, Mode.SHARED, "stale. The robot drives on alone (--carry-on)."),
+        (True, Mode.AUTOMATIC, "stale. The robot drives on alone (--carry-on)."),
+        (True, Mode.MANUAL, "stale. The robot stops by itself."),
+    ],
+)
+def test_without_a_link_the_driver_is_told_what_the_robot_does_now(
+    context: BrowserContext, tmp_path: Path, carry_on: bool, mode: Mode, does: str
+) -> None:
+    with Bare(tmp_path, STATUS._replace(mode=mode)) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        outline = np.zeros((3, 2), np.float32)
+        robot.bulk.publish(Hello("sally", outline, 2.0, 1.0, (np.nan,) * 4, carry_on))  # type: ignore[arg-type]
+        expect(page).to_have_title("sally")
+        take(page)
+        robot.die()
+        alarms = page.get_by_label("Alarms", exact=True)
+        expect(alarms).to_contain_text(f"No link to the robot: the display is {does}")
+        expect(alarms.locator(".alarm")).to_have_count(1)
 
 
 DARK_AT = """([x, y]) => {

@@ -18,6 +18,14 @@ function ago(ms: number): string {
   return ms < 100_000 ? `${Math.round(ms / 1000)} s` : `${Math.round(ms / 60_000)} min`
 }
 
+/** What the robot does without its driver; empty where it has not said that yet. */
+function withoutUs(): string {
+  if (s.robot.value === null) return ''
+  const mode = s.state.value?.mode
+  const on = s.robot.value.carry_on && (mode === 'shared' || mode === 'automatic')
+  return on ? ' The robot drives on alone (--carry-on).' : ' The robot stops by itself.'
+}
+
 function localAlarms(): ShownAlarm[] {
   const out: ShownAlarm[] = []
   const add = (severity: Alarm['severity'], text: string) =>
@@ -25,8 +33,7 @@ function localAlarms(): ShownAlarm[] {
   const c = s.connection.value
   const why = s.link.value === null || s.link.value.why === '' ? '' : ` Reason: ${s.link.value.why}.`
   // on a phone the end is cut: the reason comes last
-  const stale = s.who.value?.you_drive === true
-    ? 'the display is stale. The robot stops by itself; with --carry-on it drives on alone.' : 'the display is stale.'
+  const stale = `the display is stale.${s.who.value?.you_drive === true ? withoutUs() : ''}`
   if (c === 'closed' || c === 'connecting') {
     if (s.welcome.value === null) {
       const said = s.turnedAway.value || 'the station does not answer'
