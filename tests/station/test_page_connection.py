@@ -517,22 +517,24 @@ def test_the_windows_title_has_the_robot_and_what_is_up_with_it(
 
 def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_path: Path) -> None:
     """Somebody who looks on steers nothing, has no share of the command and can not drive on."""
-    status = STATUS._replace(localised=Localised.LOST, arming=Arming.ARMED)
+    told = (Alarm(1, Severity.ALARM, True, False, "lost: nothing on the map fits"),)
+    status = STATUS._replace(localised=Localised.LOST, arming=Arming.ARMED, alarms=told)
     with Bare(tmp_path, status) as robot, served(robot.connect) as server:
         page, other = shown(context, server), context.new_page()
         other.goto(server.address)
         take(page)
         page.bring_to_front()
         for who_reads, device, share, lost in (
-            (page, "keyboard: ready", "you", "Localization is lost. In Shared or Manual"),
-            (other, "keyboard: steers once you drive", "driver", "Localization is lost."),
+            (page, "keyboard: ready", "you", "lost: nothing on the map fits. In Shared or Manual"),
+            (other, "keyboard: steers once you drive", "driver", "Localization is lost: nothing"),
         ):
             who_reads.bring_to_front()
             expect(who_reads.locator(".device")).to_have_text(device)
             expect(who_reads.locator(".share")).to_contain_text(share)
             said = who_reads.get_by_label("Alarms", exact=True)
             expect(said).to_contain_text(lost)
-            assert ("drive on" in said.inner_text()) == (who_reads is page)
+            assert ("drive by hand" in said.inner_text()) == (who_reads is page)
+            expect(said.locator(".alarm")).to_have_count(1)
         page.bring_to_front()
         robot.status = status._replace(mode=Mode.AUTOMATIC)
         expect(page.locator(".device")).to_have_text("keyboard: not used in Auto")

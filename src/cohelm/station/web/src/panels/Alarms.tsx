@@ -57,12 +57,17 @@ function localAlarms(): ShownAlarm[] {
   const reason = noEffectReason.value || (s.youDrive.value ? notArmedReason.value : '')
   if (s.linked.value && reason !== '') add('warning', `Your stick does not steer: ${reason}.`)
   if (s.linked.value && resumeHint.value !== '') add('notice', `To continue: ${resumeHint.value}.`)
-  const localised = s.state.value?.localised
-  if (localised === 'lost') add('alarm', `Localization is lost.${s.mayDrive.value ? ' In Shared or Manual drive on a little by hand (speed is limited), so that it can localize again.' : ''}`)
-  else if (localised === 'poor') add('warning', 'Localization is uncertain.')
+  if (s.state.value?.localised === 'poor') add('warning', 'Localization is uncertain.')
   const battery = s.health.value?.battery ?? 1
   if (battery < LOW_BATTERY) add(battery < EMPTY_BATTERY ? 'warning' : 'notice', `The battery is at ${percent(battery)}: bring the robot to its charger.`)
   return out
+}
+
+/** The robot's alarm of a lost localization says why; here is what its driver can do about it. */
+function remedied(alarm: Alarm): Alarm {
+  if (!alarm.text.startsWith('lost: ')) return alarm
+  const hint = alarm.active && s.mayDrive.value ? '. In Shared or Manual you can drive by hand (speed is limited), so that it localizes again.' : ''
+  return { ...alarm, text: `Localization is ${alarm.text}${hint}` }
 }
 
 /** Whether all alarms are shown, over what is below. */
@@ -79,7 +84,7 @@ function room(): number {
 
 export function Alarms() {
   void s.clock.value // the screen may have been turned
-  const all: ShownAlarm[] = [...localAlarms(), ...mergeAlarms(s.state.value?.alarms ?? [])]
+  const all: ShownAlarm[] = [...localAlarms(), ...mergeAlarms((s.state.value?.alarms ?? []).map(remedied))]
   const order = { alarm: 0, warning: 1, notice: 2 }
   all.sort((a, b) => order[a.severity] - order[b.severity])
   if (all.length === 0) return <div class="alarms" role="status" aria-label="Alarms">{s.state.value === null ? '…' : 'No alarms'}</div>
