@@ -4,16 +4,28 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from playwright.sync_api import Browser, BrowserContext, expect
 
-from cohelm.link.messages import Alarm, Mode, Severity
+from cohelm.link.bulk_messages import Alarms, WholeAlarm
+from cohelm.link.messages import Alarm, Arming, Mode, Severity
 from tests.link.ends import STATUS
 from tests.station.bare import Bare
 from tests.station.conftest import CHROMIUM, FLAGS
 from tests.station.person import alarms, stopped, take, who
 from tests.station.servers import served
+from tests.station.test_alarms import LONG
 
 STANDS = STATUS._replace(mode=Mode.HOLD, why="idle")
+CUT = """(one) => one.scrollHeight > one.clientHeight + 1 || one.scrollWidth > one.clientWidth + 1
+    || one.getBoundingClientRect().right > innerWidth"""
+SEEN = """(one, end) => {
+  const [first, last] = [...one.getClientRects()].flatMap((box) => [box.top, box.bottom])
+  const { left, width } = one.getBoundingClientRect()
+  const at = end === 'start' ? first + 6 : last - 6
+  return [left + 3, left + width - 3].every((x) => one.contains(document.elementFromPoint(x, at)))
+}"""
+"""Whether the first, or the last, line of it is in sight, and nothing lies over it."""
 PALE = """() => {
   const light = (c) => {
     const part = (v) => (v / 255 <= 0.04045 ? v / 255 / 12.92 : ((v / 255 + 0.055) / 1.055) ** 2.4)
@@ -83,6 +95,48 @@ def test_letters_grow_with_those_of_the_system(browser: Browser, tmp_path: Path)
         assert slider is not None
         assert slider["width"] > 40
         assert page.evaluate("document.documentElement.scrollWidth") <= 1280
+    large.close()
+
+
+@pytest.mark.parametrize("size", [(390, 780), (320, 568), (740, 330), (820, 1180)])
+def test_with_large_letters_on_a_phone_every_alarm_can_be_read_and_stop_pressed(
+    browser: Browser, tmp_path: Path, size: tuple[int, int]
+) -> None:
+    large = browser.browser_type.launch(
+        executable_path=CHROMIUM, args=[*FLAGS, "--blink-settings=defaultFontSize=24"]
+    )
+    texts = ("the odometry is 120 ms old, and its clock jumped", LONG)  # the shorter is cut, too
+    page = large.new_page(
+        viewport={"width": size[0], "height": size[1]}, is_mobile=True, has_touch=True
+    )
+    armed = STATUS._replace(mode=Mode.SHARED, arming=Arming.ARMED)
+    with Bare(tmp_path, armed) as robot, served(robot.connect) as server:
+        page.goto(server.address)
+        take(page)
+        for number, text in enumerate(texts, 10):
+            told = Alarm(number, Severity.ALARM, True, False, text)
+            robot.bulk.publish(Alarms((WholeAlarm(told, text),)))
+            robot.status = armed._replace(alarms=(told,))
+            said = alarms(page).locator("> .alarm")
+            expect(said).to_contain_text(text)
+            expect(alarms(page).locator(".alarm")).to_have_count(1)
+            page.wait_for_timeout(600)
+            if said.locator("span").nth(1).evaluate(CUT):
+                alarms(page).get_by_role("button", name="In full").tap()
+                said = page.get_by_role("dialog", name="All alarms").locator(".alarm")
+                button = said.get_by_role("button", name="Acknowledge")
+                button.scroll_into_view_if_needed()
+                expect(button).to_be_in_viewport(ratio=1)
+                button.tap(trial=True)
+            words = said.locator("span").nth(1)
+            assert not words.evaluate(CUT)
+            for end in ("start", "end"):
+                words.evaluate(f"(one) => one.scrollIntoView({{ block: '{end}' }})")
+                assert words.evaluate(SEEN, end), (text, end)
+            stop = page.get_by_role("button", name="Stop the robot")
+            expect(stop).to_be_in_viewport(ratio=1)
+            stop.tap(trial=True)
+            page.keyboard.press("Escape")
     large.close()
 
 

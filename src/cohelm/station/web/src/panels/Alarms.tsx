@@ -1,5 +1,6 @@
 // The alarms, the worst first, each with a button to acknowledge it.
 import { signal } from '@preact/signals'
+import { useLayoutEffect, useRef } from 'preact/hooks'
 import type { Alarm } from '../messages'
 import { send } from '../socket'
 import * as s from '../state'
@@ -74,8 +75,8 @@ function remedied(alarm: Alarm): Alarm {
 const open = signal(false)
 const SMALL = matchMedia('(max-width: 820px), (max-height: 500px)')
 const LOW = matchMedia('(max-height: 600px)')
-/** On a small screen a longer text is cut. */
-const LONG = 60
+/** The texts, and the width of the window, where one of them was cut. */
+const cutAt = signal('')
 
 /** How many alarms there is room for, so that what drives the robot keeps its place. */
 function room(): number {
@@ -83,6 +84,7 @@ function room(): number {
 }
 
 export function Alarms() {
+  const ref = useRef<HTMLDivElement>(null)
   void s.clock.value // the screen may have been turned
   const all: ShownAlarm[] = [...localAlarms(), ...mergeAlarms((s.state.value?.alarms ?? []).map(remedied))]
   const order = { alarm: 0, warning: 1, notice: 2 }
@@ -90,10 +92,14 @@ export function Alarms() {
   if (all.length === 0) return <div class="alarms" role="status" aria-label="Alarms">{s.state.value === null ? '…' : 'No alarms'}</div>
   const shown = all.slice(0, room())
   const hidden = all.length - shown.length
-  const cut = SMALL.matches && shown.some((alarm) => alarm.text.length > LONG)
-  const more = hidden > 0 || cut
+  const now = `${innerWidth} ${shown.map(spoken).join()}`
+  useLayoutEffect(() => {
+    const texts = [...(ref.current?.querySelectorAll('.alarms > .alarm > span:nth-child(2)') ?? [])]
+    if (texts.some((one) => one.scrollHeight > one.clientHeight + 1)) cutAt.value = now
+  })
+  const more = hidden > 0 || cutAt.value === now
   return (
-    <div class="alarms" role="alert" aria-label="Alarms" aria-atomic="false" aria-relevant="additions"
+    <div ref={ref} class="alarms" role="alert" aria-label="Alarms" aria-atomic="false" aria-relevant="additions"
       aria-live={all[0]?.severity === 'alarm' ? 'assertive' : 'polite'}>
       {shown.map((alarm) => <Row key={spoken(alarm)} alarm={alarm} plain={more && SMALL.matches} />)}
       {more && (
