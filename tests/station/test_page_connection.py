@@ -27,7 +27,7 @@ from cohelm.link.messages import (
 from cohelm.link.robot_end import RobotEnd
 from cohelm.station import app
 from cohelm.station.serve import Server
-from tests.link.ends import STATUS
+from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
 from tests.station.conftest import WAIT
 from tests.station.person import mode_button, take, who
@@ -546,6 +546,31 @@ def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_
             for row in ("round trip", "packet loss", "clock offset"):
                 expect(who_reads.get_by_role("row", name=row).first).to_contain_text("–")
         assert "stops by itself" not in other.get_by_label("Alarms", exact=True).inner_text()
+
+
+def test_a_double_click_is_one_click_and_different_buttons_are_all_heard(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    told = tuple(Alarm(n, Severity.ALARM, True, False, f"alarm {n}") for n in (1, 2))
+    status = STATUS._replace(mode=Mode.HOLD, stopped="stop by anna (3)", alarms=told)
+    with Bare(tmp_path, status) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        take(page)
+        for button, what in (
+            (page.get_by_role("button", name="Acknowledge").first, RequestKind.ACKNOWLEDGE),
+            (page.get_by_role("button", name="Reset"), RequestKind.RESET),
+            (page.get_by_role("button", name="● Record"), RequestKind.RECORD),
+            (mode_button(page, "Manual"), RequestKind.MODE),
+        ):
+            button.dblclick()
+            until(lambda what=what: what in robot.requests)
+        for mode in ("Shared", "Manual", "Shared"):
+            mode_button(page, mode).click()
+        until(lambda: robot.requests.count(RequestKind.MODE) == 4)
+        page.wait_for_timeout(300)
+        counts = {what: robot.requests.count(what) for what in set(robot.requests)}
+        kinds = (RequestKind.ACKNOWLEDGE, RequestKind.RESET, RequestKind.RECORD)
+        assert counts == dict.fromkeys(kinds, 1) | {RequestKind.MODE: 4}
 
 
 @pytest.mark.parametrize(

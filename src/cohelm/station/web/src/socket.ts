@@ -56,6 +56,20 @@ export function send(message: Outgoing): boolean {
   return true
 }
 
+/** What is asked by the same button, or by one that comes in its place. */
+const SAME: { [what: string]: string } = { give: 'take', refuse: 'take', record_stop: 'record' }
+const DOUBLE_CLICK_MS = 600
+let asked = { what: '', at: -Infinity }
+
+/** Ask the robot for something, for each value. A double click is one click: its second half would undo the first, be
+ * refused as done already, or acknowledge the next alarm, which nobody has read. */
+export function ask(what: Do['what'], ...values: number[]): void {
+  const now = { what: SAME[what] ?? what, at: performance.now() }
+  if (now.what === asked.what && now.at - asked.at < DOUBLE_CLICK_MS) return
+  asked = now
+  for (const value of values.length > 0 ? values : [0]) send({ type: 'do', what, value })
+}
+
 /** Send STOP, once on each connection, until the robot says that it is stopped; also after a reload. */
 export function stop(): void {
   stopping = Date.now()

@@ -2,7 +2,7 @@
 import { signal } from '@preact/signals'
 import { useLayoutEffect, useRef } from 'preact/hooks'
 import type { Alarm } from '../messages'
-import { send } from '../socket'
+import { ask } from '../socket'
 import * as s from '../state'
 import { useEscape } from './escape'
 import { mergeAlarms, type ShownAlarm } from './mergeAlarms'
@@ -156,6 +156,5 @@ const AT_ONCE = 8
 
 /** Those alone, and not one that comes meanwhile. */
 function acknowledge(alarms: ShownAlarm[]): void {
-  const numbers = alarms.flatMap((alarm) => alarm.all).slice(0, AT_ONCE)
-  numbers.forEach((value) => send({ type: 'do', what: 'acknowledge', value }))
+  ask('acknowledge', ...alarms.flatMap((alarm) => alarm.all).slice(0, AT_ONCE))
 }

@@ -1,12 +1,7 @@
 // The driver, and the requests to change it.
-import { send } from '../socket'
+import { ask } from '../socket'
 import * as s from '../state'
-import type { Do } from '../messages'
 import { modeName } from './format'
-
-function request(what: Do['what'], value = 0): void {
-  send({ type: 'do', what, value })
-}
 
 const HOLD_WITHIN_MS = 1000
 
@@ -24,11 +19,11 @@ const DOUBLE_CLICK_MS = 600
 /** Hold first: a moving robot whose lease is released stops with an alarm. */
 function release(): void {
   if (performance.now() - droveAt < DOUBLE_CLICK_MS) return
-  if (drives()) request('hold')
+  if (drives()) ask('hold')
   const since = performance.now()
   const handBack = () => {
     if (drives() && performance.now() - since < HOLD_WITHIN_MS) setTimeout(handBack, 20)
-    else request('give')
+    else ask('give')
   }
   handBack()
 }
@@ -57,13 +52,13 @@ export function Driver() {
         <span class="requester" role="alert">
           {/* the seconds are not read out, each of them, over the buttons' names */}
           {who.requester} requests control<span aria-hidden="true">{left}</span>
-          <button type="button" onClick={() => request('give', who.requester_client)}>Hand over</button>
-          <button type="button" onClick={() => request('refuse')}>Keep</button>
+          <button type="button" onClick={() => ask('give', who.requester_client)}>Hand over</button>
+          <button type="button" onClick={() => ask('refuse')}>Keep</button>
         </span>
       )}
-      {!who.you_drive && who.driver === null && <button key="take" type="button" onClick={() => request('take')}>Take over</button>}
+      {!who.you_drive && who.driver === null && <button key="take" type="button" onClick={() => ask('take')}>Take over</button>}
       {linked && !who.you_drive && who.driver !== null && !who.you_request && (
-        <button key="ask" type="button" onClick={() => request('take')}>Request control</button>
+        <button key="ask" type="button" onClick={() => ask('take')}>Request control</button>
       )}
       {linked && who.you_request && <span role="status">requested<span aria-hidden="true">{left}</span></span>}
     </div>

@@ -6,7 +6,7 @@ import { change, DEFAULTS, settings } from '../input/settings'
 import { DEVICE_NAMES, type Device } from '../input/stick'
 import { routeTo } from '../map/view'
 import type { DockPlace } from '../messages'
-import { send } from '../socket'
+import { ask, send } from '../socket'
 import * as s from '../state'
 import { useEscape } from './escape'
 import { MODES, percent, tidy } from './format'
@@ -24,7 +24,7 @@ export function Modes() {
       <div role="group" aria-label="Mode" class="segments">
         {MODES.map(([mode, name, meaning]) => (
           <button key={mode} type="button" aria-pressed={now === mode} title={s.mayDrive.value ? meaning : `${meaning} (the driver chooses)`}
-            disabled={!s.mayDrive.value} onClick={() => send({ type: 'do', what: mode, value: 0 })}>
+            disabled={!s.mayDrive.value} onClick={() => ask(mode)}>
             {name}
           </button>
         ))}
@@ -51,17 +51,16 @@ function Docks() {
   const name = s.docks.value[now.dock - 1]?.name
   if (name === undefined) return <RoutesToDocks />
   const at = now.docking
-  const request = (what: 'dock' | 'undock') => send({ type: 'do', what, value: now.dock })
   return (
     <div class="row docks" role="group" aria-label="Dock">
       {at === 'docking' && <span role="status">docking at {name} …</span>}
       {at === 'undocking' && <span role="status">undocking from {name} …</span>}
       {at === 'docked' && <span role="status">docked at {name}</span>}
       {(at === 'staged' || at === 'between') && (
-        <button type="button" disabled={!s.mayDrive.value} onClick={() => request('dock')}>Dock at {name}</button>
+        <button type="button" disabled={!s.mayDrive.value} onClick={() => ask('dock', now.dock)}>Dock at {name}</button>
       )}
       {(at === 'docked' || at === 'between') && (
-        <button type="button" disabled={!s.mayDrive.value} onClick={() => request('undock')}>Undock</button>
+        <button type="button" disabled={!s.mayDrive.value} onClick={() => ask('undock', now.dock)}>Undock</button>
       )}
     </div>
   )

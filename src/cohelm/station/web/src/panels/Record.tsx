@@ -1,7 +1,7 @@
 // Recording, on the robot's side.
 import { signal } from '@preact/signals'
 import { authorizedFetch } from '../session'
-import { send } from '../socket'
+import { ask } from '../socket'
 import * as s from '../state'
 import { useEscape } from './escape'
 import { bytes } from './format'
@@ -38,16 +38,6 @@ async function download(name: string): Promise<void> {
   link.click()
 }
 
-const DOUBLE_CLICK_MS = 600
-let toggledAt = -Infinity
-
-/** A double click is one: else the record would end as it begins. */
-function toggle(on: boolean): void {
-  if (performance.now() - toggledAt < DOUBLE_CLICK_MS) return
-  toggledAt = performance.now()
-  send({ type: 'do', what: on ? 'record_stop' : 'record', value: 0 })
-}
-
 export function Record() {
   if (s.isReplay.value) return null
   const on = s.state.value?.recording === true
@@ -55,7 +45,7 @@ export function Record() {
     <div class="record">
       <button
         type="button" aria-pressed={on} class={on ? 'on' : ''}
-        onClick={() => toggle(on)}
+        onClick={() => ask(on ? 'record_stop' : 'record')}
       >
         {on ? '■ Stop recording' : '● Record'}
       </button>

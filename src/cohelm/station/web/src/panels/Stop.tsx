@@ -1,7 +1,7 @@
 // The STOP button: always visible, for every operator. A software stop, and labelled so.
 import { device } from '../input/drive'
 import { pad, stopButtonName } from '../input/gamepad'
-import { send, stop } from '../socket'
+import { ask, stop } from '../socket'
 import * as s from '../state'
 
 export function Stop() {
@@ -19,8 +19,7 @@ export function Stop() {
           <span><b>Stopped:</b> {why}</span>
           {/* why it is grey stands beside it, and is read out with it */}
           {other && <small id="reset-by">{s.who.value?.driver == null ? 'Take over first' : 'by the driver'}</small>}
-          <button type="button" disabled={!s.mayDrive.value} aria-describedby={other ? 'reset-by' : undefined}
-            onClick={() => send({ type: 'do', what: 'reset', value: 0 })}>
+          <button type="button" disabled={!s.mayDrive.value} aria-describedby={other ? 'reset-by' : undefined} onClick={() => ask('reset')}>
             Reset
           </button>
         </div>
