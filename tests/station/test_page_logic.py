@@ -117,9 +117,9 @@ def test_the_resume_button_resets_a_stop_and_then_resumes_the_previous_mode(aske
 def test_a_deflected_stick_without_effect_shows_what_to_do_first(asked) -> None:
     assert asked(
         "input/stick.ts",
-        "m.needed(false, true, 'hold')", "m.needed(true, true, 'hold')",
-        "m.needed(true, false, 'hold')", "m.needed(true, false, 'automatic')",
-        "m.needed(true, false, 'shared')", "m.needed(true, false, 'manual')",
+        "m.needed('press Take over first', true, 'hold')", "m.needed('', true, 'hold')",
+        "m.needed('', false, 'hold')", "m.needed('', false, 'automatic')",
+        "m.needed('', false, 'shared')", "m.needed('', false, 'manual')",
     ) == [
         "press Take over first", "press Reset first",
         "mode is Hold; release it, then choose Shared or Manual",

@@ -44,7 +44,9 @@ export const notArmedReason = computed(() => {
 export const noEffectReason = computed(() => {
   const state = s.state.value
   if (state === null || !command.value.valid || !deflected(stick.value)) return ''
-  return needed(s.youDrive.value, state.stopped !== '', state.mode)
+  const { driver = null, you_request = false } = s.who.value ?? {}
+  const lease = s.youDrive.value ? '' : driver === null ? 'press Take over first' : you_request ? 'you have requested control, and wait for it' : 'press Request control first'
+  return needed(lease, state.stopped !== '', state.mode)
 })
 
 /** How to continue from the gamepad; empty: nothing to continue, or no gamepad in use. */

@@ -113,9 +113,10 @@ export function centred(stick: Stick, centre: number): boolean {
   return stick.every((axis) => Math.abs(axis) <= centre)
 }
 
-/** What the operator must do first for a deflected stick to steer; empty: nothing. */
-export function needed(drives: boolean, stopped: boolean, mode: string): string {
-  if (!drives) return 'press Take over first'
+/** What the operator must do first for a deflected stick to steer; empty: nothing. lease: for the right to drive; empty: it
+ * is there. */
+export function needed(lease: string, stopped: boolean, mode: string): string {
+  if (lease !== '') return lease
   if (stopped) return 'press Reset first'
   if (mode === 'hold') return 'mode is Hold; release it, then choose Shared or Manual'
   if (mode === 'automatic') return 'mode is Auto; release it, then choose Shared or Manual'
