@@ -556,6 +556,30 @@ def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_
         assert "stops by itself" not in other.get_by_label("Alarms", exact=True).inner_text()
 
 
+SAID = """{
+    window.said = []
+    new MutationObserver(() => {
+        const now = document.querySelector('header')?.innerText ?? ''
+        if (now !== said.at(-1)) said.push(now)
+    }).observe(document, { childList: true, subtree: true, characterData: true })
+}"""
+
+
+def test_a_page_that_opens_says_at_no_moment_that_it_lost_the_link_or_that_it_has_one(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
+        page = shown(context, server, SAID)
+        take(page)
+        assert "No link to the robot" not in "".join(page.evaluate("said"))
+        robot.die()
+        expect(who(page)).to_contain_text("No link")
+        page.reload()
+        expect(who(page)).to_contain_text("No link")
+        page.wait_for_timeout(500)
+        assert "You drive" not in "".join(page.evaluate("said"))
+
+
 def test_a_double_click_is_one_click_and_different_buttons_are_all_heard(
     context: BrowserContext, tmp_path: Path
 ) -> None:

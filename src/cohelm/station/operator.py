@@ -279,13 +279,15 @@ class PageOperator:
         if now - self._beat_at >= BEAT:
             self._beat_at = now
             self._send(page.Beat(at_ms=now * 1e3, page_ms=self._page_ms))
-        if self._status is not None and now - self._state_at >= FRAME_RATE:
-            self._send_state(self._status, now)
-        if now - self._link_at >= LINK_EVERY:
+        # before the first state, which without a link would be an old one
+        first = self._status is not None and self._shown is None
+        if first or now - self._link_at >= LINK_EVERY:
             self._link_at = now
             self._outbox.put("link", view.shown(self.link.state()))
             if isinstance(self.link, ReplayLink):
                 self._outbox.put("place", view.shown(self.link.place))
+        if self._status is not None and now - self._state_at >= FRAME_RATE:
+            self._send_state(self._status, now)
 
     def _send_state(self, status: robot.Status, now: float) -> None:
         if status is not self._shown:
