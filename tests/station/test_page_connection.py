@@ -168,6 +168,20 @@ def test_a_stop_that_was_not_sent_survives_a_reload_but_not_for_hours(
             expect(page.get_by_label("Alarms", exact=True)).not_to_contain_text("too old")
 
 
+def test_a_stop_that_is_sent_once_more_after_a_reload_is_not_said_to_have_had_no_connection(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        connected(page)
+        page.keyboard.press("Space")
+        until(lambda: RequestKind.STOP in robot.requests)
+        page.wait_for_timeout(2500)
+        page.reload()
+        alarms = page.get_by_label("Alarms", exact=True)
+        expect(alarms).to_contain_text("after: the robot had not answered it before")
+
+
 def test_a_display_without_a_link_to_the_robot_is_pale(
     context: BrowserContext, tmp_path: Path
 ) -> None:

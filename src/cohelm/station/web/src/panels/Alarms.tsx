@@ -53,7 +53,7 @@ function localAlarms(): ShownAlarm[] {
   if (late !== null) {
     const pressed = new Date(late.pressed).toLocaleString()
     if (late.sent === null) add('alarm', `STOP, pressed ${pressed} in this tab, could not be sent and is now too old: press it again.`)
-    else add('notice', `STOP, pressed ${pressed} in this tab, was sent late, ${ago(late.sent - late.pressed)} after: there was no connection.`)
+    else add('notice', `STOP, pressed ${pressed} in this tab, was sent late, ${ago(late.sent - late.pressed)} after: the robot had not answered it before.`)
   }
   const reason = noEffectReason.value || (s.youDrive.value ? notArmedReason.value : '')
   if (s.linked.value && reason !== '') add('warning', `Your stick does not steer: ${reason}.`)
