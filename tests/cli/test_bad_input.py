@@ -91,6 +91,17 @@ def test_a_missing_scenario_is_reported_with_the_nearest_name(cohelm, name, word
     refused(cohelm("run", name), *words)
 
 
+@pytest.mark.parametrize("further", [[], ["--scenario", "lab-guard"], ["--driver", "carts:Cart"]])
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [("nowhere", "nowhere: no such file"), ("salli.yaml", "did you mean sally?")],
+)
+def test_a_missing_robot_is_reported_with_all_that_can_be_given(cohelm, name, word, further):
+    said = cohelm("robot", name, *further)
+    refused(said, word, "robots that come with cohelm: sally, ", "; scenarios that come with ")
+    assert "or give the YAML file of either" in said.err
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

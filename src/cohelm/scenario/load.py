@@ -239,8 +239,11 @@ def shipped() -> dict[str, Path]:
     return {file.stem: file for file in sorted(folder.glob("*.yaml"))}
 
 
-def find(path: str | Path) -> Path:
-    """The file that a path or a shipped scenario's bare name means; CohelmError if none."""
+def find(path: str | Path, or_robot: bool = False) -> Path:
+    """The file that a path or a shipped scenario's bare name means; CohelmError if none.
+
+    or_robot: a robot may be given there too, for the error's words.
+    """
     file, named = Path(path), shipped()
     if str(path) in named and not file.is_file():
         return named[str(path)]
@@ -256,9 +259,11 @@ def find(path: str | Path) -> Path:
     siblings = _names(file.parent)
     close = did_you_mean(file.name, siblings) or did_you_mean(file.stem, named)
     close = close or did_you_mean(file.stem, SHIPPED)
-    raise CohelmError(
-        f"{path}: no such file{close}; scenarios that come with cohelm: {', '.join(named)}"
-    )
+    there = f"scenarios that come with cohelm: {', '.join(named)}"
+    if or_robot:
+        robots = f"robots that come with cohelm: {', '.join(SHIPPED)}"
+        there = f"{robots}; {there}; or give the YAML file of either"
+    raise CohelmError(f"{path}: no such file{close}; {there}")
 
 
 def _names(folder: Path) -> list[str]:
