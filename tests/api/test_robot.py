@@ -442,6 +442,27 @@ def test_scans_are_numbered_stamped_and_as_rep_117_has_them():
         bare.scan(ranges)
 
 
+def test_ranges_in_millimetres_are_a_fault_that_says_so_and_no_empty_scan():
+    cart = Cart()
+    ranges = np.linspace(900.0, 4000.0, 720)
+    ranges[:500] = 0.0  # what this LiDAR gives for no return
+    cart.read = lambda: cohelm.Readings(scan=cart.scan(ranges))
+    found = RobotAdapter(cart).read()
+    (said,) = found.health.faults
+    assert said.startswith("ranges are in metres, got 352")
+    assert said.endswith(" in the median: divide millimetres by 1000")
+    assert found.scan is None
+
+
+@pytest.mark.parametrize("none", [math.inf, 655.35, 65535.0, 1e9])
+def test_whatever_a_driver_gives_for_no_return_is_not_taken_for_millimetres(none):
+    cart = Cart()
+    ranges = np.full(720, none)
+    assert np.isinf(cart.scan(ranges).ranges).all()
+    ranges[:9] = np.linspace(2.0, 4.0, 9)
+    assert np.isfinite(cart.scan(ranges).ranges).sum() == 9
+
+
 def test_scans_of_further_lidars_are_numbered_by_themselves_and_stay_until_newer_ones_come():
     cart = Cart()
     cart.model = cohelm.load_robot("sally-rear")

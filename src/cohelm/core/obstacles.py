@@ -132,11 +132,7 @@ class Obstacles:
         bearings = yaw + first + step * np.arange(len(far))
         real = np.where(far < range_min, range_min, far)
         hit = np.isfinite(real)
-        if 2 * np.count_nonzero(real[hit] > _LONGEST) > np.count_nonzero(hit):
-            raise CohelmError(
-                f"ranges are in metres, got {np.median(real[hit]):g} in the median: divide "
-                "millimetres by 1000"
-            )
+        check_in_metres(real[hit])
         points = np.column_stack((np.cos(bearings[hit]), np.sin(bearings[hit])))
         return cls(points=points * real[hit, None] + (x, y))
 
@@ -173,6 +169,15 @@ class Obstacles:
         return (
             f"Obstacles({len(self.points)} points, {len(self.discs)} discs, "
             f"{len(self.segments)} segments)"
+        )
+
+
+def check_in_metres(ranges: Floats) -> None:
+    """CohelmError where most of these finite ranges are a LiDAR's in millimetres. [m]"""
+    if 2 * np.count_nonzero(ranges > _LONGEST) > len(ranges):
+        raise CohelmError(
+            f"ranges are in metres, got {np.median(ranges):g} in the median: divide "
+            "millimetres by 1000"
         )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.obstacles import check_in_metres
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.clock import sleep_until
 from cohelm.robot.model import RobotModel
@@ -99,7 +100,7 @@ class Robot(ABC):
         largest, inf (REP-117). age: of its last beam [s]. duration: from its first beam to its last
         [s]. sensor: name of one of several LiDARs, by default the first; scans of the others go
         into `Readings.further`. edges: (beams,), as in `Scan`.
-        Raises CohelmError for another number of beams, or an unknown LiDAR.
+        Raises CohelmError for another number of beams, ranges in millimetres, or an unknown LiDAR.
         """
         known = {lidar.name: lidar for lidar in self.model.lidars}
         if not known:
@@ -117,6 +118,9 @@ class Robot(ABC):
                 name, f"a scan of {self.model.name} has {lidar.beams} beams, got shape "
                 f"{made.shape}: set lidar.beams in the robot's YAML"
             ))  # fmt: skip
+        measured = made[np.isfinite(made) & (made >= lidar.range_min_m)]
+        if len(measured):  # the largest may be what this driver gives for no return
+            check_in_metres(measured[measured < measured.max()])
         made[made < lidar.range_min_m] = -math.inf
         made[made > lidar.range_max_m] = math.inf
         made.flags.writeable = False
