@@ -146,3 +146,45 @@ def test_a_robot_that_stops_harder_than_the_gate_brakes_is_stopped_and_not_at_fa
             assert it.gate.out.v == pytest.approx(speed)
             it.stop("the drive is over")
     assert (it.gate.mode, it.gate.reason) == (GateMode.STOPPED, "the drive is over")
+
+
+class Waits(StopsDead):
+    """One call of its takes long."""
+
+    def __init__(self):
+        super().__init__()
+        self.call, self.takes = "", 0.0
+
+    def _pass(self, call):
+        if call == self.call:
+            self.wait(self.now() + self.takes)
+
+    def read(self):
+        self._pass("read")
+        return super().read()
+
+    def send(self, twist):
+        self._pass("send")
+        super().send(twist)
+
+
+@pytest.mark.parametrize("call", ["read", "send"])
+@pytest.mark.parametrize("takes", [0.05, 1.5])
+@pytest.mark.parametrize("mode", [GateMode.IDLE, GateMode.AUTOMATIC, GateMode.SHARED])
+def test_a_call_of_the_driver_that_stops_the_robot_by_waiting_is_named(call, mode, takes):
+    robot = Waits()
+    it = LocalGatedRobot(RobotAdapter(robot), rules(BLIND, 0.02), watched_by=())
+    it.propose(Proposal(0, it.now(), Twist(0.0, 0.0)))
+    assert it.drive(mode) == ""
+    robot.call, robot.takes = call, takes
+    it.read()
+    it.propose(Proposal(1, it.now(), Twist(0.3, 0.0)))
+    it.tick()
+    if mode == GateMode.IDLE or takes < 0.1:
+        assert it.gate.mode == mode
+        return
+    assert it.gate.mode == GateMode.FAULTED
+    assert it.gate.reason == (
+        f"no valid command for more than 100 ms: {call} of the robot's driver took 1.50 s"
+    )
+    assert robot.twist == (0.0, 0.0)

@@ -168,9 +168,13 @@ def _check_watchdog(gate: Gate, now: float, rules: GateRules) -> Gate:
         return fault(back, "the robot's clock went back")
     gate = gate._replace(clock=now)
     if driving(gate.mode) and now - gate.last_proposal > rules.watchdog:
-        late = f"no valid command for more than {1000.0 * rules.watchdog:.0f} ms"
-        return fault(gate, late)
+        return fault(gate, silence(rules))
     return gate
+
+
+def silence(rules: GateRules) -> str:
+    """What the watchdog says of a loop that it has not heard in time."""
+    return f"no valid command for more than {1000.0 * rules.watchdog:.0f} ms"
 
 
 def _check_pace(gate: Gate, now: float, rules: GateRules) -> Gate:

@@ -90,11 +90,13 @@ class LocalGatedRobot:
 
     def read(self) -> Readings:
         """The newest of everything; a fault that the robot reports is latched."""
+        begun = self._robot.now()
         readings = _bounded_odometry(self._robot.read())
         faults = () if readings.health is None else readings.health.faults
         self._fault = f"the robot reports: {faults[0]}" if faults else ""
         if self._fault:
             self.fault(self._fault)
+        self._check_wait("read", begun)
         if self._monitors:
             now, applied = self._robot.now(), self._gate.out
             stopped = latched(self._gate.mode)
@@ -193,12 +195,22 @@ class LocalGatedRobot:
         self._apply(gate)
         if latched(gate.mode):
             return passed
+        begun = self._robot.now()
         tried = self._robot.send(passed.out)
+        self._check_wait("send", begun)
         if tried != passed.out:
             passed = Passed(tried, passed.reason or "the robot does not do more")
         if passed.reason and driving(gate.mode):
             self._log_once(f"{'refused' if refused else 'limited'}: {passed.reason}")
         return passed
+
+    def _check_wait(self, call: str, begun: float) -> None:
+        """Say of a call of the robot that used up the watchdog's time that it did: the watchdog
+        would know only that no command came. begun: when it was called [s]."""
+        took = self._robot.now() - begun
+        if driving(self._gate.mode) and took > self._rules.watchdog:
+            why = f"{call} of the robot's driver took {took:.2f} s"
+            self.fault(f"{gates.silence(self._rules)}: {why}")
 
     def _log_once(self, reason: str) -> None:
         """Log why a proposal was changed, once until the reason has been absent for `QUIET`."""
