@@ -85,30 +85,6 @@ def whole(form: str) -> WireField[int]:
     return WireField(write, read, layout.size)
 
 
-def real(form: str, least: float = -math.inf, most: float = math.inf) -> WireField[float]:
-    """A finite number, `f` or `d` of struct, in [least, most]."""
-    layout = struct.Struct("<" + form)
-
-    def refused(value: float) -> str:
-        return f"{value} is not a number in [{least}, {most}]"
-
-    def write(into: bytearray, value: float) -> None:
-        if not (math.isfinite(value) and least <= value <= most):
-            raise ValueError(refused(value))
-        try:
-            into += layout.pack(value)
-        except OverflowError:
-            raise ValueError(refused(value)) from None
-
-    def read(reader: Reader) -> float:
-        value: float = layout.unpack(reader.take(layout.size))[0]
-        if not (math.isfinite(value) and least <= value <= most):
-            raise Malformed(refused(value))
-        return value
-
-    return WireField(write, read, layout.size)
-
-
 def reported(form: str) -> WireField[float]:
     """Any number; NaN means unknown, infinity none."""
     layout = struct.Struct("<" + form)
@@ -269,6 +245,16 @@ def checked(field: WireField[T], wrong: Callable[[T], str]) -> WireField[T]:
         return value
 
     return WireField(write, read, field.most)
+
+
+def real(form: str, least: float = -math.inf, most: float = math.inf) -> WireField[float]:
+    """A finite number, `f` or `d` of struct, in [least, most]."""
+
+    def wrong(value: float) -> str:
+        fits = math.isfinite(value) and least <= value <= most
+        return "" if fits else f"{value} is not a number in [{least}, {most}]"
+
+    return checked(reported(form), wrong)
 
 
 def _count(form: str, most: int, what: str) -> WireField[int]:
