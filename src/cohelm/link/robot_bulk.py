@@ -275,22 +275,13 @@ class RobotBulk(IoThread):
             station.replies.append(Records(listed(self._records)))
         elif fetch.size == 0:
             station.digest_of = fetch.name
-        elif not self._continues(station.wanted, fetch):
+        elif station.wanted is None or not station.wanted.more(fetch):
             self._end_fetch(station)
             file = opened(self._records, fetch.name)
             if file is None:
                 station.replies.append(Piece(fetch.name, fetch.offset, b""))
             else:
-                end = fetch.offset + fetch.size
-                station.wanted = RecordTransfer(fetch.name, file, fetch.offset, end)
-
-    @staticmethod
-    def _continues(wanted: RecordTransfer | None, fetch: Fetch) -> bool:
-        return (
-            wanted is not None
-            and wanted.name == fetch.name
-            and wanted.more(fetch.offset, fetch.size)
-        )
+                station.wanted = RecordTransfer(fetch, file)
 
     @staticmethod
     def _end_fetch(station: _Station) -> None:

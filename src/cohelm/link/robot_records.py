@@ -14,7 +14,7 @@ import stat
 from pathlib import Path
 from typing import IO
 
-from cohelm.link.bulk_messages import Digest, Piece, RecordInfo
+from cohelm.link.bulk_messages import Digest, Fetch, Piece, RecordInfo
 
 PIECE = 32_768
 """[byte]"""
@@ -53,14 +53,15 @@ def opened(folder: Path | None, name: str) -> IO[bytes] | None:
 class RecordTransfer:
     """The part of a record that one station has requested and not received yet."""
 
-    def __init__(self, name: str, file: IO[bytes], at: int, end: int) -> None:
-        self.name, self._file, self._at, self._end = name, file, at, end
+    def __init__(self, fetch: Fetch, file: IO[bytes]) -> None:
+        self._name, self._file, self._at = fetch.name, file, fetch.offset
+        self._end = fetch.offset + fetch.size
 
-    def more(self, offset: int, size: int) -> bool:
+    def more(self, fetch: Fetch) -> bool:
         """Extend the request by what follows; False: it does not follow."""
-        if offset != self._end:
+        if (fetch.name, fetch.offset) != (self._name, self._end):
             return False
-        self._end += size
+        self._end += fetch.size
         return True
 
     @property
@@ -75,7 +76,7 @@ class RecordTransfer:
             data = self._file.read(min(PIECE, self._end - self._at))
         except (OSError, ValueError):  # also an offset that no file has
             data = b""
-        piece = Piece(self.name, self._at, data)
+        piece = Piece(self._name, self._at, data)
         self._at = self._at + len(data) if data else self._end
         return piece
 
