@@ -71,12 +71,12 @@ class Goals:
             resolved(f"{NODE}/reason", namespace), messages.STRING, LATCHED
         )
         self.ways = tuple(resolved(name, namespace) for name in ways)
-        for topic in self.ways:
-            transport.subscribe(topic, GOAL, ONCE, partial(self._goal, topic))
-            transport.subscribe(topic, PATH, ONCE, partial(self._path, topic))
+        kept = [(topic, GOAL, self._goal) for topic in self.ways]
+        kept += [(topic, PATH, self._path) for topic in self.ways]
         if initial:
-            topic = resolved(initial, namespace)
-            transport.subscribe(topic, POSE, ONCE, partial(self._on_initial_pose, topic))
+            kept.append((resolved(initial, namespace), POSE, self._initial_pose))
+        for topic, kind, keep in kept:
+            transport.subscribe(topic, kind, ONCE, partial(self._take, topic, keep))
 
     def way(self) -> tuple[str, Goal | Floats] | None:
         """The newest way and its topic, once: a goal, or waypoints (n, 2) [m]."""
@@ -118,64 +118,53 @@ class Goals:
             with self._lock:
                 self._waiting -= 1
 
-    def _goal(self, topic: str, received: Received) -> None:
-        message = received.message
-        error = received.damage or _framed((message.header,), self.frame)
-        if not error:
-            at = message.pose.position
-            if math.isfinite(at.x) and math.isfinite(at.y):
-                with self._lock:
-                    self._way = topic, Goal(float(at.x), float(at.y))
-                return
-            error = "the goal is not a number"
-        self.report(topic, error)
+    def _take(self, topic: str, keep: Callable[[str, Any], None], received: Received) -> None:
+        """Keep what a message says, or report what is wrong with it."""
+        try:
+            if received.message is None:
+                raise CohelmError(received.damage)
+            keep(topic, received.message)
+        except CohelmError as error:
+            self.report(topic, str(error))
 
-    def _path(self, topic: str, received: Received) -> None:
-        message = received.message
-        made = received.damage if message is None else self._points(message)
-        if isinstance(made, str):
-            self.report(topic, made)
-        elif not _same(made, self.route):
-            with self._lock:
-                self._way = topic, made
+    def _goal(self, topic: str, message: Any) -> None:
+        _check_frames((message.header,), self.frame)
+        at = message.pose.position
+        if not (math.isfinite(at.x) and math.isfinite(at.y)):
+            raise CohelmError("the goal is not a number")
+        with self._lock:
+            self._way = topic, Goal(float(at.x), float(at.y))
 
-    def _points(self, message: Any) -> Floats | str:
-        """Of a `nav_msgs/Path`; or what is wrong with it."""
+    def _path(self, topic: str, message: Any) -> None:
         poses: list[Any] = message.poses
-        error = _framed((message.header, *(one.header for one in poses)), self.frame, True)
-        if error:
-            return error
+        _check_frames((message.header, *(one.header for one in poses)), self.frame, True)
         if not poses:
-            return "the path is empty"
+            raise CohelmError("the path is empty")
         places = [(one.pose.position.x, one.pose.position.y) for one in poses]
         points: Floats = np.array(places, dtype=np.float64)
         if not np.isfinite(points).all():
-            return "the path has a pose that is not a number"
-        return thinned(points)
+            raise CohelmError("the path has a pose that is not a number")
+        if not _same(made := thinned(points), self.route):
+            with self._lock:
+                self._way = topic, made
 
-    def _on_initial_pose(self, topic: str, received: Received) -> None:
-        message = received.message
-        error = received.damage or _framed((message.header,), self.frame)
-        if not error:
-            made = placed(topic, message.pose)
-            if isinstance(made, Placed):
-                with self._lock:
-                    self._initial = made
-                return
-            error = made
-        self.report(topic, error)
+    def _initial_pose(self, topic: str, message: Any) -> None:
+        _check_frames((message.header,), self.frame)
+        made = placed(topic, message.pose)
+        with self._lock:
+            self._initial = made
 
 
-def placed(topic: str, message: Any) -> Placed | str:
-    """Of a `geometry_msgs/msg/PoseWithCovariance`; or what is wrong with it."""
+def placed(topic: str, message: Any) -> Placed:
+    """Of a `geometry_msgs/msg/PoseWithCovariance`. CohelmError for what is none."""
     at, psi = message.pose.position, yaw_of(message.pose.orientation)
     if not (math.isfinite(at.x) and math.isfinite(at.y)):
-        return "the initial pose is not a number"
+        raise CohelmError("the initial pose is not a number")
     if math.isnan(psi):
-        return "the initial pose's orientation is no rotation"
+        raise CohelmError("the initial pose's orientation is no rotation")
     worst = max(float(message.covariance[0]), float(message.covariance[7]))
     if not math.isfinite(worst) or worst < 0.0:
-        return "the initial pose's covariance is invalid"
+        raise CohelmError("the initial pose's covariance is invalid")
     sigma = min(max(math.sqrt(worst), _LEAST), _MOST_SIGMA) if worst > 0.0 else _SURE
     return Placed(topic, Pose(float(at.x), float(at.y), psi), sigma)
 
@@ -201,14 +190,13 @@ def _same(points: Floats, route: Floats) -> bool:
     return float(np.hypot(off[..., 0], off[..., 1]).min(axis=1).max()) < _SAME
 
 
-def _framed(headers: Sequence[Any], frame: str, empty: bool = False) -> str:
-    """What is wrong with the frames of headers, in a sentence. empty: whether they may be left
-    out, but for the first."""
+def _check_frames(headers: Sequence[Any], frame: str, empty: bool = False) -> None:
+    """CohelmError where headers have another frame. empty: whether they may be left out, but for
+    the first."""
     for i, one in enumerate(headers):
         name = one.frame_id.lstrip("/")
         if name != frame and not (empty and i and not name):
-            return (
+            raise CohelmError(
                 f"it is in the frame {name!r}, and the map's is {frame!r}: publish it in that "
                 "(RViz: Fixed Frame), or name the map's with --map-frame"
             )
-    return ""
