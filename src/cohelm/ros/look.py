@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 
 from pydantic import ValidationError
 
@@ -18,7 +17,7 @@ from cohelm.ros.contact import doubt
 from cohelm.ros.found import Allowed, Found
 from cohelm.ros.found_lidar import describe
 from cohelm.ros.inspection import Inspection
-from cohelm.ros.mismatch import ODOMETRY, TWIST
+from cohelm.ros.mismatch import ODOMETRY
 from cohelm.ros.port import COMMAND, SENSOR, Endpoint, Transport
 from cohelm.ros.topics import Topics
 
@@ -29,13 +28,11 @@ commands."""
 
 def look(
     transport: Transport, model: RobotModel, topics: Topics, allowed: Allowed | None = None,
-    wait: float = 10.0, drives: bool = True, over: Callable[[], bool] = lambda: False,
-    way: Connection | None = None,
+    wait: float = 10.0, way: Connection | None = None,
 ) -> Found:  # fmt: skip
     """Inspect a robot that stands.
 
-    wait: for what is missing [s]. drives: whether the base is to be driven from here; else nothing
-    has to subscribe to `topics.out`. over: whether to give up. way: that opened the transport.
+    wait: for what is missing [s]. way: that opened the transport.
 
     Raises CohelmError with everything that does not fit, one sentence a line.
     """
@@ -45,40 +42,36 @@ def look(
     inspection = Inspection(transport, topics, model)
     end, least = time.monotonic() + wait, time.monotonic() + _LEAST
     try:
-        while time.monotonic() < end and not over():
+        while time.monotonic() < end:
             time.sleep(0.05)
             if time.monotonic() < least or not inspection.enough():
                 continue
             framed = allowed.mount_from_model or inspection.framed()
-            listened = not drives or any(
-                not one.publishes and one.topic == topics.out for one in transport.endpoints()
-            )
-            if framed and listened and not _shared(inspection, transport.endpoints())[1]:
+            seen = transport.endpoints()
+            listened = any(not one.publishes and one.topic == topics.out for one in seen)
+            if framed and listened and not _shared(inspection, seen)[1]:
                 break
-        return found(inspection, transport, model, allowed, drives, way)
+        return _found(inspection, transport, model, allowed, way or Connection())
     finally:
         inspection.end()
 
 
-def found(
-    inspection: Inspection, transport: Transport, model: RobotModel, allowed: Allowed, drives: bool,
-    way: Connection | None = None,
+def _found(
+    inspection: Inspection, transport: Transport, model: RobotModel, allowed: Allowed,
+    way: Connection,
 ) -> Found:  # fmt: skip
     """What was received, as one robot. CohelmError for what does not fit."""
     seen, topics = transport.endpoints(), inspection.topics
     if not seen and not inspection.odometry and not any(inspection.scans.values()):
         raise CohelmError(mismatch.no_nodes(transport.name, transport.unseen))
-    way = way or Connection()
     why = f", because {way.why}" if way.why else ""
     notes = [f"transport: {transport.name}{why}"]
     errors = _missing(inspection, [one.name for one in model.lidars], seen)
     notes += [f"{one.model.label}: {one.topic}, {one.kind}" for one in inspection.contacts]
     notes += filter(None, (doubt(one) for one in model.contacts))
-    out_type = TWIST
-    if drives:
-        out_type, error = mismatch.base_type(topics.out, allowed.stamped, COMMAND, seen)
-        errors += [error, "" if allowed.bypass else mismatch.bypass(topics.out, seen)]
-        notes.append(f"commands to the base: {topics.out}, {out_type}")
+    out_type, error = mismatch.base_type(topics.out, allowed.stamped, COMMAND, seen)
+    errors += [error, "" if allowed.bypass else mismatch.bypass(topics.out, seen)]
+    notes.append(f"commands to the base: {topics.out}, {out_type}")
     notices: list[tuple[str, str]] = []
     if topics.footprint:
         notices.append(mismatch.footprint(topics.footprint, seen))
