@@ -8,8 +8,8 @@ from cohelm.core.row import ROW
 from cohelm.core.types import disc
 from cohelm.law.reference import through
 from cohelm.sim.judge import FAR
-from cohelm.sim.world import Body, world
-from cohelm.study.campaign.scoring import INTIMATE, Proximity, approached, movers
+from cohelm.sim.world import Body, ever_moving, world
+from cohelm.study.campaign.scoring import INTIMATE, Proximity, approached
 
 LONG = np.array([[0.5, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.5, -0.2]])
 
@@ -51,4 +51,4 @@ def test_movers_are_who_drift_or_follow_a_path():
     rest, drifts = disc(1.0, 0.0, 0.2), disc(2.0, 0.0, 0.2, vx=0.3)
     path = through([(0.0, 0.0), (1.0, 0.0), (2.0, 0.5)], 0.5)
     made = world(([Body(rest), Body(drifts), Body(rest, path)], np.empty((0, 4))))
-    assert movers(made).tolist() == [False, True, True]
+    assert ever_moving(made).tolist() == [False, True, True]

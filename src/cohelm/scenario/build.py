@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.row import ROW
-from cohelm.core.types import VX, VY, Pose
+from cohelm.core.types import Pose
 from cohelm.law.reference import Reference, tabulate
 from cohelm.link import stick as sticks
 from cohelm.perceive.track.params import TrackerParams
@@ -26,7 +26,7 @@ from cohelm.scenario.world import Read
 from cohelm.sim.grid import NO_GRID, solid_at
 from cohelm.sim.operator_model import OperatorModel, Replay, replay
 from cohelm.sim.setup import REACHED, Piloted, Setup, Twinned
-from cohelm.sim.world import NOWHERE, Body, outline_clearance
+from cohelm.sim.world import NOWHERE, World, ever_moving, outline_clearance
 
 _LARGEST_RUN = 2**30  # bytes of a recorded run
 
@@ -46,18 +46,18 @@ def setup(scenario: Scenario) -> Setup:
     limits = robot.bounds(enforced=alone.simulation.wheel_limits)
     gains = alone.law.gains(alone.reference.speed_mps)
     scenery = alone.scenery()
-    bodies = alone.bodies(scenery)
+    obstacles = alone.build_world(scenery)
     made = Setup(
         start=start, reference=reference, outline=robot.outline, limits=limits,
         gains=gains, spline_speed=alone.reference.feed_forward == "spline",
-        obstacles=alone.build_world(scenery),
+        obstacles=obstacles,
         names=(*(obstacle.name for obstacle in alone.obstacles), *scenery.names),
         recorded_stick=recorded_stick, operator=operator, dt=alone.simulation.step_s,
         duration=alone.simulation.duration_s,
         delay=alone.simulation.delay_s, seed=alone.simulation.seed, grid=scenery.grid,
         barred=alone.walls(Read()) if scenery.grid is not NO_GRID else None,
         near=alone.reference.arrive_m or REACHED,
-        pilot=_piloted(alone, robot, limits, bodies, start), twin=_twinned(alone, robot),
+        pilot=_piloted(alone, robot, limits, obstacles, start), twin=_twinned(alone, robot),
         scenario=dump(alone),
     )  # fmt: skip
     _check_length(made, alone)
@@ -112,7 +112,7 @@ def _settings(alone: Scenario, robot: RobotModel, limits: Limits) -> Settings:
 
 
 def _piloted(
-    alone: Scenario, robot: RobotModel, limits: Limits, bodies: list[Body], start: Pose
+    alone: Scenario, robot: RobotModel, limits: Limits, obstacles: World, start: Pose
 ) -> Piloted | None:
     """What a run with the guard needs beyond the rest; None for the paper's law."""
     law = alone.law
@@ -126,16 +126,14 @@ def _piloted(
                 "YAML file, or set senses to truth"
             )
         lidar = checked_sight(robot).lidar
-    moving = [
-        body.path is not None or body.row[VX] != 0.0 or body.row[VY] != 0.0 for body in bodies
-    ]
+    acceleration = law.guard.obstacle_acceleration_mps2
     return Piloted(
         settings=_settings(alone, robot, limits),
-        max_acceleration=law.guard.obstacle_acceleration_mps2 * np.array(moving, dtype=np.float64),
+        max_acceleration=np.where(ever_moving(obstacles), acceleration, 0.0),
         lidar=None if lidar is None else lidar.lidar(),
         rate=10.0 if lidar is None else lidar.rate_hz,
         further=() if lidar is None else robot.further_lidars,
-        tracker_params=TrackerParams(max_acceleration=law.guard.obstacle_acceleration_mps2),
+        tracker_params=TrackerParams(max_acceleration=acceleration),
         path_params=law.path_params(),
         replan_params=law.replan_params(),
         period=law.plan.period_s,

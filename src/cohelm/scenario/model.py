@@ -274,13 +274,9 @@ class Scenario(Schema):
         own = np.array(self.walls_m, dtype=np.float64).reshape(-1, 4)
         return np.concatenate((own, (scenery or self.scenery()).walls))
 
-    def bodies(self, scenery: Read | None = None) -> list[Body]:
-        """The obstacles as the simulator takes them, those of the world last."""
-        minds = self.stick.minds if isinstance(self.stick, StickOperator) else None
-        own = [o.body(minds is None or o.name in minds) for o in self.obstacles]
-        return [*own, *(scenery or self.scenery()).bodies]
-
     def build_world(self, scenery: Read | None = None) -> World:
         """Obstacles and walls as the simulator takes them, those of the world last."""
         known = scenery or self.scenery()
-        return world((self.bodies(known), self.walls(known)))
+        minds = self.stick.minds if isinstance(self.stick, StickOperator) else None
+        own = [o.body(minds is None or o.name in minds) for o in self.obstacles]
+        return world(([*own, *known.bodies], self.walls(known)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.row import blank
 from cohelm.core.trace import Trace
-from cohelm.core.types import VX, VY, Floats, Pose
+from cohelm.core.types import Floats, Pose
 from cohelm.law.gains import Gains
 from cohelm.law.govern import PaceParams
 from cohelm.law.guard.rules import Rules
@@ -27,7 +27,7 @@ from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import NO_GRID, Grid
 from cohelm.sim.operator_model import OperatorModel, Replay, replay
 from cohelm.sim.twin.settings import TwinModel
-from cohelm.sim.world import World, world
+from cohelm.sim.world import World, ever_moving, world
 
 REACHED = 0.1
 """Distance to the end of a reference that counts as having reached it, by default [m]."""
@@ -150,15 +150,13 @@ def with_pilot(
     lidar: what the robot sees with; None: it is given the true obstacles. max_acceleration: assumed
     of the discs that drift or follow a path [m/s^2]. further: LiDARs besides that one.
     """
-    moving = np.hypot(setup.obstacles.discs[:, VX], setup.obstacles.discs[:, VY]) > 0.0
-    moving |= np.diff(setup.obstacles.path_first) > 0
     gains = gains or setup.gains
     evasion = adapted(EvasionParams(speed=HURRY * gains.u_d), setup.outline, setup.limits)
     settings = Settings(
         setup.outline, setup.limits, gains, Rules(dt=setup.dt), pace or PaceParams(),
         evasion=evasion,
     )  # fmt: skip
-    made = Piloted(settings, max_acceleration * moving.astype(np.float64))
+    made = Piloted(settings, np.where(ever_moving(setup.obstacles), max_acceleration, 0.0))
     if lidar is not None:
         made = replace(
             made, lidar=lidar.lidar(), rate=lidar.rate_hz, further=further,

@@ -62,11 +62,10 @@ def world(scene: tuple[Sequence[Body], Floats]) -> World:
     )  # fmt: skip
 
 
-@jit_inline
-def moves(i: int, world: World) -> bool:
-    """Whether disc i ever moves."""
-    drifts = world.discs[i, VX] != 0.0 or world.discs[i, VY] != 0.0
-    return drifts or world.path_first[i] < world.path_first[i + 1]
+def ever_moving(world: World) -> NDArray[np.bool_]:
+    """(n,): which discs ever move."""
+    drifts = (world.discs[:, VX] != 0.0) | (world.discs[:, VY] != 0.0)
+    return drifts | (np.diff(world.path_first) > 0)
 
 
 @jit_inline

@@ -29,7 +29,7 @@ from cohelm.sim.operator_model import IDLE, operate, replayed
 from cohelm.sim.run import run as simulated
 from cohelm.sim.setup import Setup
 from cohelm.sim.wheels import at_rest, moved, note
-from cohelm.sim.world import NOWHERE, outline_clearance, place
+from cohelm.sim.world import NOWHERE, ever_moving, outline_clearance, place
 from cohelm.study.metrics import Metrics, measure
 
 _NOT_SAID = math.nan, math.nan  # by a law by others
@@ -166,7 +166,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
     n, dt, made = setup.steps, setup.dt, setup.blank(setup.steps)
     rows, h, discs = made.rows, made.h, made.discs
     goal, gains = setup.goal, setup.gains
-    moving = _moving(setup)
+    max_acceleration = np.where(ever_moving(setup.obstacles), _MAX_ACCELERATION, 0.0)
     robot = at_rest(setup.start)._replace(energy=math.nan)  # of a blend that is not
     person = IDLE
     queue = np.zeros((setup.delay_steps, 2))
@@ -181,7 +181,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
         else:
             stick = replayed(setup.recorded_stick, t)
         wanted = desired(setup.reference, t, setup.spline_speed)
-        obstacles = _obstacles(there, moving, setup.obstacles.walls)
+        obstacles = _obstacles(there, max_acceleration, setup.obstacles.walls)
         now = Observation(t, dt, pose, robot.applied, obstacles, wanted, goal, stick)
         command, sound = _command(controller, now)
         robot, saturated = moved(k, dt, robot, command, stick, gains, setup.limits, queue)
@@ -219,15 +219,6 @@ def _command(controller: Controller, now: Observation) -> tuple[Twist, bool]:
     if math.isfinite(command.v) and math.isfinite(command.omega):
         return command, True
     return Twist(0.0, 0.0), False
-
-
-def _moving(setup: Setup) -> Floats:
-    """Largest acceleration that each disc is taken to be capable of (m,) [m/s^2]."""
-    discs = setup.obstacles.discs
-    drifts = (discs[:, VX] != 0.0) | (discs[:, VY] != 0.0)
-    return _MAX_ACCELERATION * (drifts | (np.diff(setup.obstacles.path_first) > 0)).astype(
-        np.float64
-    )
 
 
 def _obstacles(discs: Floats, max_acceleration: Floats, walls: Floats) -> Obstacles:

@@ -25,7 +25,7 @@ from cohelm.sim.twin.movers import MovingDiscs, Pursuers, Pursuit
 from cohelm.sim.twin.physics import STATE, PhysicsHistory, WheelDrives, advance, views
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.twin.sweep import rows, sweep
-from cohelm.sim.world import NOWHERE, World, moves, outline_clearance, place
+from cohelm.sim.world import NOWHERE, World, ever_moving, outline_clearance, place
 
 STEP = 0.005
 """Physics moves on in steps of this, or a little less: a whole number of them make 10 ms [s]."""
@@ -95,18 +95,14 @@ class Twin(SimulatedRobot):
         super().__init__(model, obstacles, grid, seed, clock, timeout, STEP, sweeps=True)
         obstacles = self._world
         place(self._discs, obstacles, 0.0)
-        moving = [i for i in range(len(self._discs)) if moves(i, obstacles)]
-        max_acceleration = (
-            np.zeros(len(moving)) if pursuers is None else pursuers.max_acceleration[moving]
-        )
+        which = np.flatnonzero(ever_moving(obstacles))
+        pursuers = pursuers or Pursuers(np.zeros(len(self._discs)), 0.0, 0)
         hunt = Pursuit(
-            max_acceleration, pursuers.fastest if pursuers else 0.0, pursuers.seed if pursuers else
-            0, np.zeros((len(moving), 2)),
+            pursuers.max_acceleration[which], pursuers.fastest, pursuers.seed,
+            np.zeros((len(which), 2)),
         )  # fmt: skip
-        self._movers = MovingDiscs(
-            np.array(moving, dtype=np.int64), obstacles, np.zeros((len(moving), 5)), hunt
-        )
-        text = mjcf(model, settings, STEP, self._discs, moving, obstacles.walls, grid)
+        self._movers = MovingDiscs(which, obstacles, np.zeros((len(which), 5)), hunt)
+        text = mjcf(model, settings, STEP, self._discs, which.tolist(), obstacles.walls, grid)
         try:
             self.mujoco: Any = mujoco.MjModel.from_xml_string(text)
         except ValueError as error:
@@ -126,9 +122,9 @@ class Twin(SimulatedRobot):
         s["least"] = s["least_moving"] = NOWHERE
         longest = max((scanner.sweep for scanner in self._scanners), default=0)
         size = rows(longest * STEP, STEP) + _CHUNK
-        self._trail = PhysicsHistory(np.empty((size, 3)), np.empty((size, len(moving), 2)))
+        self._trail = PhysicsHistory(np.empty((size, 3)), np.empty((size, len(which), 2)))
         self._trail.poses[:] = start
-        self._trail.places[:] = self._discs[moving, :2]
+        self._trail.places[:] = self._discs[which, :2]
         self._eye: Eye | None = None
         self._frames, self._next_frame, self._frame_rate = 0, 0, 0.0
         if model.camera is not None and camera != "none":

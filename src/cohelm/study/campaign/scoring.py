@@ -17,7 +17,7 @@ from cohelm.scenario.worlds.barn import score
 from cohelm.sim.heights import fallen
 from cohelm.sim.judge import FAR, Judged, clearance_to, judge
 from cohelm.sim.setup import Setup
-from cohelm.sim.world import World, moves
+from cohelm.sim.world import ever_moving
 from cohelm.study.campaign import laws
 from cohelm.study.campaign.contact_analysis import NOTHING_TOUCHED, Touch, first_touch
 from cohelm.study.campaign.episode import DT, Episode, EpisodeGoal, Interventions
@@ -54,7 +54,7 @@ def scored(case: Episode, law: str, pieces: Iterator[Trace], acted: Intervention
     """
     setup = case.setup
     walls = setup.obstacles.walls
-    seen, close, moving = Judged(), Proximity(), movers(setup.obstacles)
+    seen, close, moving = Judged(), Proximity(), ever_moving(setup.obstacles)
     kept: list[NDArray[np.void]] = []
     there: list[Floats] = []
     last: tuple[NDArray[np.void], Floats] | None = None
@@ -219,11 +219,6 @@ class Proximity(NamedTuple):
     """Smallest gap of the outline, negative in overlap; at most FAR [m]."""
     near: int = 0
     """Control steps in which it was below INTIMATE."""
-
-
-def movers(world: World) -> NDArray[np.bool_]:
-    """(n,): which discs of a world ever move."""
-    return np.array([moves(i, world) for i in range(len(world.discs))], dtype=np.bool_)
 
 
 @jit

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from cohelm.core.errors import CohelmError, did_you_mean
-from cohelm.core.types import RADIUS, VX, VY, X, Y, disc
+from cohelm.core.types import RADIUS, X, Y, disc
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.robot.limits import checked_braking, speeds
 from cohelm.robot.model import RobotModel, checked_sight
 from cohelm.sim.setup import Setup, Twinned, with_pilot
 from cohelm.sim.twin.settings import TwinModel
-from cohelm.sim.world import Body, World, world
+from cohelm.sim.world import Body, World, ever_moving, world
 from cohelm.study.campaign import adversary, barn, crowd, hands, heights, lab, movers, rooms
 from cohelm.study.campaign.data import csv_files
 from cohelm.study.campaign.episode import LAWS, PAPER, PLANTS, Episode, lively
@@ -291,9 +291,7 @@ def on_twin(case: Episode, plant: str) -> Episode:
 
 def _resting(setup: Setup) -> np.ndarray:
     """x, y and radius of what never moves."""
-    discs = setup.obstacles.discs
-    resting = (np.diff(setup.obstacles.path_first) == 0) & (discs[:, VX] == 0) & (discs[:, VY] == 0)
-    return discs[resting][:, [X, Y, RADIUS]]
+    return setup.obstacles.discs[~ever_moving(setup.obstacles)][:, [X, Y, RADIUS]]
 
 
 def _field(case: Episode) -> World:
