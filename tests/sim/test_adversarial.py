@@ -28,11 +28,8 @@ def test_the_attacks_are_worth_the_name():
 @pytest.mark.parametrize("law", ["guard", "paper", "none"])
 def test_with_and_without_a_trace_it_is_the_same_drive(law):
     case = adversary.case(SEED, 3)
-    assert case.rollout is not None
     seen = run_episode(case, law)
-    assert least_clearance(case, law, case.rollout) == pytest.approx(
-        seen.min_clearance_moving_m, abs=1e-12
-    )
+    assert least_clearance(case, law) == pytest.approx(seen.min_clearance_moving_m, abs=1e-12)
 
 
 def test_walkers_keep_to_their_speed_and_acceleration_to_the_last_digit():
@@ -59,6 +56,5 @@ def test_a_search_finds_the_same_every_time_and_worse_than_chance():
     assert (first.clearance, first.case.rollout.attack.script.tolist()) == (  # type: ignore[union-attr]
         again.clearance, again.case.rollout.attack.script.tolist())  # type: ignore[union-attr]  # fmt: skip
     still = adversary.scripted(case, [0.0] * 40)
-    assert still.rollout is not None
-    assert first.clearance < least_clearance(still, "guard", still.rollout)
+    assert first.clearance < least_clearance(still, "guard")
     assert first.clearance >= Rules().hard_margin / 2

@@ -63,7 +63,7 @@ def case(
     script, hold = np.zeros((1, 2)), _LIMIT
     if kind == "human":
         script, hold = _flipped(rng, recordings[int(rng.integers(len(recordings)))]), DT
-    drawn = [Body(_six(d)) for d in scene.discs]
+    drawn = [Body(tuple(row)) for row in scene.discs.tolist()]
     setup = Setup(
         start=_HERE,
         reference=through([[0.0, 0.0], [1.0, 0.0]], 1.0),
@@ -123,11 +123,7 @@ def searched(case: Episode, law: str, evaluations: int = EVALUATIONS) -> WorstAt
     least, count = math.inf, 0
     while count < evaluations:
         tried: list[Floats] = search.ask()[: evaluations - count]
-        clearances = [
-            least_clearance(made, law, made.rollout)
-            for made in map(attacked, tried)
-            if made.rollout
-        ]
+        clearances = [least_clearance(made, law) for made in map(attacked, tried)]
         count += len(tried)
         for x, clearance in zip(tried, clearances, strict=True):
             if clearance < least:
@@ -142,11 +138,6 @@ def scripted(case: Episode, stick: list[float]) -> Episode:
     """The case with a sequence that a search found, as its row keeps it."""
     assert case.rollout is not None
     return replace(case, rollout=case.rollout.scripted(np.array(stick).reshape(-1, 2), _HOLD))
-
-
-def _six(row: Floats) -> tuple[float, float, float, float, float, float]:
-    x, y, vx, vy, radius, safe = (float(value) for value in row)
-    return (x, y, vx, vy, radius, safe)
 
 
 def _scene(

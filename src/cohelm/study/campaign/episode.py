@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cohelm.core.row import blank
 from cohelm.core.trace import Trace
@@ -161,37 +160,28 @@ def _attacked_on_twin(case: Episode, acted: Interventions) -> Iterator[Trace]:
 
 def attacked(case: Episode, law: str) -> Trace:
     """The trace of an adversarial rollout on exact arcs."""
-    assert case.rollout is not None
-    chosen = case.rollout
-    n, m = case.setup.steps, len(chosen.scene.discs) + len(chosen.scene.points)
-    rows, h, discs = blank(n), np.empty((n, m)), np.empty((n, m, 6))
-    _rollout(case, law, chosen, rows, h, discs)
-    return Trace(rows, h, discs, tuple(f"thing_{i}" for i in range(m)), DT)
+    return _rollout(case, law, case.setup.steps)[0]
 
 
-_RULES = Rules(dt=DT)
-_NO_ROWS, _NO_H, _NO_DISCS = blank(0), np.empty((0, 0)), np.empty((0, 0, 6))
-
-
-def least_clearance(case: Episode, law: str, chosen: AdversarialRollout) -> float:
+def least_clearance(case: Episode, law: str) -> float:
     """The smallest clearance while the robot moved [m], of a rollout without a trace."""
-    return _rollout(case, law, chosen, _NO_ROWS, _NO_H, _NO_DISCS)
+    return _rollout(case, law, 0)[1]
 
 
-def _rollout(
-    case: Episode,
-    law: str,
-    chosen: AdversarialRollout,
-    rows: NDArray[np.void],
-    h: Floats,
-    discs: Floats,
-) -> float:
-    setup = case.setup
+def _rollout(case: Episode, law: str, n: int) -> tuple[Trace, float]:
+    """Trace and smallest clearance while the robot moved [m]. n: rows of the trace, all or none."""
+    setup, chosen = case.setup, case.rollout
+    assert chosen is not None
+    m = len(chosen.scene.discs) + len(chosen.scene.points)
+    made = Trace(
+        blank(n), np.empty((n, m)), np.empty((n, m, 6)), tuple(f"thing_{i}" for i in range(m)), DT
+    )
     code = {"guard": adversarial.GUARD, "paper": adversarial.PAPER}.get(law, adversarial.NO_LAW)
-    return rollout(
+    least = rollout(
         setup.start, chosen.scene, chosen.attack, code, setup.gains, setup.outline, setup.limits,
-        _RULES, setup.steps, rows, h, discs,
+        Rules(dt=DT), setup.steps, made.rows, made.h, made.discs,
     )  # fmt: skip
+    return made, least
 
 
 def reference_speed(robot: RobotModel, speed: float) -> float:
