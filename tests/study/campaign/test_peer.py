@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.study.campaign import rooms, rvo
+from cohelm.study.campaign import laws, rooms, rvo
+from cohelm.study.campaign.episode import Interventions
 from cohelm.study.campaign.suites import suite
 from cohelm.study.campaign.worker import chunk
 
@@ -22,7 +23,7 @@ def test_the_peer_crosses_a_room_within_the_same_limits_and_the_same_every_time(
     assert repr(first) == repr(again)
     assert (first.fault, first.arrived, first.limit_excess) == ("", True, 0.0)
     case = rooms.case(1, 1)
-    trace = rvo.peer_trace(case, "rvo")
+    (trace,) = laws.pieces(case, "rvo", Interventions())
     assert trace.rows["x"][0] == case.setup.start.x
     assert np.abs(trace.rows["applied_v"]).max() <= case.setup.reference.speed + 1e-12
     assert np.ptp(trace.discs[:, -1, :2], axis=0).max() > 0.5  # the walkers walk for it too

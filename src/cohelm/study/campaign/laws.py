@@ -78,21 +78,18 @@ def pieces(case: Episode, law: str, acted: Interventions) -> Iterator[Trace]:
 
     acted: where what gate and monitors did is counted, where there are any.
     """
-    if law in PEERS:
-        return iter((rvo.peer_trace(case, law),))
-    if is_own(law):
-        return iter((_own(case, law),))
-    return traced(case, law, acted)
-
-
-def _own(case: Episode, law: str) -> Trace:
-    """The drive of a case under an external law, which is given the true obstacles."""
+    if not by_others(law):
+        return traced(case, law, acted)
     setup = replace(case.setup, pilot=None)
     if case.goal is not None:
         setup = replace(setup, near=case.goal.near)
+    return iter((drive(setup, partial(_made, case, law)),))
+
+
+def _made(case: Episode, law: str) -> Controller:
+    """A law by others for a case, of which it is given the true obstacles."""
+    if law in PEERS:
+        return rvo.Peer(case, law)
+    setup = case.setup
     robot = RobotModel.of(case.robot.name, setup.outline, setup.limits, delay=setup.delay)
-    return drive(setup, partial(_made, law, robot, setup.dt))
-
-
-def _made(law: str, robot: RobotModel, period: float) -> Controller:
-    return factory(law)(robot, period)
+    return factory(law)(robot, setup.dt)

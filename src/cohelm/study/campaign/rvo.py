@@ -19,18 +19,14 @@ import importlib.util
 import json
 import os
 import tempfile
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cohelm.core.extras import missing
-from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, VX, VY, Floats, Twist, X, Y
 from cohelm.sim.world import place
-from cohelm.study.campaign.apart import drive
 from cohelm.study.campaign.episode import DT, Episode
 from cohelm.study.controlled import Observation
 
@@ -45,14 +41,7 @@ def check() -> None:
         raise missing("what drives by the laws rvo and vo of ir-sim", "peers")
 
 
-def peer_trace(case: Episode, law: str) -> Trace:
-    """The drive of a case by ir-sim's controller, to arrival or the time limit."""
-    assert case.goal is not None
-    setup = replace(case.setup, pilot=None, near=case.goal.near)
-    return drive(setup, partial(_Law, case, law))
-
-
-class _Law:
+class Peer:
     """ir-sim's controller as an external law, each of its commands held for a while."""
 
     def __init__(self, case: Episode, mode: str) -> None:
@@ -64,6 +53,7 @@ class _Law:
         self._command, self._steps = Twist(0.0, 0.0), 0
 
     def __call__(self, now: Observation) -> Twist:
+        """Its command, a new one every so many steps."""
         if self._steps % _HOLD == 0:
             self._command = self._command_at(now)
         self._steps += 1
