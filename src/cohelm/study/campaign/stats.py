@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -55,25 +55,17 @@ def spread(values: Sequence[float]) -> Spread:
     return Spread(float(np.median(finite)), float(finite.min()), float(finite.max()), len(finite))
 
 
-SPREADS: dict[str, Callable[[EpisodeResult], float]] = {
-    "min_clearance_m": lambda r: r.min_clearance_m,
-    "min_clearance_moving_m": lambda r: r.min_clearance_moving_m,
-    "closest_mover_m": lambda r: r.closest_mover_m,
-    "near_movers_s": lambda r: r.near_movers_s,
-    "duration_s": lambda r: r.duration_s if r.arrived else math.nan,
-    "time_ratio": lambda r: r.time_ratio,
-    "path_length_m": lambda r: r.path_length_m,
-    "tracking_rms": lambda r: r.tracking_rms,
-    "human_share": lambda r: r.human_share,
-    "disagreement_mps": lambda r: r.disagreement_mps,
-    "jerk_rms_mps3": lambda r: r.jerk_rms_mps3,
-    "recovery_s": lambda r: r.recovery_s,
-    "filtered_share": lambda r: r.filtered_share,
-    "gate_share": lambda r: r.gate_share,
-    "monitor_share": lambda r: r.monitor_share,
-    "stops": lambda r: r.stops if math.isfinite(r.gate_share) else math.nan,
-}
-"""What is summarized over all episodes."""
+SPREADS = (
+    "min_clearance_m", "min_clearance_moving_m", "closest_mover_m", "near_movers_s", "duration_s",
+    "time_ratio", "path_length_m", "tracking_rms", "human_share", "disagreement_mps",
+    "jerk_rms_mps3", "recovery_s", "filtered_share", "gate_share", "monitor_share", "stops",
+)  # fmt: skip
+"""What is summarized over all episodes: columns of `EpisodeResult`."""
+
+
+def _counts(row: EpisodeResult, name: str) -> bool:
+    """Whether a value does: a duration until arrival, stops where there is a gate."""
+    return {"duration_s": row.arrived, "stops": math.isfinite(row.gate_share)}.get(name, True)
 
 
 class Summary(NamedTuple):
@@ -195,5 +187,8 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
         max((row.limit_excess for row in sound), default=0.0),
         float(np.mean(scores)) if scored else math.nan,
         sum(row.unrecovered for row in sound),
-        {name: spread([of(row) for row in sound]) for name, of in SPREADS.items()},
+        {
+            name: spread([getattr(row, name) for row in sound if _counts(row, name)])
+            for name in SPREADS
+        },
     )
