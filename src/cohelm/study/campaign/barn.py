@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,10 @@ from cohelm.plan.elastic_band import spread
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.barn import Barn, read_barn, read_collection
-from cohelm.sim.setup import Setup, with_pilot
+from cohelm.sim.setup import with_pilot
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign.data import data_folder
-from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal
+from cohelm.study.campaign.episode import PAPER, Episode, EpisodeGoal, crossing
 
 SPEED = 1.5
 """Of the reference, where there is room [m/s]."""
@@ -73,18 +74,13 @@ def case(worlds: tuple[Barn, ...], seed: int, number: int) -> Episode:
     barn = worlds[number % len(worlds)]
     jackal = robot("jackal")
     bodies = [Body((d[0], d[1], 0.0, 0.0, d[4], d[5])) for d in barn.discs.tolist()]
-    setup = Setup(
-        start=barn.start,
-        reference=through(spread(barn.route, 0.5), SPEED),
-        outline=jackal.outline,
-        limits=jackal.bounds(),
-        gains=PAPER._replace(u_d=SPEED),
-        obstacles=world((bodies, barn.walls)),
-        names=tuple(f"cylinder_{i}" for i in range(len(bodies))),
-        dt=DT,
-        duration=barn.time_limit,
-        seed=int(np.random.default_rng([seed, number // len(worlds)]).integers(2**31)),
-    )
+    setup = crossing(
+        jackal, barn.start, barn.goal, through(spread(barn.route, 0.5), SPEED),
+        world((bodies, barn.walls)), tuple(f"cylinder_{i}" for i in range(len(bodies))),
+        barn.time_limit,
+        int(np.random.default_rng([seed, number // len(worlds)]).integers(2**31)),
+    )  # fmt: skip
+    setup = replace(setup, start=barn.start)
     goal = EpisodeGoal(*barn.goal, barn.near_goal, barn.optimal_time)
     piloted = with_pilot(setup, PACE, LIDAR, gains=GAINS)
     return Episode("barn", number, f"world {barn.number}", piloted, goal, robot=jackal)

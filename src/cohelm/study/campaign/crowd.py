@@ -14,14 +14,13 @@ import numpy as np
 from scipy.interpolate import PPoly, make_smoothing_spline
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats
 from cohelm.law.reference import Reference, evaluate, through
 from cohelm.scenario.load import robot
 from cohelm.scenario.worlds.tracks import ELSEWHERE, Track, read_tracks
-from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign.data import csv_files
-from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, sequence
+from cohelm.study.campaign.episode import Episode, EpisodeGoal, crossing, sequence
 from cohelm.study.campaign.rooms import extremes
 
 FOLDER = "crowd"
@@ -164,18 +163,10 @@ def case(crowds: tuple[Crowd, ...], seed: int, number: int) -> Episode:
     start, goal = _crossing(rng, scene, there, moment)
     row = (ELSEWHERE, ELSEWHERE, 0.0, 0.0, RADIUS, RADIUS + sally.reach)
     bodies = [Body(row, w.path, w.first - moment) for w in there]
-    setup = Setup(
-        start=Pose(*start, math.atan2(goal[1] - start[1], goal[0] - start[0])),
-        reference=through(np.linspace(start, goal, 9), _SPEED),
-        outline=sally.outline,
-        limits=sally.bounds(),
-        gains=PAPER._replace(u_d=_SPEED),
-        obstacles=world((bodies, np.empty((0, 4)))),
-        names=tuple(f"person_{w.name}" for w in there),
-        dt=DT,
-        duration=_LIMIT,
-        seed=number,
-    )
+    setup = crossing(
+        sally, start, goal, through(np.linspace(start, goal, 9), _SPEED),
+        world((bodies, np.empty((0, 4)))), tuple(f"person_{w.name}" for w in there), _LIMIT, number,
+    )  # fmt: skip
     return Episode("crowd", number, scene.name, setup, EpisodeGoal(*goal, _NEAR))
 
 

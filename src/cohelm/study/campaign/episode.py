@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -11,9 +11,10 @@ import numpy as np
 
 from cohelm.core.row import blank
 from cohelm.core.trace import Trace
-from cohelm.core.types import Floats
+from cohelm.core.types import Floats, Pose
 from cohelm.law.gains import Gains
 from cohelm.law.guard.rules import Rules
+from cohelm.law.reference import Reference
 from cohelm.robot.limits import speeds
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import load
@@ -22,6 +23,7 @@ from cohelm.sim.adversarial import SCRIPT, AdversarialScene, Attack, rollout
 from cohelm.sim.heights import Heights
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup, with_pilot
+from cohelm.sim.world import World
 
 LAWS: tuple[str, ...] = ("guard", "paper", "none", "rvo", "vo")
 """Under which an episode may be driven: the guard, the paper's barrier, no filter at all, and
@@ -196,6 +198,20 @@ def sequence(seed: int, suite: str, number: int) -> np.random.Generator:
 
 
 PAPER = Gains()
+
+
+def crossing(
+    robot: RobotModel, start: Sequence[float] | Floats, goal: Sequence[float] | Floats,
+    reference: Reference, obstacles: World, names: tuple[str, ...], limit: float, number: int,
+) -> Setup:  # fmt: skip
+    """A robot looks from its start at the goal, both (2,) [m], and has until `limit` [s] to follow
+    a reference there. names: of the discs. number: of the episode, its seed."""
+    heading = math.atan2(goal[1] - start[1], goal[0] - start[0])
+    return Setup(
+        start=Pose(float(start[0]), float(start[1]), heading), reference=reference,
+        outline=robot.outline, limits=robot.bounds(), gains=PAPER._replace(u_d=reference.speed),
+        obstacles=obstacles, names=names, dt=DT, duration=limit, seed=number,
+    )  # fmt: skip
 
 
 @dataclass

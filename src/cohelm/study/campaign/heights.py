@@ -21,21 +21,21 @@ from functools import cache
 
 import numpy as np
 
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
 from cohelm.sim.heights import Heights, between, box, drop, edges
-from cohelm.sim.setup import Setup, Twinned, with_pilot
+from cohelm.sim.setup import Twinned, with_pilot
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.world import world
 from cohelm.study.campaign import rectangle
 from cohelm.study.campaign.episode import (
-    DT,
     PAPER,
     Episode,
     EpisodeGoal,
     Load,
     Uneven,
+    crossing,
     lively,
     sequence,
 )
@@ -68,30 +68,22 @@ def case(seed: int, number: int) -> Episode:
         start = np.array([_OFF, rng.uniform(_OFF, width - _OFF)])
         goal = np.array([length - _OFF, rng.uniform(_OFF, width - _OFF)])
         one = kinds[int(rng.integers(len(kinds)))] if number % 4 == 3 else ""
-        heights, names = _obstacles_and_drops(rng, one, length, width)
+        heights = _obstacles_and_drops(rng, one, length, width)
         if _way(heights, length, width, start, goal, 0.5 * wide):
             break
     walls = rectangle.walls(length, width)
     body = between(heights.boxes, 0.0, model.height_m)
     plane = between(heights.boxes, _LIDAR, _LIDAR)
     manual = operator not in ("", "shared")
-    setup = Setup(
-        start=Pose(
-            float(start[0]), float(start[1]),
-            float(rng.uniform(-math.pi, math.pi)) if manual
-            else math.atan2(goal[1] - start[1], goal[0] - start[0]),
-        ),
-        reference=rectangle.straight(start, goal, _SPEED),
-        outline=model.outline,
-        limits=model.bounds(),
-        gains=PAPER._replace(u_d=_SPEED),
-        obstacles=world(([], np.vstack((walls, edges(body))))),
-        barred=np.vstack((walls, edges(plane))),
-        dt=DT,
-        duration=_ATTACK if manual else _LIMIT,
-        seed=number,
-        near=0.0 if manual else _NEAR,
+    setup = crossing(
+        model, start, goal, rectangle.straight(start, goal, _SPEED),
+        world(([], np.vstack((walls, edges(body))))), (), _ATTACK if manual else _LIMIT, number,
     )  # fmt: skip
+    barred, near = np.vstack((walls, edges(plane))), 0.0 if manual else _NEAR
+    setup = replace(setup, barred=barred, near=near)
+    if manual:
+        anywhere = setup.start._replace(psi=float(rng.uniform(-math.pi, math.pi)))
+        setup = replace(setup, start=anywhere)
     gains = PAPER._replace(u_d=setup.limits.speed) if manual else lively(setup.gains)
     setup = with_pilot(setup, lidar=model.lidar, gains=gains, further=model.further_lidars)
     setup = replace(setup, twin=Twinned(model, TwinModel(odometry_distance_error=0.015)))
@@ -100,7 +92,7 @@ def case(seed: int, number: int) -> Episode:
         np.vstack((edges(body), edges(heights.drops))),
     )  # fmt: skip
     return Episode(
-        "heights", number, f"{operator or 'controller'}, {names if one else 'mixed'}, {carries}",
+        "heights", number, f"{operator or 'controller'}, {one or 'mixed'}, {carries}",
         setup,
         None if manual else EpisodeGoal(float(goal[0]), float(goal[1]), _NEAR),
         plant="twin", robot=base, uneven=uneven,
@@ -138,8 +130,8 @@ def _loads(rng: np.random.Generator, model: RobotModel, number: int) -> tuple[Lo
 
 def _obstacles_and_drops(
     rng: np.random.Generator, only: str, length: float, width: float
-) -> tuple[Heights, str]:  # fmt: skip
-    """What stands, hangs and falls away, and of which kind."""
+) -> Heights:  # fmt: skip
+    """What stands, hangs and falls away; only: things of this kind."""
     boxes: list[list[float]] = []
     drops: list[list[float]] = []
     kinds = (*_DROPS, *_BOXES)
@@ -151,7 +143,7 @@ def _obstacles_and_drops(
             drops += _drop(rng, kind, x, y, yaw, length, width)
         else:
             boxes += _box(rng, kind, x, y, yaw)
-    return Heights(np.array(boxes).reshape(-1, 8), np.array(drops).reshape(-1, 7)), only
+    return Heights(np.array(boxes).reshape(-1, 8), np.array(drops).reshape(-1, 7))
 
 
 def _drop(

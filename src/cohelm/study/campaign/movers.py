@@ -6,18 +6,17 @@ import math
 
 import numpy as np
 
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats
 from cohelm.law.reference import Reference, through
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
-from cohelm.sim.setup import Setup, with_pilot
+from cohelm.sim.setup import with_pilot
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign import rectangle
 from cohelm.study.campaign.episode import (
-    DT,
-    PAPER,
     Episode,
     EpisodeGoal,
+    crossing,
     lively,
     reference_speed,
     sequence,
@@ -50,19 +49,11 @@ def case(seed: int, number: int, model: RobotModel | None = None) -> Episode:
     limit = _LIMIT * _SPEED / speed
     start = np.array([off, rng.uniform(_SIDE, WIDTH - _SIDE)])
     goal = np.array([LENGTH - off, rng.uniform(_SIDE, WIDTH - _SIDE)])
-    heading = math.atan2(goal[1] - start[1], goal[0] - start[0])
     discs = [_disc(rng, model.reach, limit) for _ in range(DENSITIES[kind])]
-    setup = Setup(
-        start=Pose(float(start[0]), float(start[1]), heading),
-        reference=through(np.linspace(start, goal, 13), speed),
-        outline=model.outline,
-        limits=model.bounds(),
-        gains=PAPER._replace(u_d=speed),
-        obstacles=world((discs, rectangle.walls(LENGTH, WIDTH))),
-        names=tuple(f"mover_{i}" for i in range(len(discs))),
-        dt=DT,
-        duration=limit,
-        seed=number,
+    setup = crossing(
+        model, start, goal, through(np.linspace(start, goal, 13), speed),
+        world((discs, rectangle.walls(LENGTH, WIDTH))),
+        tuple(f"mover_{i}" for i in range(len(discs))), limit, number,
     )  # fmt: skip
     setup = with_pilot(setup, max_acceleration=MAX_ACCELERATION, gains=lively(setup.gains))
     there = EpisodeGoal(float(goal[0]), float(goal[1]), _NEAR)

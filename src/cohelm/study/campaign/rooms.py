@@ -6,14 +6,13 @@ import math
 
 import numpy as np
 
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats
 from cohelm.law.reference import Reference, through
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot
-from cohelm.sim.setup import Setup
 from cohelm.sim.world import Body, world
 from cohelm.study.campaign import rectangle
-from cohelm.study.campaign.episode import DT, PAPER, Episode, EpisodeGoal, reference_speed, sequence
+from cohelm.study.campaign.episode import Episode, EpisodeGoal, crossing, reference_speed, sequence
 
 WAY = 1.1
 """Width of the way that every room has [m]; Sally turns on the spot within 0.93 m."""
@@ -42,25 +41,14 @@ def case(seed: int, number: int, model: RobotModel | None = None) -> Episode:
         resting = _resting(rng, length, width, start, goal, _CLEAR + larger)
         if has_way(resting, length, width, start, goal, 0.5 * way):
             break
-    reach = model.reach
-    resting_discs = [
-        Body((x, y, 0.0, 0.0, r, r + reach)) for x, y, r in resting.tolist()
-    ]  # fmt: skip
-    limit = LIMIT * SPEED / speed
+    reach, limit = model.reach, LIMIT * SPEED / speed
+    discs = [Body((x, y, 0.0, 0.0, r, r + reach)) for x, y, r in resting.tolist()]
     walkers = [_walker(rng, length, width, start, reach, limit) for _ in range(rng.integers(2, 6))]
-    heading = math.atan2(goal[1] - start[1], goal[0] - start[0])
-    setup = Setup(
-        start=Pose(float(start[0]), float(start[1]), heading),
-        reference=rectangle.straight(start, goal, speed),
-        outline=model.outline,
-        limits=model.bounds(),
-        gains=PAPER._replace(u_d=speed),
-        obstacles=world(([*resting_discs, *walkers], rectangle.walls(length, width))),
-        names=(*(f"disc_{i}" for i in range(len(resting_discs))),
-               *(f"walker_{i}" for i in range(len(walkers)))),
-        dt=DT,
-        duration=limit,
-        seed=number,
+    setup = crossing(
+        model, start, goal, rectangle.straight(start, goal, speed),
+        world(([*discs, *walkers], rectangle.walls(length, width))),
+        (*(f"disc_{i}" for i in range(len(discs))),
+         *(f"walker_{i}" for i in range(len(walkers)))), limit, number,
     )  # fmt: skip
     kind = f"{len(walkers)} walkers"
     there = EpisodeGoal(float(goal[0]), float(goal[1]), NEAR)
