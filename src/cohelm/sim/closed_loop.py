@@ -33,7 +33,7 @@ from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import noise_seed, scan
 from cohelm.sim.odometer import next_reading_tick
-from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay, operate, replayed
+from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay, operate
 from cohelm.sim.setup import Piloted, Setup
 from cohelm.sim.wheels import SimulatedState, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, outline_clearance, place
@@ -268,12 +268,10 @@ def _advance(
         there = discs[j]
         place(there, scene.obstacles, k * dt)
         obstacles = _known(k * dt, seen_obstacles, walls, scene)
-        if scene.operator.active:
-            person, stick = operate(
-                person, scene.operator, pose, there, scene.obstacles.noticed, k, dt, scene.seed
-            )
-        else:
-            stick = replayed(scene.recorded_stick, k * dt)
+        person, stick = operate(
+            person, scene.operator, scene.recorded_stick, pose, there, scene.obstacles.noticed, k,
+            dt, scene.seed,
+        )  # fmt: skip
         pilot, d = pilot_step(
             pilot, pose, before, stick, obstacles, course, line, settings, dt, sent, mover_history
         )

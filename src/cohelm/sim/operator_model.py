@@ -131,11 +131,14 @@ def normal(seed: int, k: int) -> float:
 
 @jit
 def operate(
-    person: OperatorState, operator: OperatorModel, pose: Pose, discs: Floats,
+    person: OperatorState, operator: OperatorModel, recorded: Replay, pose: Pose, discs: Floats,
     noticed: NDArray[np.bool_], k: int, dt: float, seed: int,
 ) -> tuple[OperatorState, Stick]:  # fmt: skip
-    """One step of the simulated operator: the new state, and the stick."""
+    """One step of the simulated operator, or without one of the recorded stick: the new state, and
+    the stick."""
     t = k * dt
+    if not operator.active:
+        return person, replayed(recorded, t)
     c, s = facing(pose.psi)
     nearest, lateral, before = math.inf, 0.0, 0.0
     blocking = False

@@ -18,7 +18,7 @@ from cohelm.law.track import pose_error
 from cohelm.pilot.behavior import FOLLOWING
 from cohelm.robot.limits import Limits
 from cohelm.sim import closed_loop
-from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay, operate, replayed
+from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay, operate
 from cohelm.sim.setup import Setup
 from cohelm.sim.wheels import SimulatedState, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, outline_clearance, place
@@ -69,10 +69,9 @@ def _advance(
         d = table[k]
         desired = Desired(d[0], d[1], d[2], d[3], d[4])
         pose = state.pose
-        if operator.active:
-            person, stick = operate(person, operator, pose, now, obstacles.noticed, k, dt, seed)
-        else:
-            stick = replayed(recorded_stick, k * dt)
+        person, stick = operate(
+            person, operator, recorded_stick, pose, now, obstacles.noticed, k, dt, seed
+        )
         s = control_step(pose, desired, stick, now, gains)
         command = Twist(s.safe_v, s.safe_omega)
         state, saturated = moved(k, dt, state, command, stick, gains, limits, queue)

@@ -25,7 +25,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario import build, load
 from cohelm.scenario.model import Scenario
 from cohelm.sim.judge import Judged, judge
-from cohelm.sim.operator_model import IDLE, operate, replayed
+from cohelm.sim.operator_model import IDLE, operate
 from cohelm.sim.run import run as simulated
 from cohelm.sim.setup import Setup
 from cohelm.sim.wheels import at_rest, moved, note
@@ -174,12 +174,10 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
     for k in range(n):
         t, there, pose = k * dt, discs[k], robot.pose
         place(there, setup.obstacles, t)
-        if setup.operator.active:
-            person, stick = operate(
-                person, setup.operator, pose, there, setup.obstacles.noticed, k, dt, setup.seed
-            )
-        else:
-            stick = replayed(setup.recorded_stick, t)
+        person, stick = operate(
+            person, setup.operator, setup.recorded_stick, pose, there, setup.obstacles.noticed, k,
+            dt, setup.seed,
+        )  # fmt: skip
         wanted = desired(setup.reference, t, setup.spline_speed)
         obstacles = _obstacles(there, max_acceleration, setup.obstacles.walls)
         now = Observation(t, dt, pose, robot.applied, obstacles, wanted, goal, stick)

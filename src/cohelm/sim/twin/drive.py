@@ -30,7 +30,7 @@ from cohelm.plan.course import nearly_done
 from cohelm.plan.zones import Zoned
 from cohelm.robot.limits import Limits
 from cohelm.sim.closed_loop import near_walls
-from cohelm.sim.operator_model import IDLE, operate, replayed
+from cohelm.sim.operator_model import IDLE, operate
 from cohelm.sim.setup import Piloted, Setup
 from cohelm.sim.twin.mjcf import GRAVITY
 from cohelm.sim.twin.movers import Pursuers
@@ -127,11 +127,9 @@ class TwinRun(ABC):
     def operator_stick(self, k: int, discs: Floats) -> Stick:
         """What the person does in step k."""
         setup = self.setup
-        if not setup.operator.active:
-            return replayed(setup.recorded_stick, k * setup.dt)
         self.person, stick = operate(
-            self.person, setup.operator, self.truth.pose, discs, setup.obstacles.noticed, k,
-            setup.dt, setup.seed,
+            self.person, setup.operator, setup.recorded_stick, self.truth.pose, discs,
+            setup.obstacles.noticed, k, setup.dt, setup.seed,
         )  # fmt: skip
         return stick
 
