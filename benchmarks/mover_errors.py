@@ -89,7 +89,7 @@ def driven(seed: int, number: int) -> Way:
     """A field, driven by LiDAR."""
     setup = movers.case(seed, number).setup
     setup = with_pilot(
-        setup, lidar=SALLY.lidar, max_acceleration=MAX_ACCELERATION, gains=lively(setup.gains)
+        setup, lidars=SALLY.lidars, max_acceleration=MAX_ACCELERATION, gains=lively(setup.gains)
     )
     rows = run(setup).rows
     poses = [Pose(*p) for p in zip(*(rows[c].tolist() for c in ("x", "y", "psi")), strict=True)]

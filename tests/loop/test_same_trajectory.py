@@ -49,7 +49,7 @@ def made(delay: float, bodies, name: str = "sally"):
         model.bounds(), obstacles=world((bodies, np.array(ROOM, dtype=float))), dt=DT, seed=3,
         names=tuple(f"body_{i}" for i in range(len(bodies))), duration=8.0, delay=delay,
     )  # fmt: skip
-    return model, with_pilot(setup, lidar=model.lidar, further=model.further_lidars)
+    return model, with_pilot(setup, lidars=model.lidars)
 
 
 def looped(model, setup, steps: int) -> np.ndarray:

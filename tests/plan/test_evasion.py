@@ -189,7 +189,7 @@ WALKERS = {
 def test_a_walker_seen_by_lidar_is_kept_off(name):
     """What a LiDAR tells of a velocity is never twice the same: a motion that the filter could only
     just stop from was begun in front of it, and then could not be continued."""
-    setup = with_pilot(crossing(WALKERS[name]), lidar=SALLY.lidar)
+    setup = with_pilot(crossing(WALKERS[name]), lidars=SALLY.lidars)
     rows = run(setup).rows
     assert rows["arrived"][-1]
     assert rows["clearance"].min() > 0.05

@@ -44,7 +44,7 @@ def watched(monkeypatch, setup):
 
 def test_a_walker_is_followed_with_its_velocity_and_let_pass(monkeypatch):
     walker = Body((3.0, -2.5, 0.0, 0.5, 0.25, 0.6))
-    made, known = watched(monkeypatch, with_pilot(crossing(walker), lidar=SALLY.lidar))
+    made, known = watched(monkeypatch, with_pilot(crossing(walker), lidars=SALLY.lidars))
     assert made.rows["arrived"][-1]
     assert made.rows["clearance"].min() > 0.05
     at = [(t, told.discs) for t, told in known if 1.5 <= t < 4.5]
@@ -68,14 +68,14 @@ def test_what_it_stops_within_counts_its_slowest_lidar(monkeypatch, rear_hz, age
     monkeypatch.setattr(closed_loop, "Perception", counted)
     front = SALLY.lidar.model_copy(update={"rate_hz": 10.0})
     rear = front.model_copy(update={"name": "rear", "rate_hz": rear_hz})
-    seeing = with_pilot(crossing(), lidar=front, further=(rear,))
+    seeing = with_pilot(crossing(), lidars=(front, rear))
     run(replace(seeing, duration=0.1))
     assert told == [pytest.approx(stopping_distance(SALLY.bounds(), age))]
 
 
 def test_in_a_static_world_no_mover_is_reported(monkeypatch):
     standing = [Body((2.0, 0.1, 0.0, 0.0, 0.2, 0.6)), Body((4.0, -0.8, 0.0, 0.0, 0.3, 0.6))]
-    made, known = watched(monkeypatch, with_pilot(crossing(*standing), lidar=SALLY.lidar))
+    made, known = watched(monkeypatch, with_pilot(crossing(*standing), lidars=SALLY.lidars))
     assert made.rows["arrived"][-1]
     assert made.rows["clearance"].min() > 0.02
     assert not any(len(told.discs) for _, told in known)
@@ -88,7 +88,7 @@ def test_in_random_rooms_no_followed_person_is_hit(monkeypatch):
     behind things, or through them, and come from where it does not see."""
     begun = []
     for number in range(20):
-        setup = with_pilot(rooms.case(1, number).setup, lidar=SALLY.lidar)
+        setup = with_pilot(rooms.case(1, number).setup, lidars=SALLY.lidars)
         made, known = watched(monkeypatch, replace(setup, near=rooms.NEAR))
         monkeypatch.undo()
         assert made.rows["arrived"][-1], number

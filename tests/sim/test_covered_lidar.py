@@ -43,7 +43,7 @@ def test_the_robot_stands_while_a_person_covers_its_lidar(walls, there, spot):
         SALLY.bounds(), obstacles=world(([visit(there, spot)], np.array(walls, dtype=float))),
         dt=0.02, names=("who",), duration=13.0,
     )  # fmt: skip
-    made = run(with_pilot(setup, lidar=SALLY.lidar))
+    made = run(with_pilot(setup, lidars=SALLY.lidars))
     rows, who = made.rows, made.discs[:, 0]
     x, y = (rows["x"] + 0.3 * np.cos(rows["psi"]), rows["y"] + 0.3 * np.sin(rows["psi"]))
     covered = np.flatnonzero(np.hypot(x - who[:, 0], y - who[:, 1]) < 0.3)

@@ -19,6 +19,7 @@ from cohelm.plan.zones import UNZONED
 from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import LONGEST_DELAY, RobotModel, checked_sight
+from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.load import digest, dump, standing_alone
 from cohelm.scenario.model import Scenario
 from cohelm.scenario.stick import StickFile, StickOperator, StickScript
@@ -118,21 +119,19 @@ def _piloted(
     law = alone.law
     if law.filter != "guard":
         return None
-    lidar = None
+    lidars: tuple[LidarModel, ...] = ()
     if alone.senses == "lidar":
         if robot.lidar is None:
             raise CohelmError(
                 f"{alone.name}: senses: {robot.name} has no LiDAR; describe one in the robot's "
                 "YAML file, or set senses to truth"
             )
-        lidar = checked_sight(robot).lidar
+        lidars = checked_sight(robot).lidars
     acceleration = law.guard.obstacle_acceleration_mps2
     return Piloted(
         settings=_settings(alone, robot, limits),
         max_acceleration=np.where(ever_moving(obstacles), acceleration, 0.0),
-        lidar=None if lidar is None else lidar.lidar(),
-        rate=10.0 if lidar is None else lidar.rate_hz,
-        further=() if lidar is None else robot.further_lidars,
+        lidars=lidars,
         tracker_params=TrackerParams(max_acceleration=acceleration),
         path_params=law.path_params(),
         replan_params=law.replan_params(),

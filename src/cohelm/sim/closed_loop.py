@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -29,12 +28,12 @@ from cohelm.plan.evasion.movers import empty_mover_history
 from cohelm.plan.zones import Zoned
 from cohelm.robot.achievable import stopping_distance
 from cohelm.robot.port import Odometry, Readings, Scan
-from cohelm.robot.sensors import Lidar
 from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import noise_seed, scan
 from cohelm.sim.odometer import next_reading_tick
 from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay, operate
 from cohelm.sim.setup import Piloted, Setup
+from cohelm.sim.simulated import SimulatedLidar
 from cohelm.sim.wheels import SimulatedState, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, outline_clearance, place
 
@@ -84,17 +83,20 @@ def pieces(setup: Setup, piloted: Piloted, length: int) -> Iterator[Trace]:
         setup.obstacles, setup.grid, piloted.max_acceleration, setup.recorded_stick,
         setup.operator, setup.seed, setup.reach, np.array(setup.goal), setup.near,
         nearly_done(wanted.line, setup.near), setup.obstacles.walls if setup.barred is None
-        else setup.barred, piloted.lidar is not None,
+        else setup.barred, bool(piloted.lidars),
     )  # fmt: skip
     start, dt, delay, steps = setup.start, setup.dt, setup.delay_steps, setup.steps
     eyes = None
-    if piloted.lidar is not None:
+    if piloted.lidars:
+        first, *further = piloted.lidars
         eyes = Perception(
-            piloted.lidar, tracker_params=piloted.tracker_params, outline=settings.outline,
-            further=piloted.further,
+            first.lidar(), tracker_params=piloted.tracker_params, outline=settings.outline,
+            further=further,
             stopping=stopping_distance(settings.limits, delay * dt + piloted.scan_age),
         )  # fmt: skip
-    scanners_ = scanners(piloted, scene.seed)
+    scanners = [
+        SimulatedLidar(one, noise_seed(scene.seed, i), 0) for i, one in enumerate(piloted.lidars)
+    ]
     zones = None
     if piloted.zones:
         zones = Zoned(piloted.zones, settings.outline, settings.gains.u_d, settings.limits)
@@ -111,8 +113,8 @@ def pieces(setup: Setup, piloted: Piloted, length: int) -> Iterator[Trace]:
     k, written = 0, 0
     out = setup.blank(min(length, steps))
     while k < steps and not now.arrived:
-        if eyes is not None and any(k == one.due for one in scanners_):
-            now = now._replace(seen_obstacles=look(k, dt, now, scene, scanners_, eyes))
+        if eyes is not None and any(k == one.next for one in scanners):
+            now = now._replace(seen_obstacles=look(k, dt, now, scene, scanners, eyes))
         elif eyes is not None:
             now = now._replace(seen_obstacles=perceived(eyes, k * dt, now.robot))
         seen = now.seen_obstacles
@@ -172,62 +174,34 @@ def near_walls(walls: Floats, pose: Pose, settings: Settings, reaction: float) -
     return walls[((low < here) & (here < high)).all(axis=1)]
 
 
-@dataclass
-class Scanner:
-    """One LiDAR at work."""
-
-    lidar: Lidar
-    sensor: str
-    """As its scans name it."""
-    rate: float
-    """Scans per second."""
-    seed: int
-    """Of its noise."""
-    due: int = 0
-    """The step of its next scan, ..."""
-    number: int = 0
-    """... and the number of that."""
-
-
-def scanners(piloted: Piloted, seed: int) -> list[Scanner]:
-    """All LiDARs of a run; none for a robot that knows all there is."""
-    if piloted.lidar is None:
-        return []
-    first = Scanner(piloted.lidar, "", piloted.rate, seed)
-    further = [
-        Scanner(one.lidar(), one.name, one.rate_hz, noise_seed(seed, i))
-        for i, one in enumerate(piloted.further, 1)
-    ]
-    return [first, *further]
-
-
 def look(
-    k: int, dt: float, now: Now, scene: Scene, scanners_: Sequence[Scanner], eyes: Perception
+    k: int, dt: float, now: Now, scene: Scene, scanners: Sequence[SimulatedLidar], eyes: Perception
 ) -> Surroundings:
     """What the robot knows after the scans of step k: points that stand, discs that move."""
-    scans = [_scanned(k, dt, now, scene, one) for one in scanners_ if k == one.due]
-    return perceived(eyes, k * dt, now.robot, scans)
+    first, *further = (
+        _scanned(k, dt, now, scene, one) if k == one.next else None for one in scanners
+    )
+    return perceived(eyes, k * dt, now.robot, first, tuple(one for one in further if one))
 
 
 def perceived(
-    eyes: Perception, t: float, robot: SimulatedState, scans: Sequence[Scan] = ()
-) -> Surroundings:
+    eyes: Perception, t: float, robot: SimulatedState, scan: Scan | None = None,
+    further: tuple[Scan, ...] = (),
+) -> Surroundings:  # fmt: skip
     """What the robot sees at time t, with the scans that are new."""
-    first = next((one for one in scans if not one.sensor), None)
-    further = tuple(one for one in scans if one.sensor)
     odometry = Odometry(t, robot.pose, robot.applied)
-    return eyes.take(t, Readings(odometry, first, None, None, further)).obstacles
+    return eyes.take(t, Readings(odometry, scan, None, None, further)).obstacles
 
 
-def _scanned(k: int, dt: float, now: Now, scene: Scene, scanner: Scanner) -> Scan:
+def _scanned(k: int, dt: float, now: Now, scene: Scene, scanner: SimulatedLidar) -> Scan:
     lidar, number = scanner.lidar, scanner.number
-    scanner.due = next_reading_tick(k, scanner.rate, dt)
+    scanner.next = next_reading_tick(k, scanner.model.rate_hz, dt)
     discs = np.empty((len(scene.obstacles.discs), 6))
     place(discs, scene.obstacles, k * dt)
     ranges = np.empty(len(lidar.beams))
     scan(now.robot.pose, lidar, discs, scene.barred, scene.grid, scanner.seed, number, ranges)
     scanner.number += 1
-    return Scan(k * dt, k, ranges, 0.0, scanner.sensor)
+    return Scan(k * dt, k, ranges, 0.0, scanner.model.name)
 
 
 def known(t: float, seen_obstacles: Surroundings, walls: Floats, scene: Scene) -> Surroundings:

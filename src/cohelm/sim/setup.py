@@ -23,7 +23,7 @@ from cohelm.plan.path_planner import PathParams
 from cohelm.plan.zones import UNZONED, Zones
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
-from cohelm.robot.sensors import Lidar, LidarModel
+from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID, Grid
 from cohelm.sim.operator_model import OperatorModel, Replay, replay
 from cohelm.sim.twin.settings import TwinModel
@@ -40,12 +40,8 @@ class Piloted:
     settings: Settings
     max_acceleration: Floats
     """(m,), the largest acceleration each disc is assumed to be capable of [m/s^2]."""
-    lidar: Lidar | None = None
-    """What the robot sees with; None: it knows all discs and walls, as they are."""
-    rate: float = 10.0
-    """Scans per second."""
-    further: tuple[LidarModel, ...] = ()
-    """What it sees with besides."""
+    lidars: tuple[LidarModel, ...] = ()
+    """What the robot sees with; none: it knows all discs and walls, as they are."""
     tracker_params: TrackerParams = field(default_factory=TrackerParams)
     """Parameters of the tracker."""
     path_params: PathParams = field(default_factory=PathParams)
@@ -60,7 +56,7 @@ class Piloted:
     @property
     def scan_age(self) -> float:
         """Age of the scans of its slowest LiDAR when its next one is there [s]."""
-        return 1.0 / min(self.rate, *(one.rate_hz for one in self.further), math.inf)
+        return max((1.0 / one.rate_hz for one in self.lidars), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -141,14 +137,14 @@ class Setup:
 
 
 def with_pilot(
-    setup: Setup, pace: PaceParams | None = None, lidar: LidarModel | None = None,
-    max_acceleration: float = 1.0, gains: Gains | None = None, further: tuple[LidarModel, ...] = (),
+    setup: Setup, pace: PaceParams | None = None, lidars: tuple[LidarModel, ...] = (),
+    max_acceleration: float = 1.0, gains: Gains | None = None,
 ) -> Setup:  # fmt: skip
     """The same run with the pilot, at its default parameters; without `gains` with those of the
     setup.
 
-    lidar: what the robot sees with; None: it is given the true obstacles. max_acceleration: assumed
-    of the discs that drift or follow a path [m/s^2]. further: LiDARs besides that one.
+    lidars: what the robot sees with; none: it is given the true obstacles. max_acceleration:
+    assumed of the discs that drift or follow a path [m/s^2].
     """
     gains = gains or setup.gains
     evasion = adapted(EvasionParams(speed=HURRY * gains.u_d), setup.outline, setup.limits)
@@ -156,10 +152,8 @@ def with_pilot(
         setup.outline, setup.limits, gains, Rules(dt=setup.dt), pace or PaceParams(),
         evasion=evasion,
     )  # fmt: skip
-    made = Piloted(settings, np.where(ever_moving(setup.obstacles), max_acceleration, 0.0))
-    if lidar is not None:
-        made = replace(
-            made, lidar=lidar.lidar(), rate=lidar.rate_hz, further=further,
-            tracker_params=TrackerParams(max_acceleration=max_acceleration),
-        )  # fmt: skip
-    return replace(setup, pilot=made)
+    pilot = Piloted(
+        settings, np.where(ever_moving(setup.obstacles), max_acceleration, 0.0), lidars,
+        TrackerParams(max_acceleration=max_acceleration),
+    )  # fmt: skip
+    return replace(setup, pilot=pilot)

@@ -158,7 +158,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
 
     Raises CohelmError for a setup with a plant or senses that such a law can not be given.
     """
-    if setup.twin is not None or (setup.pilot is not None and setup.pilot.lidar is not None):
+    if setup.twin is not None or (setup.pilot is not None and setup.pilot.lidars):
         raise CohelmError(
             "a controller of your own drives the kinematic plant and is given the true obstacles: "
             "set simulation.plant=kinematic and senses=truth"

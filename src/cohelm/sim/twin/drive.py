@@ -91,7 +91,7 @@ class TwinRun(ABC):
         )  # fmt: skip
         self.guarded = setup.pilot is not None
         self.piloted = setup.pilot or _unguarded(setup)
-        self.seeing = self.piloted.lidar is not None
+        self.seeing = bool(self.piloted.lidars)
         settings = self.piloted.settings._replace(limits=held(model.bounds(), twinned.physics))
         path_params, replan_params = self.piloted.path_params, self.piloted.replan_params
         if self.guarded:

@@ -82,5 +82,5 @@ def case(worlds: tuple[Barn, ...], seed: int, number: int) -> Episode:
     )  # fmt: skip
     setup = replace(setup, start=barn.start)
     goal = EpisodeGoal(*barn.goal, barn.near_goal, barn.optimal_time)
-    piloted = with_pilot(setup, PACE, LIDAR, gains=GAINS)
+    piloted = with_pilot(setup, PACE, (LIDAR,), gains=GAINS)
     return Episode("barn", number, f"world {barn.number}", piloted, goal, robot=jackal)

@@ -85,7 +85,7 @@ def case(seed: int, number: int) -> Episode:
         anywhere = setup.start._replace(psi=float(rng.uniform(-math.pi, math.pi)))
         setup = replace(setup, start=anywhere)
     gains = PAPER._replace(u_d=setup.limits.speed) if manual else lively(setup.gains)
-    setup = with_pilot(setup, lidar=model.lidar, gains=gains, further=model.further_lidars)
+    setup = with_pilot(setup, lidars=model.lidars, gains=gains)
     setup = replace(setup, twin=Twinned(model, TwinModel(odometry_distance_error=0.015)))
     uneven = Uneven(
         heights, WHEELS, _loads(rng, model, number), "ram" if operator == "shared" else operator,

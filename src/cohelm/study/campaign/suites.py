@@ -268,22 +268,20 @@ def on_twin(case: Episode, plant: str) -> Episode:
     """The same episode on the twin."""
     model = sensed(equipped(case.robot, plant))
     assert model.lidar is not None
-    physics, setup, further = TwinModel(), case.setup, model.further_lidars
+    physics, setup = TwinModel(), case.setup
     if case.rollout is not None:
         field = _field(case)
         names = tuple(f"thing_{i}" for i in range(len(field.discs)))
         full = PAPER._replace(u_d=setup.limits.speed)
         setup = replace(setup, obstacles=field, names=names)
-        setup = with_pilot(setup, lidar=model.lidar, gains=full, further=further)
+        setup = with_pilot(setup, lidars=model.lidars, gains=full)
         # There is no reference and so no end of it: a full deflection requests full speed.
         setup = replace(setup, near=0.0, twin=Twinned(model, physics))
         return replace(case, plant=plant, setup=setup)
     if setup.pilot is None:
-        setup = with_pilot(setup, lidar=model.lidar, gains=lively(setup.gains), further=further)
+        setup = with_pilot(setup, lidars=model.lidars, gains=lively(setup.gains))
     assert setup.pilot is not None
-    seeing = replace(
-        setup.pilot, lidar=model.lidar.lidar(), rate=model.lidar.rate_hz, further=further
-    )
+    seeing = replace(setup.pilot, lidars=model.lidars)
     known = map_from_geometry(setup.obstacles.walls, setup.start, _resting(setup))
     setup = replace(setup, pilot=seeing, twin=Twinned(model, physics, known))
     return replace(case, plant=plant, setup=setup)
