@@ -10,6 +10,7 @@ from PIL import Image
 
 from cohelm.core.errors import CohelmError
 from cohelm.record.read import read
+from cohelm.study import reproduce as reproducing
 from cohelm.study.metrics import measure, wheel_acceleration
 from cohelm.study.reproduce import reproduce
 from tests.few import first
@@ -39,7 +40,7 @@ def result(out, told):
 
 @pytest.fixture(scope="module")
 def numbers(result):
-    return result.as_dict()
+    return reproducing.numbers(result)
 
 
 def test_tracking_alone_stays_below_three_centimetres_and_ends_on_the_path(numbers):
@@ -58,7 +59,7 @@ def test_a_sudden_heading_error_can_not_settle_faster_than_its_gain_allows(resul
         psi, t = psi - 1e-4 * math.sin(psi), t + 1e-4
     assert numbers["tracking"]["least_settle_s"] == pytest.approx(t, abs=1e-3)
     assert t < numbers["tracking"]["settle_s"] < 20.0
-    start = result.experiments.recovery.trace.rows[0]
+    start = result.recovery.trace.rows[0]
     assert start["e_p"] == pytest.approx(math.pi / 2)
 
 
@@ -89,7 +90,7 @@ def test_the_person_leads_where_the_papers_person_did(result, numbers):
     (a, b), (c, d) = numbers["shared"]["human_windows_s"]
     assert (a, b) == (pytest.approx(2.5, abs=1.0), pytest.approx(6.3, abs=1.0))
     assert (c, d) == (pytest.approx(43.2, abs=1.0), pytest.approx(46.6, abs=1.0))
-    rows = result.experiments.shared.trace.rows
+    rows = result.shared.trace.rows
     elsewhere = ~((rows["t"] > a - 0.5) & (rows["t"] < b + 0.5))
     elsewhere &= ~((rows["t"] > c - 0.5) & (rows["t"] < d + 0.5))
     assert (rows["authority_x"][elsewhere] == 1.0).all()
@@ -103,9 +104,9 @@ def test_after_the_operator_releases_the_stick_the_robot_returns_to_the_path(res
 
 
 def test_with_limits_on_no_command_jumps_more_than_the_wheels_can(result):
-    wheels = result.experiments.wheels
-    assert set(result.experiments.limited) == {"track", "avoid", "shared", "recovery"}
-    for run in result.experiments.limited.values():
+    wheels = result.wheels
+    assert set(result.limited) == {"track", "avoid", "shared", "recovery"}
+    for run in result.limited.values():
         jump = wheel_acceleration(run.trace, wheels.track)
         assert jump <= wheels.wheel_acceleration * (1.0 + 1e-9)
 
@@ -132,7 +133,7 @@ def test_the_json_file_is_what_was_returned(out, numbers):
 
 
 def test_the_table_sets_every_finding_beside_the_paper(result):
-    rows = result.table()
+    rows = reproducing.table(result)
     assert len(rows) >= 15
     assert all(len(row) == 3 and all(row) for row in rows)
 
@@ -147,7 +148,6 @@ def test_progress_goes_forward_to_the_end(result, told):
 @pytest.mark.parametrize("name", first(FIGURES))
 def test_every_figure_is_a_picture_and_small(out, result, name):
     png = out / f"{name}.png"
-    assert png in result.written
     assert png.stat().st_size < 300_000
     with Image.open(png) as image:
         colours = np.unique(np.asarray(image.convert("RGB")).reshape(-1, 3), axis=0)
@@ -161,12 +161,12 @@ def test_the_summary_shows_table_and_pictures(out, result):
     text = (out / "summary.md").read_text(encoding="utf-8")
     for name in re.findall(r"!\[.*?\]\((.*?)\)", text):
         assert (out / name).exists()
-    assert all(row[0] in text for row in result.table())
+    assert all(row[0] in text for row in reproducing.table(result))
 
 
 def test_a_record_scores_as_the_run_it_came_from(out, result):
     again = measure(read(out / "records" / "shared.mcap"))
-    assert again == result.experiments.shared.metrics
+    assert again == result.shared.metrics
 
 
 @pytest.mark.slow

@@ -94,14 +94,14 @@ def reproduce(out: Out = None, as_json: Json = False) -> None:
     --out names another folder; files of an earlier reproduction there are replaced.
     """
     with progress("starting") as bar:
-        from cohelm.study.reproduce import reproduce as repeat
+        from cohelm.study.reproduce import numbers, reproduce as repeat, table
 
         folder = out or Path("out/reproduce")
         result = repeat(folder, bar)
     if as_json:
-        print_json(result.as_dict())
+        print_json(numbers(result))
     else:
-        print_table("The paper's experiments", ("quantity", "ours", "paper"), result.table())
+        print_table("The paper's experiments", ("quantity", "ours", "paper"), table(result))
         say(f"figures 6–11, records and numbers: {plain(str(folder))}")
 
 

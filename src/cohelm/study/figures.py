@@ -26,8 +26,8 @@ _CLOSE_UPS = (("cone_2", "cone_1"), ("cone_3",), ("mover",))
 """What is looked at from near, in the order it is met."""
 
 
-def draw_figures(ex: Experiments, folder: Path, progress: Progress) -> list[Path]:
-    """Write every figure as PNG and SVG into a folder that exists; the files written."""
+def draw_figures(ex: Experiments, folder: Path, progress: Progress) -> None:
+    """Write every figure as PNG and SVG into a folder that exists."""
     makers = {
         "fig06_track_path": figure_6,
         "fig07_track_error": figure_7,
@@ -38,12 +38,10 @@ def draw_figures(ex: Experiments, folder: Path, progress: Progress) -> list[Path
         "k_cbf_sweep": figure_sweep,
         "overview": overview,
     }
-    written: list[Path] = []
     with draw.styled():
         for k, (name, maker) in enumerate(makers.items()):
             progress(f"figure {name}", k / len(makers))
-            written += draw.save(maker(ex), folder, name)
-    return written
+            draw.save(maker(ex), folder, name)
 
 
 def draw_run(run: Run, folder: Path, name: str = "run") -> list[Path]:

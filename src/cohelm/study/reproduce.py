@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Progress
 from cohelm.record.write import Recorder
-from cohelm.study.experiments import SETTLED, Experiments, Run, perform
+from cohelm.study.experiments import SETTLED, Experiments, perform
 from cohelm.study.metrics import Metrics, plain, wheel_acceleration
 from cohelm.study.single import scene
 
@@ -19,24 +18,7 @@ _RUNS, _RECORDS = 0.25, 0.55
 """Shares of the whole at which runs and records are done."""
 
 
-@dataclass(frozen=True)
-class Reproduction:
-    """What came out, and where it was written."""
-
-    experiments: Experiments
-    written: list[Path]
-    """Every file, `reproduce.json` first."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """The numbers as plain values for JSON."""
-        return numbers(self.experiments)
-
-    def table(self) -> list[tuple[str, str, str]]:
-        """Rows of (quantity, ours, paper)."""
-        return table(self.experiments)
-
-
-def reproduce(out: Path, progress: Progress = lambda _doing, _share: None) -> Reproduction:
+def reproduce(out: Path, progress: Progress = lambda _doing, _share: None) -> Experiments:
     """Run the paper's experiments and write their figures and numbers into the folder `out`.
 
     The folder is made if need be; files of an earlier reproduction in it are replaced. The same
@@ -46,42 +28,31 @@ def reproduce(out: Path, progress: Progress = lambda _doing, _share: None) -> Re
     try:
         (out / "records").mkdir(parents=True, exist_ok=True)  # before the work, if it can not be
         ex = perform(lambda doing, share: progress(doing, _RUNS * share))
-        written = _write(ex, out, progress)
+        _write(ex, out, progress)
     except OSError as error:
         raise CohelmError(
             f"{out}: can not be written ({error.strerror}); choose another folder with --out, "
             "or free some space"
         ) from error
     progress("done", 1.0)
-    return Reproduction(ex, written)
+    return ex
 
 
-def _write(ex: Experiments, out: Path, progress: Progress) -> list[Path]:
-    result = out / "reproduce.json"
-    result.write_text(json.dumps(numbers(ex), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    written = [result]
+def _write(ex: Experiments, out: Path, progress: Progress) -> None:
+    text = json.dumps(numbers(ex), indent=2, allow_nan=False) + "\n"
+    (out / "reproduce.json").write_text(text, encoding="utf-8")
     runs = ex.recorded()
-    for name, run in runs.items():
-        done = (len(written) - 1) / len(runs)
-        progress(f"record {name}", _RUNS + (_RECORDS - _RUNS) * done)
-        written.append(record(run, out / "records" / f"{name}.mcap"))
+    for k, (name, run) in enumerate(runs.items()):
+        progress(f"record {name}", _RUNS + (_RECORDS - _RUNS) * k / len(runs))
+        path = out / "records" / f"{name}.mcap"
+        path.unlink(missing_ok=True)  # of an earlier reproduction
+        with Recorder(path, scene(run.setup)) as file:
+            file.write(run.trace)
     # matplotlib takes a second to import: only drawing waits for it.
     from cohelm.study.figures import draw_figures
 
-    written += draw_figures(
-        ex, out, lambda doing, s: progress(doing, _RECORDS + (1 - _RECORDS) * s)
-    )
-    summary = out / "summary.md"
-    summary.write_text(_summary(ex), encoding="utf-8")
-    return [*written, summary]
-
-
-def record(run: Run, path: Path) -> Path:
-    """Write a run as MCAP, in place of an earlier record at `path`."""
-    path.unlink(missing_ok=True)
-    with Recorder(path, scene(run.setup)) as file:
-        file.write(run.trace)
-    return path
+    draw_figures(ex, out, lambda doing, s: progress(doing, _RECORDS + (1 - _RECORDS) * s))
+    (out / "summary.md").write_text(_summary(ex), encoding="utf-8")
 
 
 def numbers(ex: Experiments) -> dict[str, Any]:
