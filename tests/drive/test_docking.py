@@ -12,7 +12,7 @@ from cohelm.core.types import Pose, Stick, Twist
 from cohelm.drive.factory import simulated
 from cohelm.drive.playback import Playback
 from cohelm.drive.session import Session, SessionConfig
-from cohelm.drive.until_ended import dock_of
+from cohelm.drive.until_ended import goal_of
 from cohelm.link.bulk_messages import Docks
 from cohelm.link.messages import DockPhase, Mode, RequestKind
 from cohelm.loop.docking import Docking
@@ -313,13 +313,13 @@ def test_a_lost_or_misaligned_robot_does_not_dock(docking):
 
 def test_an_unknown_dock_is_refused_with_the_known_names():
     plan = SessionConfig(simulated("dock", real_time=False))
-    assert dock_of(plan, "charger") == 1
-    assert dock_of(plan, "") == 0
+    assert goal_of(plan, Mode.AUTOMATIC, False, "charger") == 1
+    assert goal_of(plan, Mode.AUTOMATIC, False, "") == 0
     with pytest.raises(CohelmError, match="--dock: no dock is called 'x'; there are: charger"):
-        dock_of(plan, "x")
+        goal_of(plan, Mode.AUTOMATIC, False, "x")
     none = SessionConfig(simulated("minimal", real_time=False))
     with pytest.raises(CohelmError, match="no dock is called 'x', and this scenario has none"):
-        dock_of(none, "x")
+        goal_of(none, Mode.AUTOMATIC, False, "x")
 
 
 @pytest.mark.slow

@@ -63,24 +63,17 @@ def drive_here(
 
 
 def goal_of(plan: SessionConfig, mode: Mode, arrive: bool, dock: str) -> int:
-    """The number of the dock to drive to; 0: none. CohelmError for a goal that is never reached."""
+    """The number of the dock to drive to, from 1; 0: none was named. CohelmError for a goal that is
+    never reached, or a dock that the site does not have."""
     if arrive and mode is Mode.HOLD:
         raise CohelmError(
             "in hold mode the robot stands, and does not arrive: name a site or another mode"
         )
-    return dock_of(plan, dock)
-
-
-def dock_of(plan: SessionConfig, name: str) -> int:
-    """The number of the dock that is called so, from 1; 0: none was named. CohelmError for one that
-    the site does not have."""
-    names = [dock.name for dock in plan.robot.scenario.docks]
-    if not name:
-        return 0
-    if name not in names:
+    names = [one.name for one in plan.robot.scenario.docks]
+    if dock and dock not in names:
         known = f"; there are: {', '.join(names)}" if names else ", and this scenario has none"
-        raise CohelmError(f"--dock: no dock is called {name!r}{known}")
-    return names.index(name) + 1
+        raise CohelmError(f"--dock: no dock is called {dock!r}{known}")
+    return names.index(dock) + 1 if dock else 0
 
 
 def drive_for_stations(
