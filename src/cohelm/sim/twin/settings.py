@@ -48,29 +48,21 @@ class TwinModel(Schema):
 
         Raises CohelmError where they do not fit the robot's own.
         """
-        odometry = _set_values(
-            distance_error=self.odometry_distance_error, slip=self.odometry_slip,
-            gyro_drift_degps=self.gyro_drift_degps, gyro_noise_degps=self.gyro_noise_degps,
-        )  # fmt: skip
-        lidar = _set_values(
-            noise_m=self.lidar_noise_m, dropout=self.lidar_dropout, rate_hz=self.lidar_rate_hz,
-            sweep_s=self.lidar_sweep_s, latency_s=self.lidar_latency_s,
-        )  # fmt: skip
         changed: dict[str, Any] = robot.model_dump()
-        changed["odometry"].update(odometry)
-        for lidar_keys in (changed["lidar"], *changed["further_lidars"]):
-            if lidar_keys is not None:
-                lidar_keys.update(lidar)
+        lidars = [one for one in (changed["lidar"], *changed["further_lidars"]) if one]
+        for key, value in self.model_dump(exclude_none=True).items():
+            sensor, _, own = key.partition("_")
+            if sensor == "lidar":
+                for one in lidars:
+                    one[own] = value
+            elif sensor in ("odometry", "gyro"):  # a gyro's keys are the odometry's
+                changed["odometry"][key.removeprefix("odometry_")] = value
         try:
             return RobotModel.model_validate(changed)
         except ValidationError as error:
             raise CohelmError(
                 f"simulation.twin: makes an impossible robot: {first_fault(error)}"
             ) from error
-
-
-def _set_values(**values: float | None) -> dict[str, float]:
-    return {key: value for key, value in values.items() if value is not None}
 
 
 def lag(model: RobotModel, physics: TwinModel, dt: float) -> float:
