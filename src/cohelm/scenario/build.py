@@ -58,7 +58,8 @@ def setup(scenario: Scenario) -> Setup:
         delay=alone.simulation.delay_s, seed=alone.simulation.seed, grid=scenery.grid,
         barred=alone.walls(Read()) if scenery.grid is not NO_GRID else None,
         near=alone.reference.arrive_m or REACHED,
-        pilot=_piloted(alone, robot, limits, obstacles, start), twin=_twinned(alone, robot),
+        pilot=_piloted(alone, robot, limits, obstacles, start),
+        twin=Twinned(robot, alone.simulation.twin) if alone.simulation.plant == "twin" else None,
         scenario=dump(alone),
     )  # fmt: skip
     _check_length(made, alone)
@@ -97,12 +98,6 @@ def pilot(scenario: Scenario) -> Pilot:
         alone.reference.spline(), _settings(alone, robot, limits), delay=alone.simulation.delay_s,
         path_params=law.path_params(), replan_params=law.replan_params(),
     )  # fmt: skip
-
-
-def _twinned(alone: Scenario, robot: RobotModel) -> Twinned | None:
-    """What a run on the twin needs beyond the rest."""
-    chosen = alone.simulation
-    return Twinned(robot, chosen.twin) if chosen.plant == "twin" else None
 
 
 def _settings(alone: Scenario, robot: RobotModel, limits: Limits) -> Settings:

@@ -88,12 +88,8 @@ class Guard(Schema):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.hard_margin_m > self.soft_margin_m:
-            refuse(
-                (
-                    "hard_margin_m",
-                    f"must not be larger than soft_margin_m, which is {self.soft_margin_m:g}",
-                )
-            )
+            problem = f"must not be larger than soft_margin_m, which is {self.soft_margin_m:g}"
+            refuse(("hard_margin_m", problem))
         return self
 
     def rules(self, dt: float) -> Rules:
@@ -143,12 +139,8 @@ class PaceModel(Schema):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.full_speed_clearance_m <= self.creep_clearance_m:
-            refuse(
-                (
-                    "full_speed_clearance_m",
-                    f"must be larger than creep_clearance_m, which is {self.creep_clearance_m:g}",
-                )
-            )
+            problem = f"must be larger than creep_clearance_m, which is {self.creep_clearance_m:g}"
+            refuse(("full_speed_clearance_m", problem))
         if self.lag_m <= self.slack_m:
             refuse(("lag_m", f"must be larger than slack_m, which is {self.slack_m:g}"))
         return self
@@ -254,12 +246,8 @@ class Law(Schema):
     def _possible(self) -> Self:
         margin = self.guard.soft_margin_m
         if self.plan.min_clearance_m is not None and self.plan.min_clearance_m < margin:
-            refuse(
-                (
-                    "plan.min_clearance_m",
-                    f"must not be less than guard.soft_margin_m, which is {margin:g}",
-                )
-            )
+            problem = f"must not be less than guard.soft_margin_m, which is {margin:g}"
+            refuse(("plan.min_clearance_m", problem))
         return self
 
     def replan_params(self) -> ReplanParams:

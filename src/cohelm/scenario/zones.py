@@ -91,8 +91,9 @@ class ZonesModel(Schema):
             cells, origin = _drawn([(corners, 1.0) for corners in self.keep_out_m], "keep_out_m")
             read = read._replace(keep_out=keep_out(cells > 0.0, CELL, origin))
         if self.speed:
-            limits = [(zone.corners_m, zone.speed_mps) for zone in self.speed]
-            read = read._replace(slow=SpeedZones(Cells(*_slowest(limits)), False))
+            from_fast = sorted(self.speed, key=lambda zone: -zone.speed_mps)  # the lowest counts
+            cells, origin = _drawn([(one.corners_m, one.speed_mps) for one in from_fast], "speed")
+            read = read._replace(slow=SpeedZones(Cells(cells, CELL, origin), False))
         return read
 
 
@@ -107,13 +108,6 @@ def _flat(key: str, corners: Sequence[tuple[float, float]]) -> list[tuple[str, s
     if abs(twice) > 2e-4:
         return []
     return [(key, "its corners enclose nothing: give them in order around the zone")]
-
-
-def _slowest(polygons: Sequence[Polygon]) -> tuple[NDArray[np.float32], float, Pose]:
-    """Cells with the lowest of the limits that lie there; resolution and origin."""
-    from_fast = sorted(polygons, key=lambda one: -one[1])
-    cells, origin = _drawn(from_fast, "speed")
-    return cells, CELL, origin
 
 
 def _drawn(polygons: Sequence[Polygon], name: str) -> tuple[NDArray[np.float32], Pose]:
