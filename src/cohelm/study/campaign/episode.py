@@ -228,12 +228,6 @@ class Interventions:
     why: str = ""
     """The first of them."""
 
-    @property
-    def gate_share(self) -> float:
-        """Of all periods; NaN where there was no gate."""
-        return self.gate / self.periods if self.periods else math.nan
-
-    @property
-    def monitor_share(self) -> float:
-        """Of all periods; NaN where there was no monitor."""
-        return self.monitors / self.periods if self.periods else math.nan
+    def share(self, periods: int) -> float:
+        """So many of all periods; NaN where there was neither gate nor monitor."""
+        return periods / self.periods if self.periods else math.nan
