@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Generator
+from contextlib import contextmanager
 from datetime import datetime
 from math import inf
 from pathlib import Path
@@ -54,10 +56,16 @@ def recorded(setup: Setup, folder: Path, progress: Progress) -> Metrics:
             steps += len(piece)
             progress("running and recording", _SIMULATED * steps / setup.steps)
     run = Run(setup, done[0].joined(*done[1:]))
-    _write(folder / SCENARIO, setup.scenario)
-    _write(folder / METRICS, json.dumps(run.metrics.as_dict(), indent=2, allow_nan=False) + "\n")
+    with _writing(folder / SCENARIO) as path:
+        path.write_text(setup.scenario, encoding="utf-8")
+    with _writing(folder / METRICS) as path:
+        text = json.dumps(run.metrics.as_dict(), indent=2, allow_nan=False)
+        path.write_text(text + "\n", encoding="utf-8")
     progress("drawing", _SIMULATED)
-    _draw(run, folder)
+    from cohelm.study.figures import draw_run  # matplotlib takes a second to import
+
+    with _writing(folder / f"{PICTURE}.png"):
+        draw_run(run, folder, PICTURE)
     return run.metrics
 
 
@@ -132,24 +140,13 @@ def _check_free(folder: Path) -> None:
         )
 
 
-def _draw(run: Run, folder: Path) -> None:
-    from cohelm.study.figures import draw_run  # matplotlib takes a second to import
-
+@contextmanager
+def _writing(path: Path) -> Generator[Path]:
+    """CohelmError where a file beside the record can not be written."""
     try:
-        draw_run(run, folder, PICTURE)
+        yield path
     except OSError as error:
-        raise _unwritten(folder / f"{PICTURE}.png", error) from error
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise _unwritten(path, error) from error
-
-
-def _unwritten(path: Path, error: OSError) -> CohelmError:
-    return CohelmError(
-        f"{path} can not be written ({error.strerror}), the record beside it is whole: free "
-        "some space, or choose another folder with --out"
-    )
+        raise CohelmError(
+            f"{path} can not be written ({error.strerror}), the record beside it is whole: free "
+            "some space, or choose another folder with --out"
+        ) from error
