@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -157,7 +158,7 @@ def map_(
         say(f"[bold red]failed:[/bold red] {plain(str(record))} is cut short or damaged; the map "
             "goes as far as it does")  # fmt: skip
     if as_json:
-        print_json({"record": str(record), "out": str(folder), **result.as_dict()})
+        print_json({"record": str(record), "out": str(folder), **asdict(result)})
         _end(result.record_whole)
         return
     rows = (
@@ -203,7 +204,7 @@ def _check(path: Path, robot: str, folder: Path, as_json: bool) -> None:
         check = map_check.checked(occupancy, lidar, bar)
         map_check.write(folder, occupancy, check)
     if as_json:
-        print_json({"map": str(path), "robot": robot, "out": str(folder), **check.as_dict()})
+        print_json({"map": str(path), "robot": robot, "out": str(folder), **asdict(check)})
         return
     rows = (
         ("size", f"{check.width_m:.1f} x {check.height_m:.1f} m at {check.resolution_m:g} m"),

@@ -72,10 +72,6 @@ class MapCheck:
     alike: tuple[Alike, ...]
     """Those that another place of the map looks like."""
 
-    def as_dict(self) -> dict[str, Any]:
-        """The same for JSON."""
-        return asdict(self)
-
 
 def checked(
     occupancy: OccupancyMap, model: LidarModel, progress: Progress, *, places: int = PLACES,
@@ -216,7 +212,7 @@ def _open_ends(occupancy: OccupancyMap) -> Floats:
 def write(folder: Path, occupancy: OccupancyMap, check: MapCheck) -> None:
     """check.png and check.json. Raises CohelmError where the folder can not be written."""
     with writing(folder):
-        text = json.dumps(check.as_dict(), indent=2)
+        text = json.dumps(asdict(check), indent=2)
         (folder / "check.json").write_text(text + "\n", encoding="utf-8")
         _picture(folder / "check.png", occupancy, check)
 

@@ -43,10 +43,6 @@ class MapResult:
     localized: LocalizedDrive | None = None
     """The drive again, on the map that was made of it, if that was asked for."""
 
-    def as_dict(self) -> dict[str, Any]:
-        """The same for JSON."""
-        return asdict(self)
-
 
 def occupancy(drawn: Raster) -> OccupancyMap:
     """The grid as map_server publishes it."""
@@ -98,7 +94,7 @@ def write(
 def write_result(folder: Path, result: MapResult) -> None:
     """mapping.json. CohelmError where the folder can not be written."""
     with writing(folder):
-        text = json.dumps(result.as_dict(), indent=2)
+        text = json.dumps(asdict(result), indent=2)
         (folder / "mapping.json").write_text(text + "\n", encoding="utf-8")
 
 
