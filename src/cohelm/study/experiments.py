@@ -56,14 +56,6 @@ class Run(RunResult):
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One value of the sweep over k_CBF."""
-
-    k_cbf: float
-    metrics: Metrics
-
-
-@dataclass(frozen=True)
 class Experiments:
     """Everything that was run."""
 
@@ -79,8 +71,8 @@ class Experiments:
     """A sudden 90 degree heading error on a straight reference."""
     limited: dict[str, Run]
     """`track`, `avoid`, `shared` and `recovery` with the limits of `wheels` enforced."""
-    sweep: list[Trial]
-    """As `avoid`, over k_CBF."""
+    sweep: dict[float, Metrics]
+    """As `avoid`, by k_CBF."""
     wheels: Limits
     """What the robot's wheels can really do."""
 
@@ -125,12 +117,12 @@ def perform(progress: Progress) -> Experiments:
         words, scenario, changes = _EXPERIMENTS[name]
         progress(f"{words}, wheel limits on", (len(runs) + len(limited)) / total)
         limited[name] = _run(scenario, *changes, "simulation.wheel_limits=true")
-    sweep: list[Trial] = []
+    sweep: dict[float, Metrics] = {}
     avoid = runs["avoid"].setup
     for k_cbf in SWEEP:
         progress(f"the barrier with k_CBF = {k_cbf:g}", 1.0 - (len(SWEEP) - len(sweep)) / total)
         setup = replace(avoid, gains=avoid.gains._replace(k_cbf=k_cbf))
-        sweep.append(Trial(k_cbf, measure(run(setup))))
+        sweep[k_cbf] = measure(run(setup))
     wheels = limited["avoid"].setup.limits
     return Experiments(**runs, limited=limited, sweep=sweep, wheels=wheels)
 

@@ -243,7 +243,7 @@ def figure_11(ex: Experiments) -> Figure:
 def figure_sweep(ex: Experiments) -> Figure:
     """What k_CBF does: how near, how fast, how long held up."""
     default = ex.avoid.setup.gains.k_cbf
-    good = [t.k_cbf for t in ex.sweep if t.metrics.min_h > 0.1]
+    good = [k_cbf for k_cbf, m in ex.sweep.items() if m.min_h > 0.1]
     figure = draw.sheet(
         f"Below k_CBF = {min(good):g} the robot is held up, comes too near, and asks for speeds "
         "it can not have" if good else "No k_CBF keeps the robot clear",
@@ -251,13 +251,13 @@ def figure_sweep(ex: Experiments) -> Figure:
         f"default {default:g}",
         6.6,
     )  # fmt: skip
-    k = [t.k_cbf for t in ex.sweep]
+    k, found = list(ex.sweep), ex.sweep.values()
     panels = figure.subplots(3, 1, sharex=True)
     figure.subplots_adjust(0.09, 0.08, 0.86, 0.88, hspace=0.22)
     near, fast, held = panels
     ends: list[tuple[float, str, str]] = []
     for name, color in zip(ex.avoid.trace.names, (CONE, ROBOT, "#009E73", MOVER), strict=False):
-        h = [t.metrics.discs[name].min_h for t in ex.sweep]
+        h = [m.discs[name].min_h for m in found]
         near.plot(k, h, "o-", color=color, lw=1.5, ms=4)
         ends.append((math.log(max(h[-1], 1e-6)), name, color))
     near.set_yscale("log")
@@ -266,13 +266,13 @@ def figure_sweep(ex: Experiments) -> Figure:
     for height, name, color in sorted(ends):  # labels at the line ends, pushed apart
         lowest = max(height, lowest + 0.75)
         near.text(k[-1] + 0.03, math.exp(lowest), name, color=color, va="center", fontsize=9.5)
-    fast.plot(k, [t.metrics.max_speed_mps for t in ex.sweep], "o-", color=DANGER, ms=4)
+    fast.plot(k, [m.max_speed_mps for m in found], "o-", color=DANGER, ms=4)
     fast.axhline(ex.wheels.speed, color=PALE, lw=0.8, ls="--")
     fast.text(k[-1] + 0.03, ex.wheels.speed, f"robot's limit\n{ex.wheels.speed:g} m/s",
               color=PALE, va="center", fontsize=9)  # fmt: skip
     fast.set_ylabel("largest |v| requested [m/s]")
     fast.set_ylim(bottom=0.0)
-    held.plot(k, [t.metrics.longest_stall_s for t in ex.sweep], "o-", color=PERSON, ms=4)
+    held.plot(k, [m.longest_stall_s for m in found], "o-", color=PERSON, ms=4)
     held.set_ylabel("longest stall [s]")
     held.set_xlabel("k_CBF [rad/s]")
     for axes in panels:

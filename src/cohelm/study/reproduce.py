@@ -92,15 +92,15 @@ def numbers(ex: Experiments) -> dict[str, Any]:
             },
             "k_cbf_sweep": [
                 {
-                    "k_cbf": trial.k_cbf,
-                    "min_h": trial.metrics.min_h,
-                    "reached": trial.metrics.reached,
-                    "max_speed_mps": trial.metrics.max_speed_mps,
-                    "longest_stall_s": trial.metrics.longest_stall_s,
-                    "max_pose_error": trial.metrics.max_pose_error,
-                    "min_footprint_clearance_m": trial.metrics.min_clearance_m,
+                    "k_cbf": k_cbf,
+                    "min_h": m.min_h,
+                    "reached": m.reached,
+                    "max_speed_mps": m.max_speed_mps,
+                    "longest_stall_s": m.longest_stall_s,
+                    "max_pose_error": m.max_pose_error,
+                    "min_footprint_clearance_m": m.min_clearance_m,
                 }
-                for trial in ex.sweep
+                for k_cbf, m in ex.sweep.items()
             ],
         }
     )
