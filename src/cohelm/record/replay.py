@@ -42,9 +42,10 @@ class Replayed(ClockedRobot):
         self.whole = True
         """Whether the record was finished, and is not damaged."""
         found = _read(path, self.model, self._damaged)
-        self._odometry, self._scans, self._driven, self._photos, self._further = found
-        self._stamps = [o.stamp for o in self._odometry]
-        self._ends = _ends(self._scans)
+        self.odometry, self.scans, self._driven, self._photos, self._further = found
+        """All readings of odometry and LiDAR, in the order of time."""
+        self._stamps = [o.stamp for o in self.odometry]
+        self._ends = _ends(self.scans)
         self._further_ends = [_ends(scans) for scans in self._further]
         self._turns = [t for t, _ in self._driven]
         self._taken = [photo.stamp for photo in self._photos]
@@ -52,16 +53,6 @@ class Replayed(ClockedRobot):
 
     def _damaged(self, _: str) -> None:
         self.whole = False
-
-    @property
-    def odometry(self) -> list[Odometry]:
-        """All readings, in the order of time."""
-        return self._odometry
-
-    @property
-    def scans(self) -> list[Scan]:
-        """All scans, in the order of time."""
-        return self._scans
 
     @property
     def duration(self) -> float:
@@ -74,7 +65,7 @@ class Replayed(ClockedRobot):
         k = bisect.bisect_right(self._stamps, now)
         s = bisect.bisect_right(self._ends, now)
         return Readings(
-            self._odometry[k - 1] if k else None, self._scans[s - 1] if s else None,
+            self.odometry[k - 1] if k else None, self.scans[s - 1] if s else None,
             self._picture(now),
             Health(self.now(), math.nan, ()),
             tuple(
