@@ -132,32 +132,26 @@ def traced(case: Episode, law: str, acted: Interventions) -> Iterator[Trace]:
 
     acted: where what gate and monitors did is counted, where there are any.
     """
-    if case.rollout is not None:
-        return _attacked_on_twin(case, acted) if case.setup.twin else iter((attacked(case, law),))
+    if case.rollout is not None and case.setup.twin is None:
+        return iter((attacked(case, law),))
+    setup = case.setup
+    if case.rollout is None and case.uneven is None:
+        setup = under(setup, law)
+        if case.goal is not None:
+            setup = replace(setup, near=case.goal.near)
+        if setup.twin is None or setup.twin.known is None or setup.pilot is None:
+            return pieces(setup, _PIECE)
+    from cohelm.study.campaign import loop_run  # needs MuJoCo, which is an extra
+
     if case.uneven is not None:
-        from cohelm.study.campaign import heights_run  # needs MuJoCo, which is an extra
+        from cohelm.study.campaign.heights_run import UnevenRun
 
-        return heights_run.pieces(case, acted, _PIECE)
-    setup = under(case.setup, law)
-    if case.goal is not None:
-        setup = replace(setup, near=case.goal.near)
-    if setup.twin is not None and setup.twin.known is not None and setup.pilot is not None:
-        from cohelm.study.campaign import loop_run  # needs MuJoCo, which is an extra
-
-        return loop_run.pieces(setup, acted, _PIECE)
-    return pieces(setup, _PIECE)
-
-
-def _attacked_on_twin(case: Episode, acted: Interventions) -> Iterator[Trace]:
-    from cohelm.sim.twin.movers import Pursuers  # needs MuJoCo, which is an extra
-    from cohelm.study.campaign import loop_run
-
-    assert case.rollout is not None
-    scene, attack = case.rollout.scene, case.rollout.attack
-    max_acceleration = np.zeros(len(case.setup.obstacles.discs))
-    max_acceleration[: len(scene.max_acceleration)] = scene.max_acceleration
-    pursuers = Pursuers(max_acceleration, scene.walk, attack.seed)
-    return loop_run.attacked(case.setup, attack, pursuers, acted, _PIECE)
+        run = UnevenRun(case, acted)
+    elif case.rollout is not None:
+        run = loop_run.Attacked(setup, acted, case.rollout.scene, case.rollout.attack)
+    else:
+        run = loop_run.Looped(setup, acted)
+    return loop_run.stepped(run, _PIECE)
 
 
 def attacked(case: Episode, law: str) -> Trace:

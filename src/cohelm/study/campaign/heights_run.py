@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -16,7 +15,6 @@ import numpy as np
 from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__Image as Image
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.trace import Trace
 from cohelm.core.types import CENTRED, Floats, Pose, Stick
 from cohelm.link.messages import Arming, Mode
 from cohelm.record.ros2 import header
@@ -28,7 +26,6 @@ from cohelm.ros.types import packed, unpacked
 from cohelm.sim.adversarial import BANG, SPIN, Attack, deflection
 from cohelm.sim.heights import DepthCamera, Heights, fallen, picture
 from cohelm.sim.simulated import SimulatedLidar
-from cohelm.sim.twin.drive import stepped
 from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign.episode import Episode, Interventions, Load
 from cohelm.study.campaign.loop_run import Looped
@@ -89,14 +86,9 @@ class UnevenTwin(Twin):
         return packed(message, IMAGE)
 
 
-def pieces(case: Episode, acted: Interventions, length: int) -> Iterator[Trace]:
-    """The drive in traces of `length` steps, the last one shorter; it ends on arrival, with a fall
-    or with a contact."""
-    return stepped(_Uneven(case, acted), length)
-
-
-class _Uneven(Looped):
-    """The loop drives the robot, or an operator that pushes it at edges, or both."""
+class UnevenRun(Looped):
+    """The loop drives the robot, or an operator that pushes it at edges, or both. It ends on
+    arrival, with a fall or with a contact."""
 
     def __init__(self, case: Episode, acted: Interventions) -> None:
         assert case.uneven is not None

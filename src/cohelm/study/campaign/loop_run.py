@@ -9,13 +9,11 @@ An attacker drives by the same loop in manual; attacker and walkers know the tru
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.trace import Trace
 from cohelm.core.types import CENTRED, Floats, Stick
 from cohelm.link.messages import Arming, Mode
 from cohelm.link.operator import Scripted
@@ -27,9 +25,9 @@ from cohelm.robot.gate.gate import Passed, Proposal
 from cohelm.robot.gate.modes import driving, latched
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.keep.record_pipe import RecordLine
-from cohelm.sim.adversarial import Attack, deflection
+from cohelm.sim.adversarial import AdversarialScene, Attack, deflection
 from cohelm.sim.setup import Setup
-from cohelm.sim.twin.drive import TwinRun, stepped
+from cohelm.sim.twin.drive import TwinRun, stepped as stepped
 from cohelm.sim.twin.movers import Pursuers
 from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign.episode import Interventions
@@ -53,18 +51,6 @@ class Watched(LocalGatedRobot):
             acted.monitors += by_monitor
             acted.gate += not by_monitor and passed.out != proposal.twist
         return passed
-
-
-def pieces(setup: Setup, acted: Interventions, length: int) -> Iterator[Trace]:
-    """The drive in traces of `length` steps, the last one shorter; it ends on arrival."""
-    return stepped(Looped(setup, acted), length)
-
-
-def attacked(
-    setup: Setup, attack: Attack, pursuers: Pursuers, acted: Interventions, length: int
-) -> Iterator[Trace]:
-    """The same with an attacker's stick; the walkers pursue the robot."""
-    return stepped(_Attacked(setup, acted, attack, pursuers), length)
 
 
 class Looped(TwinRun):
@@ -127,13 +113,16 @@ class Looped(TwinRun):
             self.loop.supervisor.choose(self.mode)
 
 
-class _Attacked(Looped):
-    """The attacker drives alone, in manual, and centres the stick whenever it has to be armed."""
+class Attacked(Looped):
+    """The attacker drives alone, in manual, and centres the stick whenever it has to be armed. The
+    walkers pursue the robot."""
 
     def __init__(
-        self, setup: Setup, acted: Interventions, attack: Attack, pursuers: Pursuers
+        self, setup: Setup, acted: Interventions, scene: AdversarialScene, attack: Attack
     ) -> None:
-        super().__init__(setup, acted, pursuers)
+        max_acceleration = np.zeros(len(setup.obstacles.discs))
+        max_acceleration[: len(scene.max_acceleration)] = scene.max_acceleration
+        super().__init__(setup, acted, Pursuers(max_acceleration, scene.walk, attack.seed))
         self.mode, self.attack, self.held = Mode.MANUAL, attack, self.stick
 
     def operator_stick(self, k: int, discs: Floats) -> Stick:
