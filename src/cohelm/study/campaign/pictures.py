@@ -104,18 +104,11 @@ def _frame(axes: Axes, case: Episode, trace: Trace, first: int, k: int) -> None:
     axes.plot(rows["x_d"], rows["y_d"], color=REFERENCE, lw=0.8, ls=(0, (4, 3)), zorder=1)
     for i in range(trace.discs.shape[1]):
         places = trace.discs[:, i]
-        x, y, vx, vy, radius = (float(n) for n in places[k, : RADIUS + 1])
-        if abs(x) >= ELSEWHERE:
-            continue
-        moves = _moves(places)
-        if moves:
-            way = places[max(k - round(1.0 / trace.dt), 0) : k + 1]
-            way = way[np.abs(way[:, X]) < ELSEWHERE]
-            axes.plot(way[:, X], way[:, Y], color=MOVER, lw=1.0, alpha=0.5, zorder=2)
+        _disc(axes, places, k, round(_AHEAD_S / trace.dt))
+        x, y, vx, vy = places[k, :RADIUS]
+        if _moves(places) and abs(x) < ELSEWHERE:
             axes.quiver(x, y, _AHEAD_S * vx, _AHEAD_S * vy, color=MOVER, zorder=5, angles="xy",
                         scale_units="xy", scale=1.0, width=0.015)  # fmt: skip
-        color = MOVER if moves else CONE
-        axes.add_patch(Circle((x, y), max(radius, 0.015), fc=color, ec="none", alpha=0.8, zorder=4))
     axes.plot(rows["x"][first : k + 1], rows["y"][first : k + 1], color=ROBOT, lw=1.4, zorder=5)
     corners = placed(setup.outline, Pose(rows["x"][k], rows["y"][k], rows["psi"][k]))
     axes.add_patch(Polygon(corners, closed=True, fc=ROBOT, ec=INK, lw=0.8, alpha=0.85, zorder=6))
@@ -164,7 +157,7 @@ def _above(axes: Axes, case: Episode, trace: Trace, row: EpisodeResult) -> None:
         axes.add_collection(LineCollection(list(drops), colors=DANGER, linewidths=1.0))
     worst = int(np.argmin(np.abs(rows["t"] - row.min_clearance_at_s)))
     for i in range(trace.discs.shape[1]):
-        _disc(axes, trace.discs[:, i], worst, trace.dt)
+        _disc(axes, trace.discs[:, i], worst, round(_TRAIL_S / trace.dt))
     if case.goal is not None:
         poses = [rows["x_d"], rows["y_d"]]
         axes.plot(*poses, color=REFERENCE, lw=1.0, ls=(0, (4, 3)), zorder=3)
@@ -185,17 +178,15 @@ def _moves(places: Floats) -> bool:
     return float(np.ptp(places[:, :2], axis=0).max()) > 1e-6
 
 
-def _disc(axes: Axes, places: Floats, worst: int, dt: float) -> None:
-    """A disc where it was at the worst moment; of one that moves also the way there."""
-    now = places[worst]
-    moves = _moves(places)
-    color = MOVER if moves else CONE
+def _disc(axes: Axes, places: Floats, k: int, steps: int) -> None:
+    """A disc where it was in step k; of one that moves also its way in so many steps before."""
+    now, moves = places[k], _moves(places)
     if moves:
-        way = places[max(worst - round(_TRAIL_S / dt), 0) : worst + 1]
+        way = places[max(k - steps, 0) : k + 1]
         way = way[np.abs(way[:, X]) < ELSEWHERE]
         axes.plot(way[:, X], way[:, Y], color=MOVER, lw=1.2, alpha=0.6, zorder=2)
-    radius = max(float(now[RADIUS]), 0.015)
-    axes.add_patch(Circle((now[X], now[Y]), radius, fc=color, ec="none", alpha=0.8, zorder=4))
+    at, radius, color = (now[X], now[Y]), max(float(now[RADIUS]), 0.015), MOVER if moves else CONE
+    axes.add_patch(Circle(at, radius, fc=color, ec="none", alpha=0.8, zorder=4))
 
 
 def _outline(axes: Axes, outline: Floats, row: np.void, color: str, width: float) -> None:
