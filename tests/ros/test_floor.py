@@ -71,7 +71,7 @@ def test_where_the_floor_ends_stands_something_not_beyond_it_nor_far_before(seen
 def test_floor_that_is_there_is_free_also_where_it_is_a_little_uneven(seen_by, top):
     _, made, ranges = seen_by(room(BODY, [slab(0.8)], CAM, floor=top))
     assert (ranges == math.inf).all()
-    assert made.floor_seen == 1.0
+    assert made.floor.seen == 1.0
 
 
 @pytest.mark.parametrize("noise", [0.005, 0.01])
@@ -100,7 +100,7 @@ def test_where_the_first_floor_is_not_seen_something_stands_at_the_least_range()
     assert (ranges == GIVEN.range_min_m).all()
     _, made, ranges = of_camera(np.full((120, 160), math.nan))
     assert (ranges == GIVEN.range_min_m).all()
-    assert made.floor_seen == 0.0
+    assert made.floor.seen == 0.0
 
 
 def test_an_obstacle_is_seen_where_it_is_and_occludes_the_floor_behind_it():

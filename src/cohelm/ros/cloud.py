@@ -10,7 +10,7 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros.floor import WatchesFloor
+from cohelm.ros.floor import Floor
 
 _FORMATS = {7: "f4", 8: "f8"}
 """Of `sensor_msgs/msg/PointField`: FLOAT32, FLOAT64."""
@@ -52,13 +52,14 @@ def points(cloud: Any, topic: str) -> Floats:
         return np.column_stack([found[name].ravel().astype(np.float64) for name in "xyz"])
 
 
-class CloudRanges(WatchesFloor):
+class CloudRanges:
     """Projects the points of clouds onto the beams of a model."""
 
     def __init__(self, model: LidarModel, body: Floats, topic: str) -> None:
         """model: one with a height band. body: (4, 4), from the cloud's frame into the body's."""
-        super().__init__(model)
-        self._body, self._topic = body, topic
+        self._model, self._body, self._topic = model, body, topic
+        self.floor = None if model.floor is None else Floor(model, model.floor)
+        """Watched where the model has one."""
         self._numbers = model.lidar()
 
     def of(self, cloud: Any) -> Floats:
@@ -71,7 +72,7 @@ class CloudRanges(WatchesFloor):
         seen = points(cloud, self._topic)
         with np.errstate(invalid="ignore", over="ignore"):
             here = seen @ self._body[:3, :3].T + self._body[:3, 3]
-            least = low if self._floor is None else -math.inf
+            least = low if self.floor is None else -math.inf
             here = here[(here[:, 2] >= least) & (here[:, 2] <= high)]
             dx, dy = here[:, 0] - lidar.mount.x, here[:, 1] - lidar.mount.y
             far = np.hypot(dx, dy)
@@ -84,7 +85,7 @@ class CloudRanges(WatchesFloor):
         made: Floats = np.full(model.beams, math.inf)
         stands = heights >= low
         np.minimum.at(made, beams[stands], far[stands])
-        if self._floor is not None:
-            made = self._floor.stood(beams, far, heights, made)
+        if self.floor is not None:
+            made = self.floor.stood(beams, far, heights, made)
         made[made < model.range_min_m] = -math.inf
         return made

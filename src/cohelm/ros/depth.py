@@ -11,7 +11,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Ints
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros.floor import WatchesFloor
+from cohelm.ros.floor import Floor
 
 _ENCODINGS = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
 """Of a pixel, and the metres of its one (REP-118)."""
@@ -129,7 +129,7 @@ def described(camera: Intrinsics, body: Floats, configured: LidarModel, topic: s
     )  # fmt: skip
 
 
-class DepthRanges(WatchesFloor):
+class DepthRanges:
     """Projects the pixels of depth images onto the beams of a model.
 
     The range of depths for which a pixel's point is in the height band is computed here, once: the
@@ -138,8 +138,9 @@ class DepthRanges(WatchesFloor):
 
     def __init__(self, model: LidarModel, camera: Intrinsics, body: Floats, topic: str) -> None:
         """model: as `described` makes it. body: (4, 4), from the optical frame into the body's."""
-        super().__init__(model)
-        self._camera, self._topic = camera, topic
+        self._model, self._camera, self._topic = model, camera, topic
+        self.floor = None if model.floor is None else Floor(model, model.floor)
+        """Watched where the model has one."""
         lidar, every = model.lidar(), camera.stride
         rays = _rays(
             camera, body, np.arange(0, camera.width, every), np.arange(0, camera.height, every)
@@ -157,7 +158,6 @@ class DepthRanges(WatchesFloor):
         first = np.where(level, 0.0, np.maximum(np.nan_to_num(ends[0], nan=math.inf), 0.0))
         last = np.minimum(np.where(level, math.inf, ends[1]), beyond)
         used = first <= last
-        floor = self._floor
         flat: Floats = far
         if model.floor is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -172,10 +172,10 @@ class DepthRanges(WatchesFloor):
             self._beams, return_index=True, return_counts=True
         )
         """The beams that have pixels, and where theirs begin."""
-        if floor is not None:
+        if self.floor is not None:
             self._down = np.flatnonzero(rise[chosen] < 0.0)
             self._rise, self._lens = rise[chosen].astype(np.float32), np.float32(body[2, 3])
-            floor.expect(self._beams[self._down], flat[chosen][self._down])
+            self.floor.expect(self._beams[self._down], flat[chosen][self._down])
 
     def of(self, image: Any) -> Floats:
         """(beams,) [m]: of the points within the band, the distance on the floor of the nearest
@@ -199,13 +199,13 @@ class DepthRanges(WatchesFloor):
         nearest = np.minimum.reduceat(ranges, self._starts).astype(np.float64)
         blind = np.add.reduceat(none, self._starts, dtype=np.int64) > _MEASURED * self._counts
         made[self._seen] = np.where(blind & (nearest == math.inf), math.nan, nearest)
-        if self._floor is None and none.all():  # too near for all of it, or before the lens
+        if self.floor is None and none.all():  # too near for all of it, or before the lens
             made[self._seen] = -math.inf
-        if self._floor is not None:
+        if self.floor is not None:
             down, depth[~(depth > 0.0)] = self._down, math.nan
             low = depth[down]
             heights, far = self._lens + low * self._rise[down], low * self._far[down]
-            made = self._floor.stood(self._beams[down], far, heights, made)
+            made = self.floor.stood(self._beams[down], far, heights, made)
         made[made < self._model.range_min_m] = -math.inf
         return made
 

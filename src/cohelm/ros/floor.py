@@ -125,28 +125,3 @@ class Floor:
         counts = np.bincount(keys, minlength=self._shape[0] * self._shape[1])
         made: Floats = counts.reshape(self._shape).astype(np.float64)
         return made
-
-
-class WatchesFloor:
-    """Makes ranges of a sensor's messages, and watches the floor where the model says so."""
-
-    def __init__(self, model: LidarModel) -> None:
-        """model: one with a height band."""
-        self._model = model
-        self._floor = None if model.floor is None else Floor(model, model.floor)
-
-    @property
-    def floor_seen(self) -> float:
-        """Of the cells of floor that should be seen, the share that was, by the last message; NaN
-        where none is checked."""
-        return math.nan if self._floor is None else self._floor.seen
-
-    @property
-    def floor_begins(self) -> float:
-        """From so far the whole view shows floor; inf: part of it shows none; NaN as above [m]."""
-        return math.nan if self._floor is None else self._floor.begins
-
-    @property
-    def edges(self) -> NDArray[np.bool_] | None:
-        """Which beams ended where floor does, by the last message; None where none is checked."""
-        return None if self._floor is None else self._floor.edges

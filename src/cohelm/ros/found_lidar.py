@@ -101,12 +101,12 @@ def _cloud(
     else:
         ranges = cloud.CloudRanges(lidar, matrix, topic)
     ranges.of(rows[-1].message)
-    if lidar.floor is not None:
-        if ranges.floor_begins > lidar.floor.from_m + 1e-6:
-            raise _blind(topic, lidar.floor, ranges.floor_begins)
+    if lidar.floor is not None and ranges.floor is not None:
+        if ranges.floor.begins > lidar.floor.from_m + 1e-6:
+            raise _blind(topic, lidar.floor, ranges.floor.begins)
         grain += (
             f"; floor from {lidar.floor.from_m:g} to {lidar.floor.to_m:g} m, of which "
-            f"{100.0 * ranges.floor_seen:.0f} % is seen now"
+            f"{100.0 * ranges.floor.seen:.0f} % is seen now"
         )
     low, high = configured.height_band_m or (0.0, 0.0)
     note = (

@@ -26,7 +26,6 @@ from cohelm.ros.cone import ConeRanges
 from cohelm.ros.connection import connection
 from cohelm.ros.contact import Contacts, contact_topics
 from cohelm.ros.depth import DepthRanges
-from cohelm.ros.floor import WatchesFloor
 from cohelm.ros.footprint import FootprintTopic
 from cohelm.ros.found import Found, FoundLidar
 from cohelm.ros.inspection import kind_of
@@ -174,8 +173,8 @@ class Ros2Robot(Robot):
         if not lidar.stamped_at_end:
             stamp += duration
         age = _near(self._aged(lidar.clock, stamp))
-        edges = converts.edges if isinstance(converts, WatchesFloor) else None
-        return self.scan(ranges, age, duration, name, edges)
+        floor = converts.floor if isinstance(converts, CloudRanges | DepthRanges) else None
+        return self.scan(ranges, age, duration, name, floor and floor.edges)
 
     def _aged(self, clock: Clock, stamp: float) -> float:
         """By the simulator's time, if there is one, else by a clock."""

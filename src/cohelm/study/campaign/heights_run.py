@@ -74,7 +74,8 @@ class UnevenTwin(Twin):
         if damage:
             raise CohelmError(damage)
         readable = step + self._steps(scanner.model.latency_s)
-        scanner.measured(made.of(message), step, readable, self._step, made.edges)
+        ranges, floor = made.of(message), made.floor
+        scanner.measured(ranges, step, readable, self._step, floor and floor.edges)
 
     def _image(self, pose: Pose, stamp: float) -> bytes:
         seen = picture(self._lens, self._heights, pose, self._random)
