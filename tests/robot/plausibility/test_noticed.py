@@ -270,6 +270,27 @@ def test_scans_that_show_another_motion_than_odometry_stop_the_robot(lie):
     assert found[0][1].share == 0.0
 
 
+@pytest.mark.parametrize(
+    ("exchanged", "told"),
+    [
+        (True, lambda t, readings, _: readings._replace(
+            scan=readings.scan and readings.scan._replace(ranges=readings.scan.ranges[::-1].copy())
+        )),
+        (True, lambda t, readings, _: readings._replace(odometry=readings.odometry._replace(
+            pose=readings.odometry.pose._replace(psi=-readings.odometry.pose.psi),
+            twist=Twist(readings.odometry.twist.v, -readings.odometry.twist.omega),
+        ))),
+        (False, MOTION["turned by a quarter"][1]),
+        (False, MOTION["frozen, with new noise"][1]),
+    ],
+)  # fmt: skip
+def test_a_sensor_that_takes_left_for_right_is_told_from_other_disagreements(exchanged, told):
+    found = watched(lambda t: Twist(0.1, 0.2), AT + 1.0, told=told)
+    said = [one.reason for _, one in found if "disagree: in" in one.reason]
+    assert any(": one of them takes left for right" in one for one in said) == exchanged
+    assert all(len(one) <= 128 for one in said)  # as the link has room for
+
+
 @pytest.mark.parametrize("back", [1.5, 3600.0])
 @pytest.mark.parametrize("lie", list(MOTION))
 def test_after_the_robots_clock_was_set_back_a_lie_is_noticed_as_soon(lie, back):

@@ -58,6 +58,7 @@ _NEW_SCENE = 2.0  # way without a visible bow after which a changed scene is acc
 _GIVE_UP = 0.5  # way after which this check is given up: the scans do not show the motion [m]
 _LEG = 0.3  # length of a sample of the long run [m]
 _LEGS, _KEPT = 8, 10  # legs before the way is judged, and legs kept
+_OPPOSED = 0.25  # largest ratio of the sum of two turns, one the other way, to their difference
 _AGREE = 0.8  # share of the legs with at least half the error
 _SEEN = 10.0  # information about a direction before it is judged, in points
 _OLD = 3.0  # longest time of a leg [s]
@@ -164,10 +165,10 @@ class Motion:
         if not much:
             return []
         scans = _scan_motion(made.correction, odom)
-        dt = now.stamp - before.stamp
-        return [hold(
-            f"scans and odometry disagree: in {dt:.1f} s {_text(scans)} against {_text(odom)}"
-        )]  # fmt: skip
+        text = f"in {now.stamp - before.stamp:.1f} s {_text(scans)} against {_text(odom)}"
+        if abs(scans[2] + odom[2]) < _OPPOSED * abs(scans[2] - odom[2]):
+            text += ": one of them takes left for right"
+        return [hold(f"scans and odometry disagree: {text}")]
 
     def _add_lag(self, before: Sight, now: Sight, made: Match) -> None:
         """Scans that are older than their stamps show less of the way while the robot speeds up,
