@@ -50,6 +50,15 @@ def test_each_failure_is_a_sentence(changed, words):
     assert words in said
 
 
+@pytest.mark.parametrize(
+    "cause", [{"faulted": True, "reason": "no scan"}, {"not_begun": "no scan"}, {}]
+)
+def test_a_map_is_doubted_only_where_nothing_else_kept_the_robot_from_being_localized(cause):
+    *_, said = failures(SOUND | {"lost": True, "lost_share": 1.0} | cause)
+    assert "was not localized on the map (100% of the time)" in said
+    assert ("does the map fit" in said) == (not cause)
+
+
 def test_the_summary_for_a_person_has_units_and_no_powers_of_ten():
     text = "\n".join(f"{name}: {value}" for name, value in rows(SOUND))
     assert "e-0" not in text

@@ -327,11 +327,9 @@ def failures(summary: dict[str, Any]) -> list[str]:
     if summary["not_begun"]:
         found.append(f"it never drove: {summary['not_begun']}")
     if summary["lost"]:
-        share = summary["lost_share"] or 0.0
-        found.append(
-            f"at the end the robot was not localized on the map ({share:.0%} of the time): "
-            "does the map fit, and the start?"
-        )
+        share, cure = summary["lost_share"] or 0.0, ": does the map fit, and the start?"
+        lost = f"at the end the robot was not localized on the map ({share:.0%} of the time)"
+        found.append(lost if summary["faulted"] or summary["not_begun"] else lost + cure)
     if summary["record_whole"] is False:
         found.append(f"the record is not whole: {summary['record_fault']}")
     if summary["live"] is False:
