@@ -61,36 +61,30 @@ class Content:
         if n != self._lidar.beams:
             return [fault(f"the scan has {n} beams instead of {self._lidar.beams}")]
         ranges = np.array(scan.ranges, dtype=np.float64)
-        found = [*self._repeats(ranges), *self._equal(ranges), *self._poor(ranges)]
+        found = [*self._copied(ranges), *self._poor(ranges)]
         self._before = np.concatenate((self._before[len(self._before) == _KEPT :], ranges[None]))
         return found
 
-    def _repeats(self, ranges: Floats) -> list[Finding]:
-        """Bit-for-bit repeats of an earlier scan: whole, in part, or turned by one or two beams."""
-        lidar = self._lidar
-        if not lidar.noise_m > 0.0 or not len(self._before):
-            return []
-        kind, same, of = repeated(
-            self._before, ranges, lidar.range_min_m, lidar.range_max_m, self._run
-        )
-        if kind == MIRRORED:
-            return [fault("the scan repeats, mirrored")]
-        return [fault(self._text(same, of))] if kind != NEW else []
-
-    def _text(self, same: int, of: int) -> str:
-        if same > _REPEATED_SHARE * of:
-            return "the scan repeats an earlier one, noise included"
-        return f"a part of the scan repeats an earlier one ({same} of {of} beams)"
-
-    def _equal(self, ranges: Floats) -> list[Finding]:
-        """Many beams with one value, which measurement noise rules out."""
-        lidar = self._lidar
+    def _copied(self, ranges: Floats) -> list[Finding]:
+        """What measurement noise rules out: bit-for-bit repeats of an earlier scan, whole, in part,
+        mirrored, or turned by one or two beams; and many beams with one value."""
+        lidar, found = self._lidar, list[Finding]()
         if not lidar.noise_m > 0.0:
-            return []
-        longest, value = equal(ranges, lidar.range_min_m, lidar.range_max_m)
+            return found
+        kind, same, of, ends = NEW, 0, 0, (lidar.range_min_m, lidar.range_max_m)
+        if len(self._before):
+            kind, same, of = repeated(self._before, ranges, *ends, self._run)
+        if kind == MIRRORED:
+            found.append(fault("the scan repeats, mirrored"))
+        elif kind == REPEATED and same > _REPEATED_SHARE * of:
+            found.append(fault("the scan repeats an earlier one, noise included"))
+        elif kind == REPEATED:
+            share = f"{same} of {of} beams"
+            found.append(fault(f"a part of the scan repeats an earlier one ({share})"))
+        longest, value = equal(ranges, *ends)
         if longest >= self._run:
-            return [fault(f"many of the scan's beams read the same {value:.2f} m")]
-        return []
+            found.append(fault(f"many of the scan's beams read the same {value:.2f} m"))
+        return found
 
     def _poor(self, ranges: Floats) -> list[Finding]:
         """Worse than the LiDAR is described, in three scans in a row."""
