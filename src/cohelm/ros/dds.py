@@ -135,7 +135,9 @@ class DdsTransport:
         dds = _cyclonedds()
         with self._lock:
             ensure_open(self._closed)
-            own, nodes, gone = self._participant.guid, self._nodes(), set[bytes]()
+            others = [node for nodes in list(self._others.values()) for node in nodes]
+            nodes = {gid: name for name, gids in others for gid in gids}  # of each endpoint
+            own, gone = self._participant.guid, set[bytes]()
             for publishes, (reader, anything) in self._built.items():
                 for sample in reader.take(_MOST_ENDPOINTS, anything):  # what is new since last time
                     key = sample.key.bytes
@@ -226,13 +228,6 @@ class DdsTransport:
         if received.message is not None:
             gid, nodes = described(received.message)
             self._others[gid] = nodes
-
-    def _nodes(self) -> dict[bytes, str]:
-        """The name of the node of each endpoint in others' ros_discovery_info."""
-        return {
-            gid: name for nodes in list(self._others.values()) for name, gids in nodes
-            for gid in gids
-        }  # fmt: skip
 
 
 class _Writer:

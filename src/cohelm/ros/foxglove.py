@@ -132,7 +132,7 @@ class FoxgloveTransport:
         if threading.current_thread() is not self._thread:
             self._thread.join(OPENS)
 
-    def send(self, data: bytes, must: bool = False) -> None:
+    def send(self, data: bytes | str, must: bool) -> None:
         """To the bridge, now or never. must: also where that has to wait."""
         there = self._socket
         if there is None:
@@ -273,10 +273,7 @@ class FoxgloveTransport:
             self._send({"op": "advertise", "channels": made})
 
     def _send(self, message: dict[str, Any]) -> None:
-        there = self._socket
-        if there is not None:
-            with contextlib.suppress(WebSocketException, OSError):
-                there.send(json.dumps(message))
+        self.send(json.dumps(message), True)
 
 
 class _Writer:

@@ -62,7 +62,8 @@ class Ros2Robot(Robot):
         self._transport = transport or connection().open("cohelm_robot")
         try:
             if found is None:
-                found = look(self._transport, model, _by_environment())._replace(by_key=True)
+                topics = topics_of(os.environ.get("COHELM_ROS_TOPICS", "").split())
+                found = look(self._transport, model, topics)._replace(by_key=True)
             super().__init__(model)
             self._found = found
             topics = found.topics
@@ -292,12 +293,6 @@ def _near(age: float) -> float:
     """Clocks agree to 20 ms: what is younger than now by less is of now. Stamps of zero, or of
     another clock, are as old as readings can be."""
     return 0.0 if -0.02 < age < 0.0 else min(age, OLDEST)
-
-
-def _by_environment() -> Topics:
-    """The topics in `COHELM_ROS_TOPICS`. CohelmError for what is none."""
-    text = os.environ.get("COHELM_ROS_TOPICS", "")
-    return topics_of(text.split())
 
 
 def topics_of(pairs: Sequence[str]) -> Topics:
