@@ -39,7 +39,8 @@ class Interlock:
         self._received_at = time.monotonic()
         self._there, self._missed = False, 0
         self._alone, self._senders = tuple(alone), Senders()
-        self._publisher_gone = self._other = self._blind = self._deaf = self._shared = ""
+        self._found, self._blind = ("",), ""
+        """Why it must not move, by the last look; and why there was none."""
         self._over = threading.Event()
         if lock:
             # Repeated, maybe best effort; or published once and latched.
@@ -54,15 +55,7 @@ class Interlock:
         silent = ""
         if self._lock and time.monotonic() - self._received_at > self._silence:
             silent = f"{self._lock} has been silent for more than {self._silence:g} s"
-        return tuple(
-            filter(
-                None,
-                (
-                    pressed, silent, self._publisher_gone, self._deaf, self._other, self._shared,
-                    self._blind,
-                ),
-            )
-        )  # fmt: skip
+        return tuple(filter(None, (pressed, silent, *self._found, self._blind)))
 
     def received(self, topic: str, received: Received) -> None:
         """A message on a topic of which there is one publisher."""
@@ -95,10 +88,12 @@ class Interlock:
         self._there = self._there or there
         self._missed = self._missed + 1 if self._there and not there else 0
         left = self._missed > 1  # a message may come before its publisher is discovered
-        self._publisher_gone = f"no node publishes {self._lock} any more" if left else ""
-        self._deaf = mismatch.lock(self._lock, seen)[1] if self._lock else ""
-        self._other = "" if self._bypass else mismatch.bypass(self._out, seen)
-        self._shared = next(filter(None, (self._several(*one, seen) for one in self._alone)), "")
+        self._found = (
+            f"no node publishes {self._lock} any more" if left else "",
+            mismatch.lock(self._lock, seen)[1] if self._lock else "",
+            "" if self._bypass else mismatch.bypass(self._out, seen),
+            next(filter(None, (self._several(*one, seen) for one in self._alone)), ""),
+        )
 
     def _several(self, topic: str, kind: str, what: str, seen: list[Endpoint]) -> str:
         """Why there are two of one thing; empty: there is one, and maybe one that was killed."""
