@@ -8,8 +8,8 @@ import select
 import socket
 import ssl
 import threading
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
-from urllib.parse import urlsplit
+from typing import TYPE_CHECKING, Any, cast
+from urllib.parse import SplitResult, urlsplit
 
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
@@ -36,24 +36,16 @@ _NOT_SENT_LOWEST = 25
 """TCP_NOTSENT_LOWAT of Linux: a socket that still holds what it did not send is not writable."""
 
 
-class _Address(NamedTuple):
-    host: str
-    port: int
-    sealed: bool
-    """Whether with TLS."""
-    clear: str
-    """The same without."""
-
-
 def opened(url: str) -> tuple[ClientConnection, str]:
     """A new connection, after the bridge has sent its capabilities, and the bridge's name. Raises
     CohelmError where none answers, or a capability is missing."""
     at = _address(url)
+    clear = at._replace(scheme="ws").geturl()
     try:
         # In clear, over a socket that does TLS where the address says so. legacy: websockets
         # 17.1 and later warn without it; earlier ones do not look at it, as there is a socket.
         there = connect(
-            at.clear, sock=_reached(at), subprotocols=_PROTOCOLS,
+            clear, sock=_reached(at), subprotocols=_PROTOCOLS,
             compression=None, open_timeout=OPENS, close_timeout=0.5, ping_interval=1.0,
             ping_timeout=_SILENT, max_size=_LARGEST, proxy=None, legacy=True,
         )  # fmt: skip
@@ -69,7 +61,7 @@ def opened(url: str) -> tuple[ClientConnection, str]:
     except (OSError, ValueError, WebSocketException) as error:
         if isinstance(error, ssl.SSLError) and error.reason in _NO_TLS:
             raise CohelmError(
-                f"{url} does no TLS: write {at.clear}, or give the bridge a certificate (its "
+                f"{url} does no TLS: write {clear}, or give the bridge a certificate (its "
                 "parameters tls, certfile and keyfile)"
             ) from error
         raise CohelmError(
@@ -91,26 +83,23 @@ def opened(url: str) -> tuple[ClientConnection, str]:
     return there, str(info.get("name", ""))
 
 
-def _address(url: str) -> _Address:
+def _address(url: str) -> SplitResult:
     """Parses an address. Raises CohelmError for an invalid one."""
-    none = CohelmError(f"--url {url!r}: give the bridge's address, such as {URL}")
-    try:
+    with contextlib.suppress(ValueError):  # half an IPv6 address, or a port that there is not
         parts = urlsplit(url)
-        host, port, sealed = parts.hostname, parts.port, parts.scheme == "wss"
-    except ValueError:  # half an IPv6 address, or a port that there is not
-        raise none from None
-    if not host or parts.scheme not in ("ws", "wss"):
-        raise none
-    clear = parts._replace(scheme="ws").geturl()
-    return _Address(host, port or (443 if sealed else 80), sealed, clear)
+        host, _ = parts.hostname, parts.port
+        if host and parts.scheme in ("ws", "wss"):
+            return parts
+    raise CohelmError(f"--url {url!r}: give the bridge's address, such as {URL}")
 
 
-def _reached(at: _Address) -> socket.socket:
+def _reached(at: SplitResult) -> socket.socket:
     """A socket to an address, with TLS where the scheme asks for it. Raises OSError, or
     ValueError."""
-    there = socket.create_connection((at.host, at.port), OPENS)
-    if at.sealed:
-        return TlsSocket(there, at.host)
+    host, sealed = at.hostname or "", at.scheme == "wss"
+    there = socket.create_connection((host, at.port or (443 if sealed else 80)), OPENS)
+    if sealed:
+        return TlsSocket(there, host)
     there.settimeout(None)
     return there
 
