@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 
-from cohelm.core.types import Pose
 from cohelm.robot.collision_monitor.free_space import FreeSpace
 from cohelm.robot.collision_monitor.odometry import PoseHistory, seen_from
 from cohelm.robot.collision_monitor.returns import Sensor, returns
@@ -54,6 +53,7 @@ class MonitorSource:
         watches = sensor.floor_from > 0.0
         self.floor = FreeSpace(sensor, shape, farthest, floor=True) if watches else None
         """Floor that it has seen, if it watches the floor."""
+        self._spaces = [one for one in (self.ground, self.floor) if one is not None]
         self.reshape(shape, farthest)
         self._scan: Scan | None = None
         self._newest: ScanWithPoses | None = None
@@ -68,19 +68,17 @@ class MonitorSource:
         beyond = farthest if self._around else max(farthest, BESIDE)
         self._near = across + shape.reach + beyond
         self._reach = shape.reach
-        for space in (self.ground, self.floor):
-            if space is not None:
-                space.reshape(shape, farthest)
-                self._near = max(self._near, space.returns)
-                self._reach = max(self._reach, space.returns - BESIDE)
+        for space in self._spaces:
+            space.reshape(shape, farthest)
+            self._near = max(self._near, space.returns)
+            self._reach = max(self._reach, space.returns - BESIDE)
 
     def forget(self) -> None:
         """Forget what was placed by odometry, which began anew."""
         self._scan = self._newest = None
         self.by_odometry = NOTHING
-        for space in (self.ground, self.floor):
-            if space is not None:
-                space.forget()
+        for space in self._spaces:
+            space.forget()
 
     def look(
         self, now: float, readings: Readings, measured: PoseHistory, commanded: PoseHistory
@@ -115,7 +113,9 @@ class MonitorSource:
         found = returns(scan.ranges, sensor, self._near)
         self.by_odometry = joined(of_scan(found, scan, measured), before)
         self.by_command = of_scan(found, scan, commanded)
-        self._look_at_ground(scan, first, last, measured)
+        when = scan.stamp + 0.5 * scan.duration
+        for space in self._spaces:
+            space.look(scan.ranges, measured.at(when), last.psi - first.psi, when)
         return True, ""
 
     def forget_passed(self, other: MonitorSource) -> None:
@@ -136,12 +136,6 @@ class MonitorSource:
         if age > self._patience:
             return self._text(f"no scan for {1000.0 * age:.0f} ms")
         return ""
-
-    def _look_at_ground(self, scan: Scan, first: Pose, last: Pose, measured: PoseHistory) -> None:
-        when = scan.stamp + 0.5 * scan.duration
-        for space in (self.ground, self.floor):
-            if space is not None:
-                space.look(scan.ranges, measured.at(when), last.psi - first.psi, when)
 
     def _text(self, what: str) -> str:
         return of_sensor(self._sensor.name, what)
