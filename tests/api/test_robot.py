@@ -266,6 +266,23 @@ def test_a_driver_that_ends_the_process_while_it_is_made_is_reported(error, said
         AdaptedMaker(ends, SALLY)()
 
 
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda model, port, baud: None, "not of model and port and baud: give all but the first"),
+        (lambda model, *, port: None, "not of model and port: give all but the first a default"),
+    ],
+)
+def test_a_driver_that_needs_more_than_its_model_is_told_what_it_gets(make, said):
+    with pytest.raises(cohelm.CohelmError, match=said):
+        AdaptedMaker(make, SALLY)()
+
+
+def test_a_driver_may_take_more_than_its_model_that_has_defaults():
+    for make in (lambda model, port="": Cart(), lambda *_, **__: Cart(), Cart, lambda: Cart()):
+        assert AdaptedMaker(make, SALLY)().model == SALLY
+
+
 class Careless(Cart):
     def close(self) -> None:
         raise asyncio.CancelledError

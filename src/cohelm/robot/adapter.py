@@ -316,9 +316,16 @@ class AdaptedMaker(NamedTuple):
 
 
 def _made(make: Callable[..., Any], model: RobotModel) -> Robot:
-    """Call `make`, with the model if it takes one."""
+    """Call `make`, with the model if it takes one. CohelmError if it takes more."""
     try:
-        takes = bool(inspect.signature(make).parameters)
+        parameters = inspect.signature(make).parameters
     except (TypeError, ValueError):
-        takes = True
-    return make(model) if takes else make()
+        return make(model)
+    star = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    needed = [p.name for p in parameters.values() if p.default is p.empty and p.kind not in star]
+    if len(needed) > 1:
+        raise CohelmError(
+            "the robot is made of its model alone, or of nothing, and not of "
+            f"{' and '.join(needed)}: give all but the first a default"
+        )
+    return make(model) if parameters else make()
