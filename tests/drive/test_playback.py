@@ -18,10 +18,13 @@ from cohelm.link.bulk_messages import LineKind, Map, Picture, Polyline
 from cohelm.link.messages import Discs, Mode, RequestKind, Severity, Status
 from cohelm.link.operator import Scripted
 from cohelm.link.scans import WholeScan
+from cohelm.loop.status import scan_parts
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.record.file import About, RecordWriter
 from cohelm.record.read import IncompleteRecord
-from cohelm.robot.port import Encoded
+from cohelm.record.ros2 import header, laser_scan
+from cohelm.robot.port import Encoded, Scan
+from cohelm.robot.sensors import LidarModel
 from cohelm.station.robot_link import News
 from tests.drive.faults import CORRIDOR
 from tests.ports.adapters import sally
@@ -97,6 +100,16 @@ def test_playback_shows_the_map_path_scan_and_obstacles_of_the_drive(driven):
     bearing = scan.sensor.psi + scan.first + k * scan.step
     y = scan.sensor.y + scan.ranges[k] / 1000.0 * np.sin(bearing)
     assert np.median(np.abs(np.abs(y) - 1.5)) < 0.1
+
+
+def test_a_recorded_scan_is_shown_as_it_was_live(driven):
+    ranges = np.array([math.nan, math.inf, -math.inf, 1.0, 70.0])
+    live = scan_parts(Scan(9.0, 1, ranges, 0.0), LidarModel().lidar(), Pose(0.0, 0.0, 0.0))
+    assert live[0].ranges.tolist() == [65535, 65535, 0, 1000, 65534]
+    record = Playback(driven[0])
+    message = laser_scan(header(0, "laser"), Scan(9.0, 1, ranges, 0.0), LidarModel())
+    record._add("/scan", 1e6, message)
+    assert record._series["/scan"].all[-1].ranges.tolist() == live[0].ranges.tolist()
 
 
 def test_playback_repeats_messages_only_after_seeking_back(driven):

@@ -20,7 +20,7 @@ from cohelm.drive.station_publisher import hello
 from cohelm.law import verdict as verdicts
 from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.recorded_status import StatusWords
-from cohelm.link.scans import WholeScan
+from cohelm.link.scans import WholeScan, millimetres
 from cohelm.loop.status import AHEAD, AHEAD_STEP, status
 from cohelm.record import markers
 from cohelm.record.read import RecordedPeriods, periods
@@ -148,10 +148,7 @@ class Playback:
         series = self._series.setdefault(topic, _Series())
         count = len(series.all)
         if topic == "/scan" or topic.startswith(scan_topic("")):
-            far = ~np.isfinite(message.ranges)
-            known = np.where(far, 0.0, message.ranges)
-            ranges = np.minimum(np.round(1000.0 * known), 65534).astype(np.uint16)
-            ranges[far & (message.ranges > 0.0)] = 65535
+            ranges = millimetres(message.ranges)
             first, step = float(message.angle_min), float(message.angle_increment)
             series.add(t, WholeScan(count, 0, t, Pose(0.0, 0.0, 0.0), first, step, ranges))
         elif topic == "/rosout":

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.types import Pose
+from cohelm.core.types import Floats, Pose
 from cohelm.link.messages import ScanPart
 
 _MOST_LIDARS = 16
@@ -27,6 +28,14 @@ class WholeScan(NamedTuple):
     step: float
     ranges: NDArray[np.uint16]
     """(n,) [mm]; 65535: no return, 0: too near."""
+
+
+def millimetres(ranges: Floats) -> NDArray[np.uint16]:
+    """Ranges [m] as a `ScanPart` has them [mm]: 65535 for no return, also for NaN; 0 too near."""
+    known = np.where(ranges == -math.inf, 0.0, ranges)
+    far = ~np.isfinite(known)
+    whole = np.round(1000.0 * np.where(far, 0.0, known))
+    return np.where(far, 65535, np.minimum(whole, 65534)).astype(np.uint16)
 
 
 class Scans:

@@ -30,6 +30,7 @@ from cohelm.link.messages import (
 )
 from cohelm.link.operator import Operator
 from cohelm.link.recorded_status import StatusWords
+from cohelm.link.scans import millimetres
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
 from cohelm.loop.stick import StickState
@@ -157,10 +158,7 @@ def scan_parts(scan: Scan, lidar: Lidar, body: Pose, which: int = 0) -> tuple[Sc
     """A scan for the operator's map, in parts, as if taken from one pose. which: index of the
     LiDAR."""
     sensor = compose(body, lidar.mount)
-    known = np.where(scan.ranges == -math.inf, 0.0, scan.ranges)
-    far = ~np.isfinite(known)
-    whole = np.round(1000.0 * np.where(far, 0.0, known))
-    ranges = np.where(far, 65535, np.minimum(whole, 65534)).astype(np.uint16)
+    ranges = millimetres(scan.ranges)
     n = len(ranges)
     return tuple(
         ScanPart(
