@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -44,13 +45,16 @@ def read(folder: Path) -> Hands:
     left_out: list[str] = []
     for file in there:
         try:
-            names_here, here, cut = _runs(file)
+            runs = _runs(file)
         except CohelmError as error:
             left_out.append(f"not read as a stick: {error}")
             continue
-        names += names_here
-        found += here
-        left_out += cut
+        for run in runs:
+            try:
+                found.append(sticks.read(file, run))
+                names.append(file.name if run is None else f"{file.name}#{run}")
+            except CohelmError as error:
+                left_out.append(f"not read as a stick: {error}")
     if not found:
         raise CohelmError(
             f"{inside}: no stick file in it can be read; give the folder of CSV files as "
@@ -59,26 +63,14 @@ def read(folder: Path) -> Hands:
     return Hands(tuple(names), tuple(found), tuple(left_out))
 
 
-def _runs(file: Path) -> tuple[list[str], list[StickRecording], list[str]]:
-    """All runs of a file, however it numbers them, and a sentence for each that is none; of one
-    that holds a single run, that."""
+def _runs(file: Path) -> Sequence[str | None]:
+    """The runs of a file, however it numbers them; None: it holds a single one."""
     called = sticks.runs(file)
-    if not called:
-        return [file.name], [sticks.read(file)], []
     if len(called) > _MOST_RUNS:
         raise CohelmError(
             f"{file}: holds {len(called)} runs, and {_MOST_RUNS} are the most: cut it"
         )
-    names: list[str] = []
-    found: list[StickRecording] = []
-    left_out: list[str] = []
-    for run in called:
-        try:
-            found.append(sticks.read(file, run))
-            names.append(f"{file.name}#{run}")
-        except CohelmError as error:
-            left_out.append(f"not read as a stick: {error}")
-    return names, found, left_out
+    return called or (None,)
 
 
 def course() -> Setup:
