@@ -14,7 +14,7 @@ from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, 
 from cohelm.core.errors import CohelmError
 
 if TYPE_CHECKING:
-    from cohelm.study.localized_drive import LocalizedDrive
+    from cohelm.study.map_files import MapResult
     from cohelm.study.mapping_session import Kind, Mark
 
 
@@ -159,8 +159,15 @@ def map_(
             "goes as far as it does")  # fmt: skip
     if as_json:
         print_json({"record": str(record), "out": str(folder), **asdict(result)})
-        _end(result.record_whole)
-        return
+    else:
+        print_table(str(record), ("quantity", "value"), _rows(result))
+        say(f"map.yaml, map.pgm and map.png: {plain(str(folder))}")
+    if not result.record_whole:
+        raise typer.Exit(1)
+
+
+def _rows(result: MapResult) -> tuple[tuple[str, str], ...]:
+    """What came of a mapping; of a drive that was localized, how that went on its own map."""
     rows = (
         ("scans, and those of them without a return", f"{result.scans}, {result.empty_scans}"),
         ("way driven", f"{result.travelled_m:.1f} m"),
@@ -171,20 +178,15 @@ def map_(
         ("map", f"{result.width_m:.1f} x {result.height_m:.1f} m at {result.resolution_m:g} m"),
         ("time", f"{result.seconds:.1f} s"),
     )
-    if result.localized is not None:
-        rows += _localized_rows(result.localized)
-    print_table(str(record), ("quantity", "value"), rows)
-    say(f"map.yaml, map.pgm and map.png: {plain(str(folder))}")
-    _end(result.record_whole)
-
-
-def _localized_rows(found: LocalizedDrive) -> tuple[tuple[str, str], ...]:
-    """How the drive went on its own map."""
+    found = result.localized
+    if found is None:
+        return rows
     off = "lost all the time"
     if found.rms_m is not None and found.most_m is not None:
         off = f"{100 * found.rms_m:.1f} cm, {100 * found.most_m:.0f} cm"
     shares = f"{100 * found.lost_share:.1f} %, {100 * found.wrong_and_sure_share:.1f} %"
     return (
+        *rows,
         ("localized on it: off by, rms and most", off),
         ("of its scans lost; wrong and not lost", shares),
     )
@@ -240,9 +242,3 @@ def _marks(cuts: list[str], crops: list[str]) -> list[Mark]:
                 raise CohelmError(f"--cut {text}: ends before it begins")
             found.append(Mark(kind, [values]))
     return found
-
-
-def _end(whole: bool) -> None:
-    """Exit with status 1 if the record was not whole."""
-    if not whole:
-        raise typer.Exit(1)
