@@ -271,6 +271,14 @@ def test_a_robot_file_given_as_a_scenario_is_recognized_and_the_reverse(cohelm, 
     refused(cohelm("filter", "--robot", "office.yaml"), "is a scenario, and does not describe a")
 
 
+def test_a_map_given_as_a_scenario_or_a_robot_is_recognized(cohelm, tmp_path):
+    (tmp_path / "map.yaml").write_text("image: map.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    for command in (("run",), ("robot",), ("filter", "--robot")):
+        said = cohelm(*command, "map.yaml")
+        refused(said, "map.yaml is a map of map_server, not a", "cohelm map map.yaml")
+        assert len(said.err.splitlines()) == 1
+
+
 def test_a_robot_named_on_the_command_line_is_relative_to_the_working_folder(cohelm, tmp_path):
     """As the message above says it, with a scenario from anywhere."""
     (tmp_path / "cart.yaml").write_text(ROBOT.replace("0.1", "-0.1"))

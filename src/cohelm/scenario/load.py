@@ -93,9 +93,16 @@ def _describes_robot(data: Any) -> bool:
 
 
 def _check_kind(data: Any, model: type[Schema], source: str) -> None:
-    """CohelmError where a robot's file is given for a scenario, or the reverse."""
+    """CohelmError where a robot's file is given for a scenario, or the reverse, or a map's."""
     if not isinstance(data, dict):
         return
+    if {"image", "resolution", "origin"} <= data.keys():
+        wanted = (
+            "a scenario: name it in one, as its world" if model is Scenario else "a robot's file"
+        )
+        raise CohelmError(
+            f"{source} is a map of map_server, not {wanted}; to look at it: cohelm map {source}"
+        )
     robots, sites = _describes_robot(data), "reference" in data
     if robots and not sites and model is Scenario:
         raise CohelmError(
