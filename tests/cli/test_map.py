@@ -10,9 +10,11 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between
+from cohelm.core.types import Pose, Twist
 from cohelm.perceive.map.mapper import Mapper
 from cohelm.perceive.pipeline import Perception
 from cohelm.record.file import About, RecordWriter
+from cohelm.robot.port import Odometry
 from cohelm.scenario import load
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, read_map
 from cohelm.study import mapping
@@ -41,6 +43,23 @@ class Written:
         if scan is not None and scan.number != self._number:
             self._number = scan.number
             self.made.write(scan)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), "r.mcap is the record of a run, not of a robot's drive"),
+        (("--robot", "sally"), "r.mcap holds no scan (/scan): give the record of a drive with a"),
+    ],
+)
+def test_the_record_of_a_run_is_told_from_that_of_a_drive(cohelm, options, words, tmp_path):
+    with (tmp_path / "r.mcap").open("wb") as file:
+        write = RecordWriter(file, About("run", 946_684_800_000_000_000))
+        write.write(Odometry(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)))
+        write.finish()
+    said = cohelm("map", "r.mcap", *options)
+    assert said.code == 2
+    assert words in said.err
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from cohelm.core.errors import CohelmError
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose, Twist
-from cohelm.record.file import ROBOT
+from cohelm.record.file import ROBOT, SCENARIO
 from cohelm.record.messages import attachment, messages
 from cohelm.record.ros2 import yaw
 from cohelm.record.topics import IMAGE, scan_topic
@@ -100,6 +100,8 @@ class Replayed(ClockedRobot):
 def recorded_model(path: Path) -> RobotModel:
     """The robot that a record describes. CohelmError where it describes none."""
     data = attachment(path, ROBOT)
+    if data is None and attachment(path, SCENARIO) is not None:  # a drive has both
+        raise CohelmError(f"{path} is the record of a run, not of a robot's drive: give one")
     if data is None:
         raise CohelmError(f"{path} does not say which robot it is of; give --robot to `cohelm map`")
     try:

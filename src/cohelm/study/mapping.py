@@ -66,6 +66,8 @@ def drive(
     if not mcap:
         return read_log(path)
     replayed = Replayed(path, robot)
+    if not replayed.scans:
+        raise CohelmError(f"{path} holds no scan (/scan): give the record of a drive with a LiDAR")
     lidar = replayed.model.lidar
     if lidar is None:
         raise CohelmError(f"{path}: the robot {replayed.model.name} has no LiDAR to map with")
