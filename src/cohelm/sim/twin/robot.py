@@ -23,7 +23,7 @@ from cohelm.sim.twin.mjcf import mjcf, rolling_torque, servo_gain, torque_limit
 from cohelm.sim.twin.movers import MovingDiscs, Pursuers, Pursuit
 from cohelm.sim.twin.physics import STATE, PhysicsHistory, WheelDrives, advance, views
 from cohelm.sim.twin.settings import TwinModel
-from cohelm.sim.twin.sweep import rows, sweep
+from cohelm.sim.twin.sweep import sweep
 from cohelm.sim.world import NOWHERE, World, ever_moving, outline_clearance, place
 
 STEP = 0.005
@@ -120,7 +120,7 @@ class Twin(SimulatedRobot):
         s["clearance"], s["since"] = -NOWHERE, 0.0  # look at once
         s["least"] = s["least_moving"] = NOWHERE
         longest = max((scanner.sweep for scanner in self._scanners), default=0)
-        size = rows(longest * STEP, STEP) + _CHUNK
+        size = longest + 2 + _CHUNK  # steps: a sweep ends within the two after it
         self._trail = PhysicsHistory(np.empty((size, 3)), np.empty((size, len(which), 2)))
         self._trail.poses[:] = start
         self._trail.places[:] = self._discs[which, :2]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, X, Y
 from cohelm.robot.sensors import Lidar
@@ -50,8 +48,3 @@ def sweep(
         )  # fmt: skip
         pose = Pose(0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), a[2])
         sight(pose, part, discs, walls, grid, ranges[low:high])
-
-
-def rows(seconds: float, step: float) -> int:
-    """Steps that a trail must hold for sweeps of `seconds`."""
-    return int(np.ceil(seconds / step)) + 2
