@@ -196,7 +196,8 @@ class LiveServer:
             }
             for number, topic in self._channels.items()
         ]  # fmt: skip
-        self._greetings = [json.dumps(one) for one in (info, _op("advertise", channels=channels))]
+        advertised = {"op": "advertise", "channels": channels}
+        self._greetings = [json.dumps(info), json.dumps(advertised)]
 
     def take(self, message: Any) -> None:
         """Take a message of loop or gate process; the first is the time stamp of t = 0 [ns]."""
@@ -318,7 +319,7 @@ class _Viewer:
 
     def report(self, text: str) -> None:
         """Show a text in the viewer's list of problems."""
-        self._put("", json.dumps(_op("status", level=_ERROR, message=text)))
+        self._put("", json.dumps({"op": "status", "level": _ERROR, "message": text}))
 
     def _put(self, topic: str, data: str | bytes) -> None:
         self._waiting.append((topic, data))
@@ -344,10 +345,6 @@ class _Viewer:
                     except TimeoutError:
                         self._connection.transport.abort()
                         return
-
-
-def _op(name: str, **what: Any) -> dict[str, Any]:
-    return {"op": name} | what
 
 
 def _listed(found: Any) -> Iterator[Any]:
