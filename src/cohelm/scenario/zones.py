@@ -177,12 +177,10 @@ def masked(masks: Sequence[FilterMask], lifted: bool = False) -> Zones:
 
 def _lifted(made: Zones, one: FilterMask) -> Zones:
     """With no zone of that kind any more."""
-    if one.kind == KEEP_OUT:
-        # not divided as those of zones: a coarse grid may have any number of cells
-        depth = Cells(np.zeros(one.cells.shape, np.float32), one.resolution, one.origin)
-        return made._replace(keep_out=KeepOut(depth, np.zeros(one.cells.shape, np.int32)))
-    limits = Cells(np.zeros(one.cells.shape, np.float32), one.resolution, one.origin)
-    return made._replace(slow=SpeedZones(limits, False))
+    none = Cells(np.zeros(one.cells.shape, np.float32), one.resolution, one.origin)
+    if one.kind == KEEP_OUT:  # not divided as zones are: a coarse grid may have any number of cells
+        return made._replace(keep_out=KeepOut(none, np.zeros(one.cells.shape, np.int32)))
+    return made._replace(slow=SpeedZones(none, False))
 
 
 def check(zones: Zones, known: LocalizationMap | None) -> None:
