@@ -191,10 +191,8 @@ def recovery(rows: NDArray[np.void], arrived: bool) -> tuple[float, int]:
     """
     leads = np.minimum(rows["authority_x"], rows["authority_psi"]) < LEADS_BELOW
     led, found, never = spans(leads), list[float](), 0
-    begins = [begin for begin, _ in led[1:]] + [len(rows)]
-    for (_, released), until in zip(
-        led, begins, strict=False
-    ):  # one more where the operator never leads
+    for k, (_, released) in enumerate(led):
+        until = led[k + 1][0] if k + 1 < len(led) else len(rows)
         back = np.flatnonzero(rows["e_p"][released:until] < BACK_ON_PATH)
         if len(back):
             found.append(float(back[0]) * DT)
