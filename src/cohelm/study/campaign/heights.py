@@ -206,10 +206,8 @@ def _way(
 ) -> bool:
     """Whether a circle can be rolled from start to goal, both of them clear."""
     high = _robot().height_m
-    if (
-        min(clearances(heights, np.array(p[0]), np.array(p[1]), high) for p in (start, goal))
-        < CLEAR
-    ):
+    x, y = np.array((start, goal)).T
+    if np.min(clearances(heights, x, y, high)) < CLEAR:
         return False
     x, y, clear = rectangle.places(length, width)
     clear = np.minimum(clear, clearances(heights, x, y, high))
