@@ -22,7 +22,7 @@ from cohelm.scenario.explain import sentences
 from cohelm.scenario.model import Scenario, Start
 from cohelm.scenario.stick import StickFile
 from cohelm.scenario.text import graft, plain, tree
-from cohelm.scenario.world import AnyWorld, GazeboWorld, route_of
+from cohelm.scenario.world import AnyWorld, GazeboWorld, barn_of
 
 Model = TypeVar("Model", bound=Schema)
 
@@ -165,10 +165,10 @@ def _found(world: AnyWorld, folder: Path, requested_by: str) -> AnyWorld:
 
 def _on_course(made: Scenario, world: AnyWorld) -> dict[str, object]:
     """What the scenario leaves to the world's route."""
-    course = route_of(world)
+    course = barn_of(world)
     if course is None:  # the model requires waypoints then
         raise TypeError("the world has no route")
-    near = made.reference.arrive_m or course.near
+    near = made.reference.arrive_m or course.near_goal
     update: dict[str, object] = {
         "reference": made.reference.model_copy(
             update={"waypoints_m": course.waypoints, "arrive_m": near}
@@ -178,7 +178,7 @@ def _on_course(made: Scenario, world: AnyWorld) -> dict[str, object]:
         x, y, psi = course.start
         update["start"] = Start(x_m=x, y_m=y, heading_rad=psi)
     if made.simulation.duration_s is None:
-        update["simulation"] = made.simulation.model_copy(update={"duration_s": course.limit})
+        update["simulation"] = made.simulation.model_copy(update={"duration_s": course.time_limit})
     return update
 
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Schema
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats
 from cohelm.scenario.worlds.barn import Barn, read_barn, read_collection
 from cohelm.scenario.worlds.gazebo import read_gazebo
 from cohelm.scenario.worlds.maps import read_map
@@ -96,35 +96,11 @@ class Read(NamedTuple):
     """What of the file could not be read, a sentence each."""
 
 
-class WorldRoute(NamedTuple):
-    """The route that a world comes with."""
-
-    start: Pose
-    waypoints: list[tuple[float, float]]
-    near: float
-    """Nearer to its end than this, the robot has arrived [m]."""
-    limit: float
-    """[s]"""
-
-
 def has_route(world: AnyWorld | None) -> bool:
     """Whether a world comes with a route."""
     return isinstance(world, BarnWorld) or (
         isinstance(world, GazeboWorld) and world.path_file is not None
     )
-
-
-def route_of(world: AnyWorld) -> WorldRoute | None:
-    """The route that a world comes with; None if it has none. CohelmError as in `read`."""
-    barn = _barn(world, 0.0)
-    if barn is None:
-        return None
-    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(barn.route, axis=0).T))))
-    n = max(round(float(along[-1]) / 0.5), 1)
-    at = np.linspace(0.0, float(along[-1]), n + 1)
-    x, y = (np.interp(at, along, barn.route[:, c]) for c in (0, 1))
-    waypoints = [(float(a), float(b)) for a, b in zip(x, y, strict=True)]
-    return WorldRoute(barn.start, waypoints, barn.near_goal, barn.time_limit)
 
 
 def read(world: AnyWorld, reach: float, duration: float) -> Read:
@@ -147,7 +123,7 @@ def read(world: AnyWorld, reach: float, duration: float) -> Read:
                 f"{world.file}: no pedestrian is there at {begin:g} s; set world.begin_s"
             )
         return Read(tuple(f"person {name}" for name in names), tuple(people))
-    barn = _barn(world, reach)
+    barn = barn_of(world, reach)
     if barn is not None:
         names = tuple(f"cylinder {i}" for i in range(len(barn.discs)))
         return Read(names, _resting_bodies(barn.discs), barn.walls, NO_GRID, barn.left_out)
@@ -159,7 +135,9 @@ def read(world: AnyWorld, reach: float, duration: float) -> Read:
     return Read(_apart(seen.names), bodies, seen.walls, NO_GRID, seen.left_out)
 
 
-def _barn(world: AnyWorld, reach: float) -> Barn | None:
+def barn_of(world: AnyWorld, reach: float = 0.0) -> Barn | None:
+    """A world of the BARN challenge, which comes with a route; None if it is none. CohelmError as
+    in `read`."""
     if isinstance(world, BarnWorld):
         file = Path(world.file)
         known = _collection(world.file, reach, file.stat().st_mtime_ns if file.exists() else 0)

@@ -55,6 +55,15 @@ class Barn:
         return points[np.concatenate(([True], moved))]
 
     @property
+    def waypoints(self) -> list[tuple[float, float]]:
+        """Along the route, some half a metre apart [m]."""
+        route = self.route
+        along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(route, axis=0).T))))
+        at = np.linspace(0.0, float(along[-1]), max(round(float(along[-1]) / 0.5), 1) + 1)
+        x, y = (np.interp(at, along, route[:, c]).tolist() for c in (0, 1))
+        return list(zip(x, y, strict=True))
+
+    @property
     def optimal_time(self) -> float:
         """OT of the challenge's score: the length of the route at 2 m/s [s]."""
         return float(np.hypot(*np.diff(self.route, axis=0).T).sum()) / _OPTIMAL_SPEED
