@@ -7,7 +7,7 @@ import signal
 import threading
 import zlib
 from collections.abc import Generator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType, TracebackType
@@ -166,20 +166,17 @@ def _cannot_create(path: Path, error: OSError) -> str:
             return f"{path} can not be made ({error.strerror}): choose a folder you may write to"
 
 
-def _delaying_interrupts() -> AbstractContextManager[None]:
-    """Delay Ctrl-C until the block is done, so that it never leaves half a chunk."""
-    if threading.current_thread() is not threading.main_thread():
-        return nullcontext()  # Ctrl-C reaches the main thread only
-    return _holding_interrupts()
-
-
 @contextmanager
-def _holding_interrupts() -> Generator[None]:
-    """Hold SIGINT, and SIGALRM, by which `cli/app` repeats one that was put off.
+def _delaying_interrupts() -> Generator[None]:
+    """Delay Ctrl-C until the block is done, so that it never leaves half a chunk: SIGINT, and
+    SIGALRM, by which `cli/app` repeats one that was put off.
 
     Either may arrive, and raise, while the handler of the other is being exchanged. So `later`
     checks `over`: left in place, it restores the former handler and raises the signal again.
     """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # Ctrl-C reaches the main thread only
+        return
     held, over = list[int](), False
     before = {kind: signal.getsignal(kind) for kind in (signal.SIGINT, signal.SIGALRM)}
 
