@@ -45,6 +45,18 @@ class Written:
             self.made.write(scan)
 
 
+def test_a_folder_that_can_not_be_made_is_reported_before_anything_is_done(
+    cohelm, record, folder, monkeypatch, tmp_path
+):
+    (tmp_path / "taken").write_text("in the way")
+    for name in ("mapping.mapped", "map_check.checked"):
+        monkeypatch.setattr(f"cohelm.study.{name}", lambda *_, **__: pytest.fail("it began"))
+    for what in (record, folder / "map.yaml"):
+        said = cohelm("map", what, "--out", "taken")
+        assert said.code == 2
+        assert "the folder taken can not be made (there is a file of that name): choose" in said.err
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

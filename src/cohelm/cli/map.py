@@ -12,6 +12,7 @@ import typer
 from cohelm.cli.app import app, examples
 from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, progress, say
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import check_folder
 
 if TYPE_CHECKING:
     from cohelm.study.map_files import MapResult
@@ -131,6 +132,7 @@ def map_(
             "--robot are for a record"
         )
     folder = out or (record if earlier else Path("out/map"))
+    check_folder(folder)
     with progress("starting") as bar:
         from cohelm.scenario import load
         from cohelm.study import mapping
@@ -198,6 +200,7 @@ def _check(path: Path, robot: str, folder: Path, as_json: bool) -> None:
     from cohelm.scenario.worlds.maps import read_map
     from cohelm.study import map_check
 
+    check_folder(folder)
     lidar = load.robot(robot).lidar
     if lidar is None:
         raise CohelmError(f"{robot} has no LiDAR to localise with: name another with --robot")
