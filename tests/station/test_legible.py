@@ -9,6 +9,7 @@ from playwright.sync_api import Browser, BrowserContext, expect
 
 from cohelm.link.bulk_messages import Alarms, WholeAlarm
 from cohelm.link.messages import Alarm, Arming, Mode, Severity
+from tests.few import first
 from tests.link.ends import STATUS
 from tests.station.bare import Bare
 from tests.station.conftest import CHROMIUM, FLAGS
@@ -26,6 +27,21 @@ SEEN = """(one, end) => {
   return [left + 3, left + width - 3].every((x) => one.contains(document.elementFromPoint(x, at)))
 }"""
 """Whether the first, or the last, line of it is in sight, and nothing lies over it."""
+SIZES = ((360, 740), (390, 780), (740, 330), (820, 1180), (1280, 800), (1024, 600))
+UNREACHABLE = """() => {
+  const out = [...document.querySelectorAll('button, input, .pad')].filter((one) => {
+    const { left, top, width, height } = one.getBoundingClientRect()
+    if (width === 0) return false
+    for (let at = one.parentElement; at !== null; at = at.parentElement) {
+      const scrolls = getComputedStyle(at).overflowY === 'auto'
+      if (scrolls && at.scrollHeight > at.clientHeight) return false
+    }
+    return !one.contains(document.elementFromPoint(left + width / 2, top + height / 2))
+  }).map((one) => one.ariaLabel ?? one.textContent)
+  const { scrollWidth } = document.documentElement
+  const wide = scrollWidth > innerWidth || visualViewport.scale < 1
+  return wide ? [...out, `${scrollWidth} wide`] : out
+}"""
 PALE = """() => {
   const light = (c) => {
     const part = (v) => (v / 255 <= 0.04045 ? v / 255 / 12.92 : ((v / 255 + 0.055) / 1.055) ** 2.4)
@@ -137,6 +153,37 @@ def test_with_large_letters_on_a_phone_every_alarm_can_be_read_and_stop_pressed(
             expect(stop).to_be_in_viewport(ratio=1)
             stop.tap(trial=True)
             page.keyboard.press("Escape")
+    large.close()
+
+
+@pytest.mark.parametrize("letters", first([24, 16, 32]))
+def test_whatever_the_letters_all_that_is_pressed_is_on_the_screen_and_free(
+    browser: Browser, tmp_path: Path, letters: int
+) -> None:
+    large = browser.browser_type.launch(
+        executable_path=CHROMIUM, args=[*FLAGS, f"--blink-settings=defaultFontSize={letters}"]
+    )
+    reason = "stop by anna (3)"
+    told = (Alarm(1, Severity.ALARM, True, False, reason),)
+    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
+        page = large.new_page(is_mobile=True, has_touch=True)
+        page.set_viewport_size({"width": 390, "height": 780})
+        page.goto(server.address)
+        take(page)
+        other = large.new_page()
+        other.goto(server.address)
+        calm = STANDS._replace(arming=Arming.ARMED)
+        for what in ("calm", "stopped", "asked"):
+            stops = what == "stopped"
+            robot.status = calm._replace(stopped=reason, alarms=told) if stops else calm
+            expect(page.get_by_role("button", name="Reset")).to_have_count(int(stops))
+            if what == "asked":
+                other.get_by_role("button", name="Request control").click()
+                page.get_by_role("button", name="Keep").wait_for()
+            for width, height in SIZES:
+                page.set_viewport_size({"width": width, "height": height})
+                page.wait_for_timeout(100)
+                assert page.evaluate(UNREACHABLE) == [], (what, width, height)
     large.close()
 
 
