@@ -118,6 +118,20 @@ def test_escape_closes_one_dialog_at_a_time_the_last_that_was_opened_first(
             expect(opener).to_have_attribute("aria-expanded", "false")
 
 
+def test_a_double_click_opens_a_dialog_and_another_closes_it(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        for name in ("Edit route", "Stick settings", "Records (0)"):
+            opener = page.get_by_role("button", name=name)
+            for count in (1, 0):
+                opener.dblclick()
+                page.wait_for_timeout(200)
+                expect(page.get_by_role("dialog")).to_have_count(count)
+                page.wait_for_timeout(600)  # else it is a fourfold click
+
+
 def test_a_waypoint_removed_with_the_keyboard_leaves_the_focus_in_the_list(
     context: BrowserContext, tmp_path: Path
 ) -> None:

@@ -42,5 +42,9 @@ export function keepFocus(app: HTMLElement): void {
   addEventListener('keydown', (event) => {
     if (event.key === 'Enter' && event.repeat && event.target instanceof HTMLButtonElement) event.preventDefault()
   })
+  // a double click opens, and does not close again
+  addEventListener('click', (event) => {
+    if (event.detail > 1 && event.target instanceof HTMLElement && event.target.closest('[aria-expanded]')) event.stopPropagation()
+  }, true)
   new MutationObserver(goOn).observe(app, { childList: true, subtree: true, attributeFilter: ['disabled'] })
 }
