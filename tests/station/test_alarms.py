@@ -130,6 +130,24 @@ def test_more_alarms_than_there_is_room_for_are_counted_and_can_be_seen_and_ackn
         until(lambda: robot.requests.count(RequestKind.ACKNOWLEDGE) == 7)
 
 
+def test_the_list_of_all_alarms_does_not_open_by_itself(
+    tmp_path: Path, context: BrowserContext
+) -> None:
+    with troubled(tmp_path, 7) as robot, served(robot.connect) as server:
+        page = context.new_page()
+        page.goto(server.address)
+        more = alarms(page).get_by_role("button", name="3 more")
+        every = page.get_by_role("dialog", name="All alarms")
+        more.dblclick()
+        expect(every).to_be_visible()
+        told = robot.status
+        robot.status = told._replace(alarms=())
+        expect(every).to_be_hidden()
+        robot.status = told
+        expect(more).to_be_visible()
+        expect(every).to_be_hidden()
+
+
 ADDED = """() => {
   window.added = []
   new MutationObserver((all) => all.forEach((one) => one.addedNodes.forEach((node) => {

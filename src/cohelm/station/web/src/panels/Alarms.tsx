@@ -1,6 +1,6 @@
 // The alarms, the worst first, each with a button to acknowledge it.
 import { signal } from '@preact/signals'
-import { useLayoutEffect, useRef } from 'preact/hooks'
+import { useEffect, useLayoutEffect, useRef } from 'preact/hooks'
 import type { Alarm } from '../messages'
 import { ask } from '../socket'
 import * as s from '../state'
@@ -135,6 +135,7 @@ function Row({ alarm, plain = false }: { alarm: ShownAlarm; plain?: boolean }) {
 function All({ alarms }: { alarms: ShownAlarm[] }) {
   const close = () => (open.value = false)
   useEscape(close)
+  useEffect(() => close, []) // else it would open by itself over the map when there are many again
   const unseen = alarms.filter(toAcknowledge)
   return (
     <div class="all-alarms" role="dialog" aria-label="All alarms" aria-live="off">
