@@ -619,6 +619,33 @@ def test_a_double_click_is_one_click_and_different_buttons_are_all_heard(
         assert counts == dict.fromkeys(kinds, 1) | {RequestKind.MODE: 4}
 
 
+@pytest.mark.parametrize(("width", "height"), [(390, 780), (320, 568), (740, 330)])
+def test_on_a_phone_a_long_route_leaves_the_buttons_that_send_and_close_it_in_sight(
+    browser_phone: BrowserContext, tmp_path: Path, width: int, height: int
+) -> None:
+    with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
+        page = shown(browser_phone, server)
+        page.set_viewport_size({"width": width, "height": height})
+        take(page)
+        route = np.array([[k, 0.5 * k] for k in range(12)], np.float32)
+        robot.bulk.publish(Polyline(LineKind.WAYPOINTS, route))
+        page.wait_for_timeout(500)
+        page.get_by_role("button", name="Edit route").tap()
+        panel = page.get_by_role("dialog", name="Edit the route")
+        expect(panel.get_by_role("listitem")).to_have_count(12)
+        for name in ("Send", "Close"):
+            button = panel.get_by_role("button", name=name)
+            expect(button).to_be_in_viewport(ratio=1)
+            assert button.evaluate(UPPERMOST)
+
+
+UPPERMOST = """(one) => {
+    const { left, top, width, height } = one.getBoundingClientRect()
+    return [0.1, 0.9].every((part) =>
+        one.contains(document.elementFromPoint(left + width / 2, top + part * height)))
+}"""
+
+
 @pytest.mark.parametrize(
     ("carry_on", "mode", "does"),
     [
