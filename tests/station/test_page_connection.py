@@ -619,6 +619,17 @@ def test_a_double_click_is_one_click_and_different_buttons_are_all_heard(
         assert counts == dict.fromkeys(kinds, 1) | {RequestKind.MODE: 4}
 
 
+def test_a_refusal_goes_with_the_next_press(context: BrowserContext, tmp_path: Path) -> None:
+    with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
+        page = shown(context, server)
+        take(page)
+        mode_button(page, "Manual").click()
+        refused = page.locator(".refused")
+        expect(refused).to_contain_text("Manual: the robot did not answer")
+        mode_button(page, "Shared").click()
+        expect(refused).not_to_contain_text("Manual", timeout=2_000)  # else it stays for 6 s
+
+
 @pytest.mark.parametrize(("width", "height"), [(390, 780), (320, 568), (740, 330)])
 def test_on_a_phone_a_long_route_leaves_the_buttons_that_send_and_close_it_in_sight(
     browser_phone: BrowserContext, tmp_path: Path, width: int, height: int

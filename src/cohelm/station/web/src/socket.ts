@@ -67,6 +67,7 @@ export function ask(what: Do['what'], ...values: number[]): void {
   const now = { what: SAME[what] ?? what, at: performance.now() }
   if (now.what === asked.what && now.at - asked.at < DOUBLE_CLICK_MS) return
   asked = now
+  s.refused.value = [] // whoever presses on has read them
   for (const value of values.length > 0 ? values : [0]) send({ type: 'do', what, value })
 }
 
