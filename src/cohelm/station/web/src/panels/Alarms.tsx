@@ -89,7 +89,6 @@ export function Alarms() {
   const all: ShownAlarm[] = [...localAlarms(), ...mergeAlarms((s.state.value?.alarms ?? []).map(remedied))]
   const order = { alarm: 0, warning: 1, notice: 2 }
   all.sort((a, b) => order[a.severity] - order[b.severity])
-  if (all.length === 0) return <div class="alarms" role="status" aria-label="Alarms">{s.state.value === null ? '…' : 'No alarms'}</div>
   const shown = all.slice(0, room())
   const hidden = all.length - shown.length
   const now = `${innerWidth} ${shown.map(spoken).join()}`
@@ -97,6 +96,7 @@ export function Alarms() {
     const texts = [...(ref.current?.querySelectorAll('.alarms > .alarm > span:nth-child(2)') ?? [])]
     if (texts.some((one) => one.scrollHeight > one.clientHeight + 1)) cutAt.value = now
   })
+  if (all.length === 0) return <div class="alarms" role="status" aria-label="Alarms">{s.state.value === null ? '…' : 'No alarms'}</div>
   const more = hidden > 0 || cutAt.value === now
   return (
     <div ref={ref} class="alarms" role="alert" aria-label="Alarms" aria-atomic="false" aria-relevant="additions"
