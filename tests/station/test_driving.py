@@ -1,6 +1,7 @@
 """Driving in a browser: keyboard, gamepad, touch."""
 
 import itertools
+import time
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from cohelm.link.bulk_messages import Hello
+from cohelm.link.messages import RequestKind
 from cohelm.station.serve import Server
 from tests.few import first
 from tests.link.ends import STATUS
@@ -405,6 +407,32 @@ def test_touch_pads_steer_on_a_phone(browser_phone: BrowserContext, server: Serv
         page.get_by_role("navigation").get_by_role("button", name=panel).tap()
         expect(page.get_by_role("button", name="Stop the robot")).to_be_in_viewport()
     release(page)
+
+
+def test_stop_stops_by_a_second_finger_while_a_thumb_is_on_a_pad(
+    browser_phone: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
+        page = browser_phone.new_page()
+        page.goto(server.address)
+        who(page).get_by_role("button", name="Take over").wait_for()
+        take(page)
+        pad, stop = page.locator(".pad.x"), page.get_by_role("button", name="Stop the robot")
+        points = [
+            {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2, "id": finger}
+            for finger, box in enumerate((pad.bounding_box(), stop.bounding_box()))
+            if box is not None
+        ]
+        touch = browser_phone.new_cdp_session(page)
+        for kind, fingers in (
+            ("touchStart", points[:1]), ("touchStart", points), ("touchEnd", points[1:]),
+        ):  # fmt: skip
+            touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": fingers})
+        within = time.monotonic() + 5.0
+        while RequestKind.STOP not in robot.requests:
+            assert time.monotonic() < within
+            page.wait_for_timeout(50)
+        touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
 
 def test_a_phone_in_landscape_shows_the_map_and_both_touch_pads(

@@ -10,7 +10,8 @@ export function Stop() {
   const other = !s.youDrive.value && s.linked.value
   return (
     <div class="stop" role="group" aria-label="Stop">
-      <button type="button" class="stop-button" aria-label="Stop the robot. Software stop; also the space bar" onClick={stop}>
+      {/* as it is touched: of a second finger, while a thumb is on a pad, browsers make no click. A click is of keys and ears */}
+      <button type="button" class="stop-button" aria-label="Stop the robot. Software stop; also the space bar" onPointerDown={stop} onClick={stop}>
         STOP<small>software stop<span class="keys"> · {device.value === 'gamepad' && pad() !== null ? stopButtonName() : 'Space'}</span></small>
       </button>
       {/* there before it says anything: what is put in with its words is not read out */}
