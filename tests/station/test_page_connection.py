@@ -182,6 +182,20 @@ def test_a_stop_that_is_sent_once_more_after_a_reload_is_not_said_to_have_had_no
         expect(alarms).to_contain_text("after: the robot had not answered it before")
 
 
+def test_a_stop_that_nobody_answered_is_in_sight_also_where_there_is_room_for_one_alarm(
+    browser_phone: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path) as robot, served(robot.connect) as server:
+        page = shown(browser_phone, server)
+        page.set_viewport_size({"width": 740, "height": 330})
+        connected(page)
+        robot.die()
+        alarms = page.get_by_label("Alarms", exact=True)
+        expect(alarms).to_contain_text("No link to the robot")
+        page.get_by_role("button", name="Stop the robot").tap()
+        expect(alarms.locator("> .alarm")).to_contain_text("STOP is sent, but the robot has not")
+
+
 def test_a_display_without_a_link_to_the_robot_is_pale(
     context: BrowserContext, tmp_path: Path
 ) -> None:

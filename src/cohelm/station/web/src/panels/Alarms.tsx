@@ -31,6 +31,9 @@ function localAlarms(): ShownAlarm[] {
   const out: ShownAlarm[] = []
   const add = (severity: Alarm['severity'], text: string) =>
     out.push({ number: -1 - out.length, severity, text, active: true, acknowledged: true, local: true, all: [] })
+  // first: a low screen has room for one
+  if (s.unsentStop.value) add('alarm', 'STOP is not sent yet: it will be as soon as there is a connection to the station.')
+  if (s.unansweredStop.value) add('alarm', 'STOP is sent, but the robot has not answered yet: it is sent on until it does.')
   const c = s.connection.value
   const why = s.link.value === null || s.link.value.why === '' ? '' : ` Reason: ${s.link.value.why}.`
   // on a phone the end is cut: the reason comes last
@@ -47,8 +50,6 @@ function localAlarms(): ShownAlarm[] {
     add('alarm', `No link to the robot: ${stale}${why}`)
   }
   if (s.failed.value) add('alarm', 'This page has failed at something, and may show what is old: reload it.')
-  if (s.unsentStop.value) add('alarm', 'STOP is not sent yet: it will be as soon as there is a connection to the station.')
-  if (s.unansweredStop.value) add('alarm', 'STOP is sent, but the robot has not answered yet: it is sent on until it does.')
   const late = s.lateStop.value
   if (late !== null) {
     const pressed = new Date(late.pressed).toLocaleString()
