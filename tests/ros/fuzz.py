@@ -30,6 +30,7 @@ from cohelm.robot.keep.gated_robot import LocalGatedRobot
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Readings
 from cohelm.ros import look as looking
+from cohelm.ros.connection import Connection
 from cohelm.ros.filter_node import FilterNode, FilterParams, gate_rules
 from cohelm.ros.found import Allowed
 from cohelm.ros.inspection import Inspection
@@ -238,7 +239,7 @@ def _found(
             network.deliver(topic, TOPICS[topic], wild(rng, network.last[topic, TOPICS[topic]]))
             count["looked at"] += 1
         try:
-            looking.found(heard, network, model, Allowed(), True)
+            looking.found(heard, network, model, Allowed(), Connection())
         except CohelmError as error:
             if len(str(error)) < 20:
                 wrong.append(f"no sentence: {error}")

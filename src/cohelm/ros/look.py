@@ -51,12 +51,12 @@ def look(
             listened = any(not one.publishes and one.topic == topics.out for one in seen)
             if framed and listened and not _shared(inspection, seen)[1]:
                 break
-        return _found(inspection, transport, model, allowed, way or Connection())
+        return found(inspection, transport, model, allowed, way or Connection())
     finally:
         inspection.end()
 
 
-def _found(
+def found(
     inspection: Inspection, transport: Transport, model: RobotModel, allowed: Allowed,
     way: Connection,
 ) -> Found:  # fmt: skip
