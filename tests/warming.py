@@ -14,7 +14,6 @@ from cohelm.pilot.safety_filter import SafetyFilter
 from cohelm.robot.clock import SteppedClock
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
-from cohelm.sim.twin.camera import camera
 from cohelm.sim.twin.robot import Twin
 from cohelm.study.campaign import suites
 from cohelm.study.campaign.worker import chunk
@@ -66,5 +65,4 @@ def more() -> None:
     still = Twist(0.0, 0.0)
     SafetyFilter(robot("sally"), 0.02)(Pose(0.0, 0.0, 0.0), still, still, Obstacles())
     Kinematic(robot("sally"), clock=SteppedClock()).read()
-    twin = Twin(robot("sally"), clock=SteppedClock())
-    camera(twin.mujoco, 32, 24, "rays").draw(twin.data)
+    Twin(robot("sally"), clock=SteppedClock()).picture(32, 24, kind="rays")

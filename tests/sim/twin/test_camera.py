@@ -12,7 +12,7 @@ from cohelm.core.types import Twist
 from cohelm.robot.clock import WallClock
 from cohelm.sim.twin.camera import RayCamera, camera
 from cohelm.sim.twin.robot import Twin
-from tests.sim.twin.drives import disc, sally, scene
+from tests.sim.twin.drives import disc, drive, sally, scene
 
 
 def with_cone(kind: str = "rays", **more) -> Twin:
@@ -162,6 +162,19 @@ def test_in_real_time_a_thread_of_its_own_draws_and_ends_with_the_robot():
 
 def test_a_large_picture_by_rays_repeats_its_pixels():
     robot = Twin(sally(), camera="none")
-    picture = camera(robot.mujoco, 641, 480, "rays").draw(robot.data)
+    picture = robot.picture(641, 480, "behind", "rays")
     assert picture.shape == (480, 641, 3)
     assert np.array_equal(picture[0::3, 0::3][:160, :213], picture[1::3, 1::3][:160, :213])
+
+
+def test_a_picture_from_above_shows_the_robot_where_it_is():
+    robot = Twin(sally(), obstacles=scene(walls=[[-4, -2, 8, -2], [-4, 2, 8, 2]]), camera="none")
+    before = robot.picture(200, 100, "above", "rays")
+    drive(robot, Twist(1.0, 0.0), 3.0)
+    after = robot.picture(200, 100, "above", "rays")
+
+    def green(pixels: np.ndarray) -> float:
+        r, g = pixels[..., 0].astype(int), pixels[..., 1].astype(int)
+        return float(np.nonzero(g > 2 * r)[1].mean())
+
+    assert green(after) > green(before) + 10

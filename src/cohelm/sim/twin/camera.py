@@ -21,8 +21,9 @@ from cohelm.sim.twin.engine import mujoco
 Kind = Literal["auto", "gl", "rays", "none"]
 """The renderer: OpenGL if it can and else rays; one of them; or none."""
 
-_DRAWN = [group in (mjcf.FLOOR, mjcf.WALL, mjcf.THING) for group in range(6)]
-"""Which groups of geoms are."""
+INSIDE = (mjcf.FLOOR, mjcf.WALL, mjcf.THING)
+OUTSIDE = (*INSIDE, mjcf.ROBOT)
+"""What is drawn as seen by the robot, and from outside."""
 
 
 TwinCamera: TypeAlias = "GlCamera | RayCamera"
@@ -37,21 +38,24 @@ class Shot(NamedTuple):
     mocap: Floats
 
 
-def camera(model: Any, width: int, height: int, kind: Kind = "auto") -> TwinCamera:
-    """The robot's camera, by a renderer that can draw here.
+def camera(
+    model: Any, width: int, height: int, kind: Kind = "auto", name: str = "camera",
+    groups: tuple[int, ...] = INSIDE,
+) -> TwinCamera:  # fmt: skip
+    """A camera that can render here.
 
     Raises CohelmError where OpenGL is requested by name and can not render.
     """
     if kind != "rays":
         try:
-            return GlCamera(model, width, height)
+            return GlCamera(model, width, height, name, groups)
         except Exception as error:  # a missing library shows in many ways
             if kind == "gl":
                 raise CohelmError(
                     f"OpenGL can not draw here ({error}): install libegl1 and libgl1, or let the "
                     "camera be chosen by itself"
                 ) from error
-    return RayCamera(model, width, height)
+    return RayCamera(model, width, height, name, groups)
 
 
 class Eye:
@@ -151,14 +155,16 @@ def posed(model: Any, data: Any, shot: Shot) -> None:
 
 
 class GlCamera:
-    """Renders what the robot's camera sees, through OpenGL without a screen (EGL). Belongs to
+    """Renders what one camera of the model sees, through OpenGL without a screen (EGL). Belongs to
     the thread that makes it.
 
     Raises whatever EGL, OpenGL or MuJoCo raise where they can not render: the caller has another
     camera to fall back on.
     """
 
-    def __init__(self, model: Any, width: int, height: int) -> None:
+    def __init__(
+        self, model: Any, width: int, height: int, camera: str, groups: tuple[int, ...]
+    ) -> None:
         # Software rendering takes all cores if it may, and the robot's loop needs one.
         os.environ.setdefault("LP_NUM_THREADS", "1")
         self._model, self._size = model, (height, width)
@@ -176,10 +182,10 @@ class GlCamera:
             self._gl.free()
             raise
         self._options = mujoco.MjvOption()
-        self._options.geomgroup[:] = _DRAWN
+        self._options.geomgroup[:] = [group in groups for group in range(6)]
         self._view = mujoco.MjvCamera()
         self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        self._view.fixedcamid = model.camera("camera").id
+        self._view.fixedcamid = model.camera(camera).id
         self._rect = mujoco.MjrRect(0, 0, width, height)
 
     def draw(self, data: Any) -> NDArray[np.uint8]:
@@ -205,11 +211,13 @@ _AT_ONCE = 4096  # rays of one call: other threads get their turn in between
 
 
 class RayCamera:
-    """Draws what the robot's camera sees without OpenGL, as coarse as needed to be quick: one
+    """Draws what one camera of the model sees without OpenGL, as coarse as needed to be quick: one
     ray for every pixel, shaded by where it lands."""
 
-    def __init__(self, model: Any, width: int, height: int) -> None:
-        self._model, self._camera = model, model.camera("camera").id
+    def __init__(
+        self, model: Any, width: int, height: int, camera: str, groups: tuple[int, ...]
+    ) -> None:
+        self._model, self._camera = model, model.camera(camera).id
         self._size = (height, width)
         self._coarse = max(math.ceil(math.sqrt(width * height / _MOST)), 1)
         rows, columns = -(-height // self._coarse), -(-width // self._coarse)
@@ -220,7 +228,7 @@ class RayCamera:
         rays = np.empty((rows, columns, 3))
         rays[..., 0], rays[..., 1], rays[..., 2] = across, up[:, None], -1.0
         self._rays = (rays / np.linalg.norm(rays, axis=2, keepdims=True)).reshape(-1, 3)
-        self._groups = np.array(_DRAWN, dtype=np.uint8)
+        self._groups = np.array([group in groups for group in range(6)], dtype=np.uint8)
         coloured = model.geom_matid >= 0
         self._colours = np.where(coloured[:, None], 0.62, model.geom_rgba[:, :3]).astype(np.float64)
         self._floor = model.geom("floor").id

@@ -1,7 +1,7 @@
 """MuJoCo's model of a robot and the world around it, as MJCF text.
 
 The floor is z = 0, the world frame that of the scenario. Groups of geoms: FLOOR, WALL, THING are
-drawn; SOLID is what a disc collides as; ROBOT is not drawn, for its camera is on it. The body
+drawn; SOLID is what a disc collides as; ROBOT is drawn in pictures from outside only. The body
 meets walls and things, the wheels meet the floor only: a wheel may stand out of the footprint.
 
 Two choices carry the driving. Wheels are ellipsoids, which touch the floor in one point: cylinders
@@ -36,6 +36,7 @@ _CONE = 0.16  # things at rest with at most this radius are drawn as cones of 0.
 _MOST = 20_000  # boxes and cylinders; MuJoCo gets slow to compile beyond
 _LEAST = 1e-3  # MuJoCo wants sizes above 0 [m]
 GRAVITY = 9.81
+_ABOVE = 30.0  # vertical angle of view of the camera above, for pictures of 2 : 1 [deg]
 
 
 def mjcf(
@@ -74,6 +75,7 @@ def mjcf(
 <material name="tiles" texture="tiles" texrepeat="1 1" texuniform="true"/>
 {"".join(_cone(radius) for radius in radii)}{_prism(robot)}</asset>
 <worldbody><light directional="true" dir="0.3 0.5 -1" diffuse="0.5 0.5 0.5" castshadow="false"/>
+{_above(discs, walls, grid)}
 <geom name="floor" type="plane" size="0 0 1" material="tiles" contype="1" group="{FLOOR}"
  friction="{settings.friction} 0.005 0.0001"/>
 {_walls(walls)}{_map(grid, cells)}{"".join(_resting(discs[i]) for i in resting)}
@@ -83,6 +85,28 @@ def mjcf(
 {_drives(robot, settings)}
 <sensor><contact geom1="body" num="1" data="found force" reduce="maxforce"/></sensor>
 </mujoco>"""
+
+
+def _above(discs: Floats, walls: Floats, grid: Grid) -> str:
+    """A camera that has the whole world in view from above, y upwards."""
+    ends = walls.reshape(-1, 2)
+    corners = [(float(x), float(y)) for x, y in (*ends, *discs[:, :2])] or [
+        (-3.0, -3.0),
+        (3.0, 3.0),
+    ]
+    rows, columns = grid.free.shape
+    c, s = math.cos(grid.origin.psi), math.sin(grid.origin.psi)
+    for i, j in ((0, 0), (0, rows), (columns, 0), (columns, rows)) if rows else ():
+        u, v = grid.resolution * i, grid.resolution * j
+        corners.append((grid.origin.x + c * u - s * v, grid.origin.y + s * u + c * v))
+    xs, ys = [x for x, _ in corners], [y for _, y in corners]
+    wide, tall = max(xs) - min(xs) + 2.0, max(ys) - min(ys) + 2.0
+    half = math.radians(0.5 * _ABOVE)
+    high = 0.5 * max(tall, 0.5 * wide) / math.tan(half) + WALL_HEIGHT
+    return (
+        f'<camera name="above" pos="{0.5 * (max(xs) + min(xs))} {0.5 * (max(ys) + min(ys))} '
+        f'{high}" fovy="{_ABOVE}"/>'
+    )
 
 
 def _cone(radius: float) -> str:
@@ -174,6 +198,16 @@ def _robot(robot: RobotModel, settings: TwinModel, camera: CameraModel) -> str:
         f'{math.cos(math.radians(camera.tilt_deg))}" '
         f'fovy="{camera.field_of_view_deg}"/>',
     ]
+    made += [
+        f'<geom type="cylinder" pos="{lidar.mount_x_m} {lidar.mount_y_m} {tall + 0.03}" '
+        f'size="0.045 0.03" group="{ROBOT}" rgba="0.1 0.1 0.1 1"/>'
+        for lidar in robot.lidars
+    ]
+    made.append(
+        f'<geom type="box" pos="{high[0] - 0.03} {middle[1]} {tall}" '
+        f'size="0.02 {0.35 * width} 0.004" group="{ROBOT}" rgba="0.95 0.9 0.3 1"/>'
+    )
+    made.append('<camera name="behind" pos="-1.8 0 1.5" xyaxes="0 -1 0 0.5 0 1" fovy="60"/>')
     ball = min(0.04, 0.6 * radius)
     for name, x in (("front", 0.8 * high[0]), ("rear", 0.8 * low[0])):
         made.append(

@@ -7,6 +7,7 @@ import sys
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats, Pose, Twist
@@ -17,7 +18,7 @@ from cohelm.sim.grid import NO_GRID, Grid
 from cohelm.sim.lidar import measure
 from cohelm.sim.odometer import next_reading_tick
 from cohelm.sim.simulated import SimulatedLidar, SimulatedRobot
-from cohelm.sim.twin.camera import Eye, Kind, Shot
+from cohelm.sim.twin.camera import OUTSIDE, Eye, Kind, Shot, camera
 from cohelm.sim.twin.engine import mujoco
 from cohelm.sim.twin.mjcf import mjcf, rolling_torque, servo_gain, torque_limit
 from cohelm.sim.twin.movers import MovingDiscs, Pursuers, Pursuit
@@ -157,6 +158,19 @@ class Twin(SimulatedRobot):
         """All discs as they are now, (n, 6)."""
         self._catch_up()
         return self._discs.copy()
+
+    def picture(
+        self, width: int, height: int, view: str = "above", kind: Kind = "auto"
+    ) -> NDArray[np.uint8]:
+        """Robot and world from outside, `above` or `behind`, (height, width, 3) RGB."""
+        self._catch_up()
+        artist = camera(self.mujoco, width, height, kind, view, OUTSIDE)
+        try:
+            mujoco.mj_kinematics(self.mujoco, self.data)
+            mujoco.mj_camlight(self.mujoco, self.data)
+            return artist.draw(self.data)
+        finally:
+            artist.close()
 
     def draw_at(self, rate: float) -> None:
         """As in `DrawnCamera`; at most at the camera's own rate, with which it begins."""
