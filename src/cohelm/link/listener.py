@@ -10,8 +10,8 @@ from __future__ import annotations
 import contextlib
 import logging
 import socket
-import time
 from collections import Counter
+from collections.abc import Callable
 from typing import NamedTuple
 
 from OpenSSL import SSL
@@ -49,14 +49,15 @@ class _Handshake(NamedTuple):
 class Listener:
     """One listening socket."""
 
-    def __init__(self, made: SSL.Context, host: str, port: int) -> None:
+    def __init__(self, made: SSL.Context, host: str, port: int, clock: Callable[[], float]) -> None:
         self._context = made
+        self._clock = clock
         self._family, bind = udp.resolved(host, port, socket.SOCK_DGRAM)
         self.socket = udp.opened(self._family, bind, shared=True)
         self.address: Address = self.socket.getsockname()
         self._listener = Channel(made, server=True)
         self._under_way: dict[Address, _Handshake] = {}
-        self._handshakes = TokenBucket(_HANDSHAKES, _HANDSHAKES, time.monotonic())
+        self._handshakes = TokenBucket(_HANDSHAKES, _HANDSHAKES, clock())
         self.counts: Counter[str] = Counter()
         """Refusals, by reason."""
         self._logged: dict[str, float] = {}
@@ -67,7 +68,7 @@ class Listener:
 
     def turn(self) -> list[Guest]:
         """Process what came; returns newly authenticated peers."""
-        now = time.monotonic()
+        now = self._clock()
         guests: list[Guest] = []
         for address, handshake in list(self._under_way.items()):
             for datagram, source in udp.receive(handshake.socket, _PER_TURN):
@@ -86,7 +87,7 @@ class Listener:
         if why not in self.counts and len(self.counts) > _MOST_REASONS:
             why = "other reasons"
         self.counts[why] += 1
-        now = time.monotonic()
+        now = self._clock()
         if now - self._logged.get(why, -1.0) >= 1.0:
             self._logged[why] = now
             _log.warning("refused %s: %s (%d so far)", address[0], why, self.counts[why])

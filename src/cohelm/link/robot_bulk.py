@@ -15,6 +15,7 @@ import socket
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -106,6 +107,7 @@ class RobotBulk(IoThread):
         self._end = end
         self._records = records
         self._digests = Digests(records)
+        self._clock: Callable[[], float] = time.monotonic
         self._context = stream_context(keys)
         self._listener = udp.listening(end.address, _CURE)
         self._listener.setblocking(False)
@@ -171,7 +173,7 @@ class RobotBulk(IoThread):
         waiting.poll(0.0 if self._digests.busy else 10.0 if busy else 200.0)
         self._waker.drain()
         self._accept()
-        now = time.monotonic()
+        now = self._clock()
         for station in list(self._stations):
             try:
                 self._serve(station, now)
@@ -207,7 +209,7 @@ class RobotBulk(IoThread):
             return
         stream = Stream(self._context, sock, server=True, most=_LARGEST_UP)
         with self._lock:
-            self._stations.append(_Station(stream, address, time.monotonic()))
+            self._stations.append(_Station(stream, address, self._clock()))
 
     def _serve(self, station: _Station, now: float) -> None:
         was_up = station.stream.up

@@ -59,14 +59,14 @@ _LEASE_REQUESTS = frozenset({RequestKind.TAKE, RequestKind.GIVE, RequestKind.REF
 class RobotEnd(IoThread):
     """Listens as long as it is open; a context manager."""
 
-    clock = staticmethod(time.monotonic)
-    """Of this end [s]."""
-
-    def __init__(self, keys: Keys, host: str, port: int, stale: float = STALE) -> None:
+    def __init__(
+        self, keys: Keys, host: str = "0.0.0.0", port: int = udp.PORT,
+        clock: Callable[[], float] = time.monotonic, stale: float = STALE,
+    ) -> None:  # fmt: skip
         """host, port: where to listen; port 0 takes a free one. stale: a command that is older at
         its arrival is not used [s]. Raises CohelmError."""
-        self._stale = stale
-        self._listener = Listener(context(keys, server=True), host, port)
+        self.clock, self._stale = clock, stale
+        self._listener = Listener(context(keys, server=True), host, port, clock)
         self.address = self._listener.address
         self._session = secrets.randbits(64)
         super().__init__("link robot")
