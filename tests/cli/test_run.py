@@ -17,7 +17,7 @@ WRITTEN = {"record.mcap", "scenario.yaml", "metrics.json", "run.png", "run.svg"}
 @pytest.fixture
 def undrawn(monkeypatch):
     """For who looks at no picture: it takes longer than a short run."""
-    monkeypatch.setattr(single, "_draw", lambda run, folder: None)
+    monkeypatch.setattr("cohelm.study.figures.draw_run", lambda run, folder, name: None)
 
 
 def test_a_run_leaves_record_scenario_scores_and_picture(cohelm, tmp_path):

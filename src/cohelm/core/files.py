@@ -10,6 +10,7 @@ import io
 import os
 import stat
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 from cohelm.core.errors import CohelmError
@@ -63,10 +64,11 @@ def make_folder(folder: Path) -> None:
 
 def check_folder(folder: Path) -> None:
     """CohelmError if a folder can not be made, before the work to be written there."""
-    there = folder.exists()
+    missing = [one for one in (folder, *folder.parents) if not one.exists()]
     make_folder(folder)
-    if not there:
-        folder.rmdir()
+    with suppress(OSError):  # somebody else has begun to write there
+        for one in missing:
+            one.rmdir()
 
 
 def unmade(folder: Path, error: OSError) -> CohelmError:
