@@ -9,7 +9,9 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from playwright.sync_api import Error, Locator, Page, expect
+from playwright.sync_api import BrowserContext, Error, Locator, Page, expect
+
+from cohelm.station.serve import Server
 
 LEFT = re.compile(r"m/s\s*(?!0\.00)\d\.\d\d rad/s")
 RIGHT = re.compile(r"m/s\s*−\d\.\d\d rad/s")
@@ -19,6 +21,15 @@ SOON = 4_000
 """When a person would press again [ms]."""
 PATIENCE = 60.0
 """When even a patient person gives up [s]."""
+
+
+def page_of(context: BrowserContext, server: Server, script: str = "") -> Page:
+    """The station's page in a browser. script: run in it before its own."""
+    page = context.new_page()
+    if script:
+        page.add_init_script(script)
+    page.goto(server.address)
+    return page
 
 
 def who(page: Page) -> Locator:

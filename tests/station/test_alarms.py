@@ -11,7 +11,7 @@ from cohelm.link.bulk_messages import Alarms, DockPlace, Docks, WholeAlarm
 from cohelm.link.messages import Alarm, Mode, RequestKind, Severity
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
-from tests.station.person import alarms, mode_button, take
+from tests.station.person import alarms, mode_button, page_of, take
 from tests.station.servers import served
 
 LONG = (
@@ -116,8 +116,7 @@ def test_more_alarms_than_there_is_room_for_are_counted_and_can_be_seen_and_ackn
     tmp_path: Path, context: BrowserContext
 ) -> None:
     with troubled(tmp_path, 7) as robot, served(robot.connect) as server:
-        page = context.new_page()
-        page.goto(server.address)
+        page = page_of(context, server)
         expect(alarms(page)).to_contain_text(f"7. {LONG}")
         expect(alarms(page)).not_to_contain_text("3. ")
         alarms(page).get_by_role("button", name="3 more").click()
@@ -134,8 +133,7 @@ def test_the_list_of_all_alarms_does_not_open_by_itself(
     tmp_path: Path, context: BrowserContext
 ) -> None:
     with troubled(tmp_path, 7) as robot, served(robot.connect) as server:
-        page = context.new_page()
-        page.goto(server.address)
+        page = page_of(context, server)
         more = alarms(page).get_by_role("button", name="3 more")
         every = page.get_by_role("dialog", name="All alarms")
         more.dblclick()
@@ -163,8 +161,7 @@ def test_a_screen_reader_is_told_what_is_new_and_not_all_of_it_at_each_second(
     counts = "the odometry is 3 s old"
     status = STATUS._replace(mode=Mode.HOLD, why="", alarms=(first,))
     with Bare(tmp_path, status) as robot, served(robot.connect) as server:
-        page = context.new_page()
-        page.goto(server.address)
+        page = page_of(context, server)
         region = alarms(page)
         expect(region).to_contain_text("the battery is not known")
         expect(region).to_have_attribute("aria-live", "polite")
@@ -187,8 +184,7 @@ def test_a_stop_is_read_out_from_a_region_that_was_there_before(
     context: BrowserContext, tmp_path: Path
 ) -> None:
     with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
-        page = context.new_page()
-        page.goto(server.address)
+        page = page_of(context, server)
         region = page.get_by_role("group", name="Stop").locator("[role=status]")
         expect(region).to_have_count(1)
         before = region.element_handle()

@@ -21,7 +21,7 @@ from cohelm.station.tls import certificate
 from tests.few import first
 from tests.link.ends import until
 from tests.station.bare import Bare
-from tests.station.person import who
+from tests.station.person import page_of, who
 from tests.station.servers import served
 from tests.station.visitor import asked, opened
 
@@ -103,8 +103,7 @@ def test_a_page_loads_and_works_among_two_hundred_idle_connections(
             assert asked(server, "GET", "/").status == 200
             assert time.monotonic() - began < 3.0
         context = browser.new_context()
-        page = context.new_page()
-        page.goto(server.address)
+        page = page_of(context, server)
         expect(who(page)).to_contain_text("No driver")
         driver.send('{"type":"got","stream":"state"}')
         heard = time.monotonic()

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, expect
 
-from tests.station.person import choose, mode_button, release, take
+from tests.station.person import choose, mode_button, page_of, release, take
 from tests.station.servers import Robot, served
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("realtime")]
@@ -23,8 +23,7 @@ def test_an_operator_docks_and_undocks_and_sees_the_route_back(
     at_dock: Robot, context: BrowserContext
 ) -> None:
     with served(at_dock.connect) as server:
-        page = context.new_page()
-        page.goto(server.address)
+        page = page_of(context, server)
         docks = page.get_by_role("group", name="Dock")
         dock = docks.get_by_role("button", name="Dock at charger")
         undock = docks.get_by_role("button", name="Undock")

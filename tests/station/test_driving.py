@@ -25,6 +25,7 @@ from tests.station.person import (
     free,
     given,
     mode_button,
+    page_of,
     release,
     stopped,
     take,
@@ -380,8 +381,7 @@ def test_a_hidden_tab_does_not_steer(page: Page, how: str) -> None:
 
 @pytest.mark.slow
 def test_touch_pads_steer_on_a_phone(browser_phone: BrowserContext, server: Server) -> None:
-    page = browser_phone.new_page()
-    page.goto(server.address)
+    page = page_of(browser_phone, server)
     take(page)
     free(page)
     choose(page, "Manual")
@@ -413,8 +413,7 @@ def test_stop_stops_by_a_second_finger_while_a_thumb_is_on_a_pad(
     browser_phone: BrowserContext, tmp_path: Path
 ) -> None:
     with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
-        page = browser_phone.new_page()
-        page.goto(server.address)
+        page = page_of(browser_phone, server)
         who(page).get_by_role("button", name="Take over").wait_for()
         take(page)
         pad, stop = page.locator(".pad.x"), page.get_by_role("button", name="Stop the robot")

@@ -13,15 +13,14 @@ from cohelm.link.messages import MOST_ALARMS, Alarm, Mode, RequestKind, Severity
 from cohelm.station.serve import Server
 from tests.link.ends import STATUS
 from tests.station.bare import Bare
-from tests.station.person import who
+from tests.station.person import page_of, who
 from tests.station.servers import served
 
 STANDS = STATUS._replace(mode=Mode.HOLD, why="idle")
 
 
-def shown(context: BrowserContext, server: Server) -> Page:
-    page = context.new_page()
-    page.goto(server.address)
+def undriven(context: BrowserContext, server: Server) -> Page:
+    page = page_of(context, server)
     expect(who(page)).to_contain_text("No driver")
     return page
 
@@ -35,7 +34,7 @@ def test_what_was_pressed_and_is_gone_leaves_the_focus_to_its_group(
     context: BrowserContext, tmp_path: Path
 ) -> None:
     with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = undriven(context, server)
         enter(page.get_by_role("button", name="Take over"))
         expect(who(page)).to_be_focused()
         page.keyboard.press("Enter")  # one too many
@@ -62,7 +61,7 @@ def test_stop_is_what_keys_and_ears_reach_first(
 ) -> None:
     stopped = STANDS._replace(stopped="stop by anna (3)", why="")
     with Bare(tmp_path, stopped) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = undriven(context, server)
         page.set_viewport_size({"width": width, "height": height})
         page.keyboard.press("Tab")
         expect(page.get_by_role("button", name="Stop the robot")).to_be_focused()
@@ -74,7 +73,7 @@ def test_a_dialog_that_is_closed_leaves_the_focus_to_what_opened_it(
     context: BrowserContext, tmp_path: Path
 ) -> None:
     with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = undriven(context, server)
         told = tuple(Alarm(n, Severity.WARNING, True, False, f"warning {n}") for n in range(1, 7))
         robot.status = STANDS._replace(alarms=told[:MOST_ALARMS])
         robot.bulk.publish(Alarms(tuple(WholeAlarm(one, one.text) for one in told)))
@@ -97,7 +96,7 @@ def test_escape_closes_one_dialog_at_a_time_the_last_that_was_opened_first(
 ) -> None:
     (tmp_path / "run.mcap").write_bytes(b"record")
     with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = undriven(context, server)
         told = tuple(Alarm(n, Severity.WARNING, True, False, f"warning {n}") for n in range(1, 7))
         robot.status = STANDS._replace(alarms=told[:MOST_ALARMS])
         robot.bulk.publish(Alarms(tuple(WholeAlarm(one, one.text) for one in told)))
@@ -122,7 +121,7 @@ def test_a_double_click_opens_a_dialog_and_another_closes_it(
     context: BrowserContext, tmp_path: Path
 ) -> None:
     with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = undriven(context, server)
         for name in ("Edit route", "Stick settings", "Records (0)"):
             opener = page.get_by_role("button", name=name)
             for count in (1, 0):
@@ -136,7 +135,7 @@ def test_a_waypoint_removed_with_the_keyboard_leaves_the_focus_in_the_list(
     context: BrowserContext, tmp_path: Path
 ) -> None:
     with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = undriven(context, server)
         enter(page.get_by_role("button", name="Edit route"))
         enter(page.get_by_role("button", name="Add in the middle"))
         enter(page.get_by_role("button", name="Remove waypoint 1"))
@@ -149,7 +148,7 @@ def test_a_button_that_enter_is_held_on_is_pressed_once(
     context: BrowserContext, tmp_path: Path
 ) -> None:
     with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = undriven(context, server)
         page.get_by_role("button", name="Zoom in").focus()
         page.evaluate(
             "window.clicks = 0; addEventListener('click', () => (window.clicks += 1), true)"

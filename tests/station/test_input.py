@@ -12,7 +12,7 @@ from cohelm.link.messages import Arming, Command, Device
 from cohelm.station.serve import Server
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
-from tests.station.person import device, take, who
+from tests.station.person import device, page_of, take, who
 from tests.station.servers import served
 
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
@@ -147,8 +147,7 @@ def finger(number: int, x: float, y: float) -> dict[str, float]:
 def test_a_second_finger_on_a_pad_neither_moves_nor_releases_it(
     bare: Bare, browser_phone: BrowserContext, server: Server
 ) -> None:
-    phone = browser_phone.new_page()
-    phone.goto(server.address)
+    phone = page_of(browser_phone, server)
     take(phone)
     box = phone.get_by_label("Left and right").bounding_box()
     assert box is not None

@@ -13,7 +13,7 @@ from tests.few import first
 from tests.link.ends import STATUS
 from tests.station.bare import Bare
 from tests.station.conftest import CHROMIUM, FLAGS
-from tests.station.person import alarms, stopped, take, who
+from tests.station.person import alarms, page_of, stopped, take, who
 from tests.station.servers import served
 from tests.station.test_alarms import LONG
 
@@ -82,8 +82,7 @@ def test_every_text_of_the_page_has_contrast_also_where_it_is_stale(
 ) -> None:
     alarm = Alarm(1, Severity.WARNING, False, False, "a warning that is over")
     with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
-        page = context.new_page()
-        page.goto(server.address)
+        page = page_of(context, server)
         expect(who(page)).to_contain_text("No driver")
         assert page.evaluate(PALE) == []
         take(page)
@@ -170,8 +169,7 @@ def test_whatever_the_letters_all_that_is_pressed_is_on_the_screen_and_free(
         page.set_viewport_size({"width": 390, "height": 780})
         page.goto(server.address)
         take(page)
-        other = large.new_page()
-        other.goto(server.address)
+        other = page_of(large, server)
         calm = STANDS._replace(arming=Arming.ARMED)
         for what in ("calm", "stopped", "asked"):
             stops = what == "stopped"
@@ -192,8 +190,7 @@ def test_a_number_that_is_out_of_the_normal_is_marked_by_more_than_its_colour(
 ) -> None:
     mark = "(one) => getComputedStyle(one, '::before').content.replace(/[^◆]/g, '')"
     with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
-        page = context.new_page()
-        page.goto(server.address)
+        page = page_of(context, server)
         clearance = page.locator(".nearest b")
         expect(clearance).to_have_text("0.20 m")
         assert clearance.evaluate(mark) == "◆"

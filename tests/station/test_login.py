@@ -13,7 +13,7 @@ from cohelm.station.robot_link import RobotLink
 from cohelm.station.serve import Server
 from tests.link.ends import until
 from tests.station.bare import Bare
-from tests.station.person import alarms, who
+from tests.station.person import alarms, page_of, who
 from tests.station.servers import served
 
 pytestmark = pytest.mark.xdist_group("realtime")
@@ -82,8 +82,7 @@ def test_one_click_on_the_printed_address_logs_in(
 def test_further_tabs_share_the_login_and_other_origins_do_not(
     context: BrowserContext, server: Server, bare: Bare
 ) -> None:
-    page = context.new_page()
-    page.goto(server.address)
+    page = page_of(context, server)
     inside(page)
     second = context.new_page()
     second.goto(f"{server.origin}/")
@@ -107,8 +106,7 @@ def test_a_login_in_one_tab_logs_in_the_waiting_tabs(
     waiting = context.new_page()
     waiting.goto(f"{server.origin}/")
     waiting.get_by_label("Token").wait_for()
-    page = context.new_page()
-    page.goto(server.address)
+    page = page_of(context, server)
     inside(page)
     waiting.bring_to_front()
     inside(waiting)
@@ -118,8 +116,7 @@ def test_the_station_dies_and_comes_back_while_the_page_stays_open(
     context: BrowserContext, bare: Bare
 ) -> None:
     with served(bare.connect) as server:
-        page = context.new_page()
-        page.goto(server.address)
+        page = page_of(context, server)
         inside(page)
         port = server.port
     expect(alarms(page)).to_contain_text("No connection to the station")
@@ -158,8 +155,7 @@ def test_a_page_that_the_station_turns_away_says_why_for_as_long(context: Browse
         raise CohelmError("the host 'robot.local' can not be found: check its name")
 
     with served(connect) as server:
-        page = context.new_page()
-        page.goto(server.address)
+        page = page_of(context, server)
         expect(alarms(page)).to_contain_text(
             "No connection yet: the host 'robot.local' can not be found: check its name"
         )

@@ -30,7 +30,7 @@ from cohelm.station.serve import Server
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
 from tests.station.conftest import WAIT
-from tests.station.person import mode_button, take, who
+from tests.station.person import mode_button, page_of, take, who
 from tests.station.servers import served
 
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
@@ -55,13 +55,6 @@ def station(bare: Bare) -> Iterator[Server]:
         yield made
 
 
-def shown(context: BrowserContext, server: Server, script: str = "") -> Page:
-    page = context.new_page()
-    page.add_init_script(script)
-    page.goto(server.address)
-    return page
-
-
 def connected(page: Page) -> None:
     who(page).get_by_role("status").wait_for()
 
@@ -78,7 +71,7 @@ def requested(bare: Bare, what: RequestKind, within: float = WAIT / 1e3) -> bool
 def test_space_on_a_slider_or_a_number_stops(
     context: BrowserContext, station: Server, bare: Bare
 ) -> None:
-    page = shown(context, station)
+    page = page_of(context, station)
     connected(page)
     page.get_by_role("button", name="Stick settings").click()
     for field in ("Share of the full speed", "dead band", "stop button"):
@@ -96,7 +89,7 @@ def test_space_on_a_slider_or_a_number_stops(
 def test_a_stop_passes_a_connection_that_is_full(
     context: BrowserContext, station: Server, bare: Bare
 ) -> None:
-    page = shown(context, station, FULL)
+    page = page_of(context, station, FULL)
     connected(page)
     bare.requests.clear()
     page.keyboard.press("Space")
@@ -106,7 +99,7 @@ def test_a_stop_passes_a_connection_that_is_full(
 def without_a_station(context: BrowserContext, bare: Bare) -> tuple[Page, int]:
     """A page whose station has ended, and the port that it had."""
     with served(bare.connect) as station:
-        page = shown(context, station)
+        page = page_of(context, station)
         connected(page)
     expect(page.get_by_role("alert", name="Alarms")).to_contain_text("No connection to the station")
     return page, station.port
@@ -172,7 +165,7 @@ def test_a_stop_that_is_sent_once_more_after_a_reload_is_not_said_to_have_had_no
     context: BrowserContext, tmp_path: Path
 ) -> None:
     with Bare(tmp_path) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = page_of(context, server)
         connected(page)
         page.keyboard.press("Space")
         until(lambda: RequestKind.STOP in robot.requests)
@@ -186,7 +179,7 @@ def test_a_stop_that_nobody_answered_is_in_sight_also_where_there_is_room_for_on
     browser_phone: BrowserContext, tmp_path: Path
 ) -> None:
     with Bare(tmp_path) as robot, served(robot.connect) as server:
-        page = shown(browser_phone, server)
+        page = page_of(browser_phone, server)
         page.set_viewport_size({"width": 740, "height": 330})
         connected(page)
         robot.die()
@@ -203,7 +196,7 @@ def test_a_display_without_a_link_to_the_robot_is_pale(
         robot.bulk.publish(
             Hello("sally", np.zeros((3, 2), np.float32), 2.0, 1.0, (np.nan,) * 4, False)  # type: ignore[arg-type]
         )
-        page = shown(context, server)
+        page = page_of(context, server)
         connected(page)
         expect(page.get_by_role("row", name="robot").first).to_contain_text("sally")
         expect(page.locator(".station.stale")).to_have_count(0)
@@ -224,7 +217,7 @@ def test_before_the_first_status_there_is_no_link_to_be_lost(
         robot.bulk.publish(
             Hello("sally", np.zeros((3, 2), np.float32), 2.0, 1.0, (np.nan,) * 4, False)  # type: ignore[arg-type]
         )
-        page = shown(context, server)
+        page = page_of(context, server)
         expect(page.get_by_role("row", name="robot").first).to_contain_text("sally")
         alarms = page.get_by_label("Alarms", exact=True)
         expect(alarms).to_contain_text("Not connected to a robot yet")
@@ -234,7 +227,7 @@ def test_before_the_first_status_there_is_no_link_to_be_lost(
 
 def test_without_a_link_nobody_is_said_to_drive(context: BrowserContext, tmp_path: Path) -> None:
     with Bare(tmp_path) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = page_of(context, server)
         take(page)
         robot.die()
         expect(who(page)).to_contain_text("No link")
@@ -242,7 +235,7 @@ def test_without_a_link_nobody_is_said_to_drive(context: BrowserContext, tmp_pat
         expect(who(page).get_by_role("button")).to_have_count(0)
     with Bare(tmp_path) as robot:
         with served(robot.connect) as server:
-            page = shown(context, server)
+            page = page_of(context, server)
             take(page)
         expect(who(page)).to_contain_text("No link")
 
@@ -250,7 +243,7 @@ def test_without_a_link_nobody_is_said_to_drive(context: BrowserContext, tmp_pat
 def test_who_can_not_reset_a_stop_is_told_who_can(context: BrowserContext, tmp_path: Path) -> None:
     status = STATUS._replace(mode=Mode.HOLD, stopped="the odometry is 92 ms old", why="")
     with Bare(tmp_path, status) as robot, served(robot.connect) as server:
-        page, other = shown(context, server), context.new_page()
+        page, other = page_of(context, server), context.new_page()
         reset = page.get_by_role("button", name="Reset")
         expect(reset).to_be_disabled()
         expect(reset).to_have_accessible_description("Take over first")
@@ -296,7 +289,7 @@ def test_the_line_that_says_why_can_be_read_and_heard_where_it_goes_to_and_fro(
     shaped = STATUS._replace(why="")
     verdicts = (ReportedVerdict.SHAPED, ReportedVerdict.BRAKING, ReportedVerdict.UNTOUCHED)
     with Bare(tmp_path, shaped) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = page_of(context, server)
         line = page.locator(".why")
         expect(line).to_have_text("limited: obstacle near")
         page.evaluate(CHANGES)
@@ -318,7 +311,7 @@ def test_a_battery_that_is_low_is_said_on_every_screen(
     context: BrowserContext, tmp_path: Path
 ) -> None:
     with Bare(tmp_path) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = page_of(context, server)
         page.set_viewport_size({"width": 390, "height": 780})
         for charge, said in ((0.12, "The battery is at 12 %"), (0.05, "The battery is at 5.0 %")):
             robot.bulk.publish(HealthReport(charge, ()))
@@ -354,19 +347,19 @@ def test_a_button_of_a_gamepad_that_is_held_as_the_page_loads_stops_and_does_not
     status = STATUS._replace(mode=Mode.HOLD, stopped="the odometry is 92 ms old")
     lies = PAD + "\nwindow.layOther([0, 0, 0, 0], [%d])"
     with Bare(tmp_path, status) as robot, served(robot.connect) as server:
-        page = shown(context, server, lies % resume)
+        page = page_of(context, server, lies % resume)
         take(page)
         page.wait_for_timeout(1500)
         page.evaluate("window.layOther([0, 0, 0, 0])")
         page.wait_for_timeout(300)
         assert not {RequestKind.RESET, RequestKind.MODE, RequestKind.STOP} & set(robot.requests)
-        shown(context, server, lies % stop)
+        page_of(context, server, lies % stop)
         assert requested(robot, RequestKind.STOP)
 
 
 def test_a_button_pressed_without_a_connection_says_so(context: BrowserContext, bare: Bare) -> None:
     with served(bare.connect) as station:
-        page = shown(context, station)
+        page = page_of(context, station)
         connected(page)
     expect(page.get_by_role("alert", name="Alarms")).to_contain_text("No connection")
     page.get_by_role("button", name="Take over").click()
@@ -377,7 +370,7 @@ def test_the_display_goes_on_after_the_uplink_was_full(
     context: BrowserContext, station: Server
 ) -> None:
     """What says that the page has shown a state must not be dropped: no more would come."""
-    page = shown(context, station)
+    page = page_of(context, station)
     connected(page)
     age = page.get_by_role("row", name="display age")
     expect(age).not_to_contain_text("–")
@@ -393,7 +386,7 @@ def test_the_display_goes_on_after_the_uplink_was_full(
 
 
 def test_the_speed_survives_a_reload(context: BrowserContext, station: Server) -> None:
-    page = shown(context, station)
+    page = page_of(context, station)
     connected(page)
     page.evaluate("document.querySelectorAll('input').forEach((one) => (one.disabled = false))")
     slider = page.get_by_label("Share of the full speed")
@@ -414,7 +407,7 @@ def test_the_stop_button_of_any_gamepad_stops(
     context: BrowserContext, station: Server, bare: Bare
 ) -> None:
     """The first may be no gamepad at all, as some headsets and keyboards are."""
-    page = shown(context, station, PADS)
+    page = page_of(context, station, PADS)
     connected(page)
     for pad in (1, 0):
         bare.requests.clear()
@@ -429,7 +422,7 @@ def test_every_dock_has_a_route(context: BrowserContext, station: Server, bare: 
     names = [f"dock {n}" for n in range(6)]
     bare.bulk.publish(Docks(tuple(DockPlace(n, Pose(1.0, 2.0, 0.0), 1.0) for n in names)))
     try:
-        page = shown(context, station)
+        page = page_of(context, station)
         connected(page)
         options = page.get_by_label("Route to a dock").get_by_role("option")
         expect(options).to_have_text(["Route to …", *names])
@@ -440,7 +433,7 @@ def test_every_dock_has_a_route(context: BrowserContext, station: Server, bare: 
 def test_a_scan_is_not_shown_on_when_its_lidar_is_silent(
     context: BrowserContext, station: Server, bare: Bare
 ) -> None:
-    page = shown(context, station)
+    page = page_of(context, station)
     connected(page)
     dots = """() => {
         const map = document.querySelector('#map')
@@ -467,7 +460,7 @@ def test_a_scan_is_not_shown_on_when_its_lidar_is_silent(
 def test_a_slider_set_with_the_mouse_leaves_the_arrow_keys_to_the_stick(
     context: BrowserContext, station: Server
 ) -> None:
-    page = shown(context, station)
+    page = page_of(context, station)
     connected(page)
     page.evaluate("document.querySelectorAll('input').forEach((one) => (one.disabled = false))")
     slider = page.get_by_label("Share of the full speed")
@@ -489,7 +482,7 @@ def test_a_slider_set_with_the_mouse_leaves_the_arrow_keys_to_the_stick(
 
 
 def test_a_connection_that_hangs_is_made_anew(context: BrowserContext, station: Server) -> None:
-    page = shown(context, station, HANGING)
+    page = page_of(context, station, HANGING)
     alarms = page.get_by_label("Alarms", exact=True)
     assert alarms.inner_text() != "No alarms"  # which nobody knows yet
     connected(page)
@@ -509,7 +502,7 @@ def test_a_page_too_many_is_told_so(
     context: BrowserContext, station: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(app, "MOST_OPERATORS", 0)
-    page = shown(context, station)
+    page = page_of(context, station)
     expect(page.locator(".refused")).to_contain_text("too many operators")
 
 
@@ -518,7 +511,7 @@ def test_without_a_link_to_the_robot_no_record_is_waited_for(
 ) -> None:
     (tmp_path / "run.mcap").write_bytes(b"record")
     with Bare(tmp_path) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = page_of(context, server)
         page.get_by_role("button", name="Records (1)").click()
         robot.die()
         expect(page.get_by_role("status", name="Alarms")).to_be_hidden()  # there are some
@@ -533,7 +526,7 @@ def test_the_windows_title_has_the_robot_and_what_is_up_with_it(
 ) -> None:
     """Who has two robots in two tabs must not take one for the other."""
     with Bare(tmp_path) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = page_of(context, server)
         lens = (np.nan,) * 4
         robot.bulk.publish(Hello("sally", np.zeros((3, 2), np.float32), 2.0, 1.0, lens, False))  # type: ignore[arg-type]
         expect(page).to_have_title("sally")
@@ -548,7 +541,7 @@ def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_
     told = (Alarm(1, Severity.ALARM, True, False, "lost: nothing on the map fits"),)
     status = STATUS._replace(localised=Localised.LOST, arming=Arming.ARMED, alarms=told)
     with Bare(tmp_path, status) as robot, served(robot.connect) as server:
-        page, other = shown(context, server), context.new_page()
+        page, other = page_of(context, server), context.new_page()
         other.goto(server.address)
         take(page)
         page.bring_to_front()
@@ -597,7 +590,7 @@ def test_a_page_that_opens_says_at_no_moment_that_it_lost_the_link_or_that_it_ha
     context: BrowserContext, tmp_path: Path
 ) -> None:
     with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
-        page = shown(context, server, SAID)
+        page = page_of(context, server, SAID)
         take(page)
         assert "No link to the robot" not in "".join(page.evaluate("said"))
         robot.die()
@@ -614,7 +607,7 @@ def test_a_double_click_is_one_click_and_different_buttons_are_all_heard(
     told = tuple(Alarm(n, Severity.ALARM, True, False, f"alarm {n}") for n in (1, 2))
     status = STATUS._replace(mode=Mode.HOLD, stopped="stop by anna (3)", alarms=told)
     with Bare(tmp_path, status) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = page_of(context, server)
         take(page)
         for button, what in (
             (page.get_by_role("button", name="Acknowledge").first, RequestKind.ACKNOWLEDGE),
@@ -635,7 +628,7 @@ def test_a_double_click_is_one_click_and_different_buttons_are_all_heard(
 
 def test_a_refusal_goes_with_the_next_press(context: BrowserContext, tmp_path: Path) -> None:
     with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = page_of(context, server)
         take(page)
         mode_button(page, "Manual").click()
         refused = page.locator(".refused")
@@ -649,7 +642,7 @@ def test_on_a_phone_a_long_route_leaves_the_buttons_that_send_and_close_it_in_si
     browser_phone: BrowserContext, tmp_path: Path, width: int, height: int
 ) -> None:
     with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
-        page = shown(browser_phone, server)
+        page = page_of(browser_phone, server)
         page.set_viewport_size({"width": width, "height": height})
         take(page)
         route = np.array([[k, 0.5 * k] for k in range(12)], np.float32)
@@ -684,7 +677,7 @@ def test_without_a_link_the_driver_is_told_what_the_robot_does_now(
     context: BrowserContext, tmp_path: Path, carry_on: bool, mode: Mode, does: str
 ) -> None:
     with Bare(tmp_path, STATUS._replace(mode=mode)) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = page_of(context, server)
         outline = np.zeros((3, 2), np.float32)
         robot.bulk.publish(Hello("sally", outline, 2.0, 1.0, (np.nan,) * 4, carry_on))  # type: ignore[arg-type]
         expect(page).to_have_title("sally")
@@ -719,7 +712,7 @@ def test_the_page_shows_where_the_robot_goes_who_leads_and_what_stops_it(
     context: BrowserContext, tmp_path: Path
 ) -> None:
     with Bare(tmp_path, STATUS._replace(authority=0.2)) as robot, served(robot.connect) as server:
-        page = shown(context, server, PAD)
+        page = page_of(context, server, PAD)
         stop = page.get_by_role("button", name="Stop the robot")
         expect(stop).to_contain_text("Space")
         place = stop.bounding_box()
@@ -751,7 +744,7 @@ def test_a_fault_in_one_picture_of_the_map_is_said_and_is_not_the_last_picture(
 ) -> None:
     """The map stood still for ever while all else went on, which nobody could see."""
     with Bare(tmp_path) as robot, served(robot.connect) as server:
-        page = shown(context, server)
+        page = page_of(context, server)
         connected(page)
         alarms = page.get_by_label("Alarms", exact=True)
         wrong = np.array([[1.0, 2.5, 0.0, 0.0, -1.0, -0.5]], np.float32)
@@ -774,7 +767,7 @@ def test_a_fault_in_one_picture_of_the_map_is_said_and_is_not_the_last_picture(
 def test_without_a_link_nothing_is_said_to_help(context: BrowserContext, tmp_path: Path) -> None:
     status = STATUS._replace(mode=Mode.HOLD, stopped="stop by anna (3)", arming=Arming.ARMED)
     with Bare(tmp_path, status) as robot, served(robot.connect) as server:
-        page = shown(context, server, PAD)
+        page = page_of(context, server, PAD)
         take(page)
         page.evaluate("testPad.plug()")
         alarms = page.get_by_label("Alarms", exact=True)

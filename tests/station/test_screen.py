@@ -25,6 +25,7 @@ from tests.station.person import (
     given,
     lead,
     mode_button,
+    page_of,
     press,
     release,
     stopped,
@@ -37,8 +38,7 @@ pytestmark = pytest.mark.xdist_group("realtime")
 
 
 def open_page(context: BrowserContext, server: Server) -> Page:
-    page = context.new_page()
-    page.goto(server.address)
+    page = page_of(context, server)
     page.get_by_role("group", name="Who drives").get_by_role("status").wait_for()
     return page
 
@@ -48,8 +48,7 @@ def test_while_the_robot_starts_the_page_reports_that_and_shows_no_unknown_value
 ) -> None:
     starting = "starting the robot in lab-guard (5 s)"
     with served(lambda _: StartingLink(lambda: None, lambda: starting)) as server:
-        page = context.new_page()
-        page.goto(server.address)
+        page = page_of(context, server)
         expect(alarms(page)).to_contain_text(f"Not connected to a robot yet: {starting}.")
         expect(page.get_by_label("Camera")).to_have_text("No picture yet.")
         rows = page.get_by_label("Link to the robot").locator("th").all_text_contents()
@@ -237,8 +236,7 @@ def cinema(record: Path) -> Iterator[Server]:
 def test_a_record_is_shown_with_a_timeline_at_any_speed(
     context: BrowserContext, cinema: Server
 ) -> None:
-    page = context.new_page()
-    page.goto(cinema.address)
+    page = page_of(context, cinema)
     bar = page.get_by_role("contentinfo", name="Replay")
     place = bar.get_by_role("slider", name="Position in the record, seconds")
     expect(place).to_be_visible()

@@ -15,6 +15,7 @@ from tests.station.person import (
     choose,
     drive,
     given,
+    page_of,
     press,
     release,
     stopped,
@@ -83,8 +84,7 @@ def test_a_drive_is_recorded_downloaded_and_replayed(
     rows = [m for _, _, m in messages(file, ("/period",))]
     led = min((m for m in rows if m.authority_x < 1.0), key=lambda m: m.authority_x).t
     with served(lambda _: Replaying(shown)) as cinema:
-        replay = context.new_page()
-        replay.goto(cinema.address)
+        replay = page_of(context, cinema)
         bar = replay.get_by_role("contentinfo", name="Replay")
         bar.get_by_role("button", name="Pause").click()
         place = bar.get_by_role("slider", name="Position in the record, seconds")
@@ -106,8 +106,7 @@ def test_the_robot_stops_when_its_station_dies_in_the_middle_of_a_drive(
     robot: Robot, context: BrowserContext
 ) -> None:
     with served(robot.connect) as first:
-        page = context.new_page()
-        page.goto(first.address)
+        page = page_of(context, first)
         drive(page)
         page.keyboard.down("ArrowLeft")
         expect(given(page)).to_contain_text(LEFT)
