@@ -93,6 +93,17 @@ def take(page: Page) -> None:
     )
 
 
+def request_control(page: Page, driver: Page) -> Locator:
+    """Ask for control. Returns: the driver's question, which is answered in ten seconds or not."""
+    question = driver.get_by_role("alert").filter(has_text="requests control")
+    until(lambda: expect(question).to_be_visible(timeout=SOON), press(page, "Request control"))
+    return question
+
+
+def keep(page: Page, question: Locator) -> None:
+    until(lambda: expect(question).to_be_hidden(timeout=SOON), press(page, "Keep"))
+
+
 def free(page: Page) -> None:
     """Have the robot let go of a stop."""
     until(lambda: expect(stopped(page)).to_be_hidden(timeout=SOON), press(page, "Reset"))

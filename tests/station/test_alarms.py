@@ -11,7 +11,7 @@ from cohelm.link.bulk_messages import Alarms, DockPlace, Docks, WholeAlarm
 from cohelm.link.messages import Alarm, Mode, RequestKind, Severity
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
-from tests.station.person import alarms, mode_button, page_of, take
+from tests.station.person import alarms, mode_button, page_of, request_control, take
 from tests.station.servers import served
 
 LONG = (
@@ -93,8 +93,7 @@ def test_on_small_phones_nothing_that_is_said_pushes_the_modes_under_the_pads(
         page.get_by_label("Route to a dock").wait_for()
         for mode in ("Hold", "Auto", "Manual"):
             mode_button(page, mode).tap()
-        other.get_by_role("button", name="Request control").click()
-        page.get_by_role("button", name="Hand over").wait_for()
+        request_control(other, page)
         page.get_by_text("Manual: the robot did not answer").wait_for()
         for width, height in ((320, 568), (740, 330), (667, 330), (390, 780)):
             page.set_viewport_size({"width": width, "height": height})

@@ -24,9 +24,11 @@ from tests.station.person import (
     drive,
     free,
     given,
+    keep,
     mode_button,
     page_of,
     release,
+    request_control,
     stopped,
     take,
     until,
@@ -484,9 +486,8 @@ def test_on_a_phone_in_landscape_reset_and_route_are_not_covered(
     phone.get_by_role("button", name="Stop the robot").tap()
     expect(stopped(phone)).to_contain_text("stop by you")
     expect(stopped(page)).to_contain_text("stop by operator")  # as the page calls it
-    who(page).get_by_role("button", name="Request control").click()
+    question = request_control(page, phone)
     names = ("Reset", "Hand over", "Keep", "Stop the robot")
-    phone.get_by_role("button", name="Keep").wait_for()
     boxes = [phone.get_by_role("button", name=name).bounding_box() for name in names]
     for name, box in zip(names, boxes, strict=True):
         assert box is not None
@@ -497,13 +498,12 @@ def test_on_a_phone_in_landscape_reset_and_route_are_not_covered(
         assert (
             apart_x >= one["width"] + other["width"] or apart_y >= one["height"] + other["height"]
         )
-    phone.get_by_role("button", name="Keep").tap()
+    keep(phone, question)
     phone.get_by_role("button", name="Edit route").tap()
     panel = phone.get_by_role("dialog", name="Edit the route")
     panel.get_by_role("button", name="Add in the middle").tap(timeout=5_000)
     panel.get_by_role("button", name="Close").tap(timeout=5_000)
     expect(phone.get_by_role("slider", name="Left and right")).to_be_visible()
-    release(phone)
 
 
 @pytest.mark.parametrize(("width", "height"), [(390, 780), (320, 568), (820, 1180), (740, 330)])

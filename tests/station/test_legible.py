@@ -13,7 +13,7 @@ from tests.few import first
 from tests.link.ends import STATUS
 from tests.station.bare import Bare
 from tests.station.conftest import CHROMIUM, FLAGS
-from tests.station.person import alarms, page_of, stopped, take, who
+from tests.station.person import alarms, page_of, request_control, stopped, take, who
 from tests.station.servers import served
 from tests.station.test_alarms import LONG
 
@@ -176,8 +176,7 @@ def test_whatever_the_letters_all_that_is_pressed_is_on_the_screen_and_free(
             robot.status = calm._replace(stopped=reason, alarms=told) if stops else calm
             expect(page.get_by_role("button", name="Reset")).to_have_count(int(stops))
             if what == "asked":
-                other.get_by_role("button", name="Request control").click()
-                page.get_by_role("button", name="Keep").wait_for()
+                request_control(other, page)
             for width, height in SIZES:
                 page.set_viewport_size({"width": width, "height": height})
                 page.wait_for_timeout(100)

@@ -30,7 +30,7 @@ from cohelm.station.serve import Server
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
 from tests.station.conftest import WAIT
-from tests.station.person import mode_button, page_of, take, who
+from tests.station.person import keep, mode_button, page_of, request_control, take, who
 from tests.station.servers import served
 
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
@@ -557,9 +557,9 @@ def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_
             who_reads.keyboard.down("ArrowUp")
             if who_reads is other:
                 expect(said).to_contain_text("does not steer: press Request control first")
-                other.get_by_role("button", name="Request control").click()
+                question = request_control(other, page)
                 expect(said).to_contain_text("does not steer: you have requested control")
-                page.get_by_role("button", name="Keep").click()
+                keep(page, question)
             who_reads.keyboard.up("ArrowUp")
             expect(said).not_to_contain_text("does not steer")
             assert ("drive by hand" in said.inner_text()) == (who_reads is page)

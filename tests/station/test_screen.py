@@ -23,11 +23,13 @@ from tests.station.person import (
     alarms,
     drive,
     given,
+    keep,
     lead,
     mode_button,
     page_of,
     press,
     release,
+    request_control,
     stopped,
     until,
     who,
@@ -68,11 +70,9 @@ def test_a_second_browser_requests_control_and_the_driver_refuses_then_hands_ove
     other = open_page(context, server)
     expect(who(other)).to_contain_text("operator")
     expect(who(other)).to_contain_text("drives")
-    question = page.get_by_role("alert").filter(has_text="requests control")
-    until(lambda: expect(question).to_be_visible(timeout=SOON), press(other, "Request control"))
-    until(lambda: expect(question).to_be_hidden(timeout=SOON), press(page, "Keep"))
+    keep(page, request_control(other, page))
     expect(other.get_by_role("button", name="Request control")).to_be_visible()
-    until(lambda: expect(question).to_be_visible(timeout=SOON), press(other, "Request control"))
+    request_control(other, page)
     until(
         lambda: expect(who(other)).to_contain_text("You drive", timeout=SOON),
         press(page, "Hand over"),
