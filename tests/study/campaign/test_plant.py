@@ -147,6 +147,8 @@ def test_visibility_before_a_contact_is_computed_from_the_true_scene():
     assert touch.seen == pytest.approx(0.5)
     assert touch.share == pytest.approx(25 / 31)
     assert (touch.speed, touch.driven) == (0.4, 0.5)
+    discs[-1, 0, 2:4] = 0.0  # the twin's movers stop dead as they bump
+    assert first_touch(setup, setup.twin, rows, discs, 3.0) == touch
     behind = discs.copy()
     behind[:, 0, 0] = 4.39
     hidden = first_touch(setup, setup.twin, rows, behind, 3.0)

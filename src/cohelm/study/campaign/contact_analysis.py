@@ -42,7 +42,7 @@ def first_touch(
     clearances = [disc_clearance(pose, setup.outline, d[X], d[Y], d[RADIUS]) for d in at]
     clearances += [segment_clearance(pose, setup.outline, *wall) for wall in walls.tolist()]
     which = int(np.argmin(clearances))
-    disc = at[which] if which < len(at) else None
+    disc = discs[max(k - 1, 0)][which] if which < len(at) else None  # before it bumped, and stood
     speed = 0.0 if disc is None else math.hypot(disc[VX], disc[VY])
     turn = setup.reach * abs(float(rows["applied_omega"][k]))
     driven = abs(float(rows["applied_v"][k])) + turn

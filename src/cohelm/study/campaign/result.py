@@ -92,7 +92,7 @@ class EpisodeResult(NamedTuple):
     contact_seen_share: float
     """And in which share of all scans before."""
     contact_speed_mps: float
-    """How fast that was itself going then."""
+    """How fast that was itself going a control period before."""
     contact_driven_mps: float
     """And how fast the nearest corner or side of the robot at most."""
     stick: list[float]
