@@ -7,7 +7,7 @@ from typing import NamedTuple
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Mode, Request, RequestKind
 from cohelm.link.operator import OperatorInput
-from cohelm.loop.stick import ArmingParams, StickState, current, updated
+from cohelm.loop.stick import ArmingParams, StickState, updated
 
 DT = 0.02
 
@@ -43,9 +43,8 @@ class Side:
         return True, ""
 
     def step(self, heard: OperatorInput) -> Used:
-        heard = current(heard, self.params)
-        self._seen = self._seen or heard.command is not None
         self.stick_state = updated(self.stick_state, heard, self.params, DT)
+        self._seen = self._seen or self.stick_state.received.command is not None
         lost = self.stick_state.lost or (self.stick_state.driver_lost if self._seen else "")
         if lost and not self.stopped:
             self.stopped = lost

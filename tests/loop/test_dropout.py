@@ -66,7 +66,7 @@ def lived(script: list[tuple[str, int]]) -> list[Period]:
             heard = said(what, quiet + (SILENCE if quiet else 0.0))
             stick_state = updated(stick_state, heard, ArmingParams(), DT)
             lost = stick_state.lost or stick_state.driver_lost
-            dropout, then = stepped(dropout, lost, heard, stick_state, t)
+            dropout, then = stepped(dropout, lost, stick_state, t)
             periods.append(Period(t, what, then))
             if then is DropoutAction.STOP:
                 return periods
@@ -163,13 +163,13 @@ def test_a_deliberate_action_is_no_dropout(what):
 
 def test_a_driver_without_a_stick_has_none_to_centre():
     dropout, now = Dropout(driver=1), 100.0
-    heard = OperatorInput(1, "anna", None, 0.31, 0.0, ())
-    assert stepped(dropout, "the driver is lost", heard, StickState(), now)[1] is DropoutAction.STOP
+    heard = StickState(received=OperatorInput(1, "anna", None, 0.31, 0.0, ()))
+    assert stepped(dropout, "the driver is lost", heard, now)[1] is DropoutAction.STOP
 
 
 def test_an_unknown_age_does_not_extend_the_time_limit():
     dropout = Dropout(driver=1, device=Device.GAMEPAD)
-    heard = OperatorInput(1, "anna", None, math.nan, 0.0, ())
-    stood, then = stepped(dropout, "the stick is lost", heard, StickState(), 100.0)
+    heard = StickState(received=OperatorInput(1, "anna", None, math.nan, 0.0, ()))
+    stood, then = stepped(dropout, "the stick is lost", heard, 100.0)
     assert then is DropoutAction.STAND
-    assert stepped(stood, "", heard, StickState(), 101.01)[1] is DropoutAction.STOP
+    assert stepped(stood, "", heard, 101.01)[1] is DropoutAction.STOP

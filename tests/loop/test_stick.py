@@ -7,7 +7,7 @@ import pytest
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Command, Device
 from cohelm.link.operator import NO_INPUT, OperatorInput
-from cohelm.loop.stick import ArmingParams, StickState, current, updated
+from cohelm.loop.stick import ArmingParams, StickState, updated
 
 M = ArmingParams()
 
@@ -20,7 +20,7 @@ def received(x=0.0, psi=0.0, valid=True, armed=True, age=0.02):
 def after(*said, start=StickState(), dt=0.02):  # noqa: B008
     stick_state = start
     for one in said:
-        stick_state = updated(stick_state, current(one, M), M, dt)
+        stick_state = updated(stick_state, one, M, dt)
     return stick_state
 
 

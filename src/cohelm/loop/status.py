@@ -90,7 +90,7 @@ def period_fields(r: PeriodReport) -> dict[str, Any]:
         "measured_v": seen.twist.v, "measured_omega": seen.twist.omega,
         "limiting_x": at[0], "limiting_y": at[1],
         "stick_x": stick_state.stick.x, "stick_psi": stick_state.stick.psi,
-        "stick_age": stick_state.age,
+        "stick_age": stick_state.received.age,
         "arming": stick_state.arming, "applied_v": r.applied.v, "applied_omega": r.applied.omega,
         "odometry_age": r.now - odometry.stamp if odometry else math.nan,
         "scan_age": r.now - scan.stamp - scan.duration if scan else math.nan,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Arming, Command, Device, is_centred
-from cohelm.link.operator import STALE, OperatorInput, is_current
+from cohelm.link.operator import NO_INPUT, STALE, OperatorInput, is_current
 
 
 class ArmingParams(NamedTuple):
@@ -34,20 +34,25 @@ class StickState(NamedTuple):
     arming: Arming = Arming.ABSENT
     stick: Stick = CENTRED
     """The deflection in use."""
-    deflection: Stick = CENTRED
-    """That of the driver's stick, whether it is in use or not; centred where there is none."""
-    age: float = math.nan
-    """Of the newest command [s]."""
-    driver: int = 0
-    """The client it belongs to."""
+    received: OperatorInput = NO_INPUT
+    """What the operator gave, without a command that is too old."""
     lost: str = ""
     """Why the stick, armed a period ago, is no longer valid; else empty."""
     driver_lost: str = _NO_DRIVER
     """Why the driver counts as lost, with or without a stick; empty: not lost."""
     speed_scale: float = 1.0
     """Share of the usual speed that the driver allows: the newest command counts."""
-    delay: float = math.nan
-    """The round trip over which a person steers [s]; NaN: nobody does, or not known."""
+
+    @property
+    def deflection(self) -> Stick:
+        """That of the driver's stick, whether it is in use or not; centred where there is none."""
+        command, _ = _valid_command(self.received)
+        return CENTRED if command is None else command.stick
+
+    @property
+    def delay(self) -> float:
+        """The round trip over which a person steers [s]; NaN: nobody does, or not known."""
+        return self.received.round_trip if self.arming == Arming.ARMED else math.nan
 
 
 def current(received: OperatorInput, params: ArmingParams) -> OperatorInput:
@@ -63,17 +68,19 @@ def updated(
     dt: float,
     anew: bool = False,
 ) -> StickState:
-    """The stick's state a period of `dt` [s] later. received: as `current` leaves it.
+    """The stick's state a period of `dt` [s] later.
 
     anew: the robot stands without a mode, or its mode steers by the stick from this period on. A
     stick that is deflected then must be centred first, or the robot would set off with the mode:
     nobody may be holding it.
     """
+    received = current(received, params)
     command, why = _valid_command(received)
     arming, goal, lost = Arming.ABSENT, CENTRED, ""
     before = CENTRED if anew else stick_state.stick
     if command is not None:
-        same = received.driver == stick_state.driver  # another driver's stick must be centred again
+        # another driver's stick must be centred again
+        same = received.driver == stick_state.received.driver
         keeps = stick_state.arming == Arming.ARMED and same and not anew
         if keeps or is_centred(command.stick):
             arming, goal = Arming.ARMED, command.stick
@@ -83,11 +90,9 @@ def updated(
         lost = why
     newest = received.command
     return StickState(
-        arming, _rate_limited(before, goal, params.max_rate * dt),
-        CENTRED if command is None else command.stick, received.age, received.driver,
-        lost, _driver_lost(received, params.stale),
+        arming, _rate_limited(before, goal, params.max_rate * dt), received, lost,
+        _driver_lost(received, params.stale),
         stick_state.speed_scale if newest is None else newest.speed_scale,
-        received.round_trip if arming == Arming.ARMED else math.nan,
     )  # fmt: skip
 
 
@@ -173,15 +178,16 @@ class Dropout(NamedTuple):
 
 
 def stepped(
-    dropout: Dropout, lost: str, received: OperatorInput, stick_state: StickState, now: float
+    dropout: Dropout, lost: str, stick_state: StickState, now: float
 ) -> tuple[Dropout, DropoutAction]:
     """The dropout a period later, and what the supervisor does.
 
     lost: why the stick in use, or the driver, is lost; empty: nothing new is lost. stick_state: of
     this period; a stick that was lost is `ARMED` again only after it was centred.
     """
+    received = stick_state.received
     if dropout.why:
-        return _continued(dropout, received, stick_state, now)
+        return _continued(dropout, stick_state, now)
     if not lost:
         return _remembered(dropout, received), DropoutAction.NOTHING
     silent = received.command is None or not received.command.valid
@@ -200,8 +206,9 @@ def _remembered(dropout: Dropout, received: OperatorInput) -> Dropout:
 
 
 def _continued(
-    dropout: Dropout, received: OperatorInput, stick_state: StickState, now: float
+    dropout: Dropout, stick_state: StickState, now: float
 ) -> tuple[Dropout, DropoutAction]:  # fmt: skip
+    received = stick_state.received
     command = received.command
     if received.driver != dropout.driver:
         return Dropout(), DropoutAction.STOP

@@ -22,7 +22,6 @@ from cohelm.loop.stick import (
     Dropout,
     DropoutAction,
     StickState,
-    current,
     stepped,
     updated,
 )
@@ -59,10 +58,6 @@ class Supervisor:
         self.mode = Mode.HOLD
         self.stick_state = StickState()
         self._by_stick = False  # whether the mode of the last period steered by it
-        self.lease = (0, 0)
-        """The driver's client number, 0: none; and the count of leases."""
-        self.driver_client = (0, "")
-        """The driver's client number, 0: none; and its name."""
         self.rights = Authorization()
         self.problem = ""
         """What is wrong with this period's readings; empty: nothing..."""
@@ -76,15 +71,20 @@ class Supervisor:
 
     def take_input(self, now: float) -> None:
         """Take the operator's command and requests; update lease, stick and dropout."""
-        received = current(self.operator.receive(), self._arming)
-        self.driver_client = (received.driver, received.name)
+        received = self.operator.receive()
         self._follow_lease(received)
         self._answer_requests(received)
         mode = self.gated.gate.mode
         before, self._by_stick = self._by_stick, mode == GateMode.SHARED
         anew = not driving(mode) or (self._by_stick and not before)
         self.stick_state = updated(self.stick_state, received, self._arming, self._period, anew)
-        self._watch_operator(now, received)
+        self._watch_operator(now)
+
+    @property
+    def lease(self) -> tuple[int, int]:
+        """The driver's client number, 0: none; and the count of leases."""
+        received = self.stick_state.received
+        return received.driver, received.term
 
     def request_locally(self, name: str, what: RequestKind, age: float, value: int = 0) -> str:
         """A request made at the robot where no station drives, by the same rules; returns why not,
@@ -168,7 +168,10 @@ class Supervisor:
     def status_words(self, refusal: str, cap: Cap) -> StatusWords:
         """The texts of a status. refusal: why the gate changed the command."""
         why, stopped = refusal or self.paused, self.gated.gate.reason
-        return StatusWords(*self.driver_client, self.mode, stopped, why, *cap, self.alarms.worst())
+        driver = self.stick_state.received
+        return StatusWords(
+            driver.driver, driver.name, self.mode, stopped, why, *cap, self.alarms.worst()
+        )
 
     @property
     def may_drive(self) -> bool:
@@ -188,7 +191,7 @@ class Supervisor:
             return driver.by_hand(now, pose, stick, obstacles, gently=True)
         return driver.follow(now, seen, stick, obstacles)
 
-    def _watch_operator(self, now: float, received: OperatorInput) -> None:
+    def _watch_operator(self, now: float) -> None:
         """Detect a lost stick or driver; pause, resume, stop or carry on alone."""
         if not driving(self.gated.gate.mode):
             self._forget_dropout()
@@ -208,7 +211,7 @@ class Supervisor:
             why = ""
         lost = f"the {name} is lost: {why}" if why else ""
         before = self._dropout
-        self._dropout, action = stepped(before, lost, received, self.stick_state, now)
+        self._dropout, action = stepped(before, lost, self.stick_state, now)
         if action == DropoutAction.STOP:
             lost = before.why or lost
             self.alarms.on("driver" if lost.startswith("the driver") else "stick", lost)
@@ -227,9 +230,8 @@ class Supervisor:
 
     def _follow_lease(self, received: OperatorInput) -> None:
         """A mode ends with the lease in which it was chosen."""
-        before, self.lease = self.lease, (received.driver, received.term)
         operators = self._operator_chose and driving(self.gated.gate.mode)
-        if before[1] == received.term or not operators:
+        if self.stick_state.received.term == received.term or not operators:
             return
         if received.driver == 0 and not self._carry_on:
             return  # the driver is lost: more than a hold
