@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from cohelm.link.messages import CENTRE
 from cohelm.loop.status import DONE
 
 WEB = Path(__file__).parents[2] / "src" / "cohelm" / "station" / "web" / "src"
@@ -47,11 +48,15 @@ def asked():
 def test_a_stick_is_armed_only_after_it_was_centred(asked) -> None:
     assert asked(
         "input/stick.ts",
-        "m.arm('absent', [0.5, 0], 0.1)", "m.arm('waiting', [0.2, 0], 0.1)",
-        "m.arm('waiting', [0.1, -0.04], 0.1)", "m.arm('armed', [1, 1], 0.1)",
-        "m.arm('armed', 'unplugged', 0.1)", "m.arm('armed', [NaN, 0], 0.1)",
-        "m.arm('absent', [0, 0], 0.1)",
+        "m.arm('absent', [0.5, 0])", "m.arm('waiting', [0.2, 0])",
+        "m.arm('waiting', [0.1, -0.04])", "m.arm('armed', [1, 1])",
+        "m.arm('armed', 'unplugged')", "m.arm('armed', [NaN, 0])",
+        "m.arm('absent', [0, 0])",
     ) == ["waiting", "waiting", "armed", "armed", "absent", "absent", "armed"]  # fmt: skip
+
+
+def test_a_stick_is_centred_here_where_it_is_on_the_robot(asked) -> None:
+    assert asked("input/stick.ts", "m.CENTRE") == [CENTRE]
 
 
 GO_ON = """((looks) => {

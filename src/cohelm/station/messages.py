@@ -134,8 +134,6 @@ class Welcome(Schema):
     """Length of the record that is shown; None for a robot."""
     stale_s: float
     """A page that receives nothing for so long shows it, and its stick counts as lost."""
-    centre: float
-    """Deflections up to this are centred, and arm a waiting gamepad."""
 
 
 class Who(Schema):

@@ -15,7 +15,6 @@ from cohelm import __version__
 from cohelm.core.types import Floats
 from cohelm.link import messages as robot
 from cohelm.link.bulk_messages import Map, Picture, ZoneMap
-from cohelm.link.messages import CENTRE
 from cohelm.link.scans import WholeScan
 from cohelm.station import messages as page
 from cohelm.station.robot_link import ReplayLink
@@ -66,7 +65,7 @@ def welcome(name: str, key: str, stale: float, link: object) -> page.Welcome:
     """The first message to a page."""
     recorded = link if isinstance(link, ReplayLink) else None
     return page.Welcome(
-        you=name, key=key, version=__version__, stale_s=stale, centre=CENTRE,
+        you=name, key=key, version=__version__, stale_s=stale,
         replay_s=recorded.duration if recorded else None,
     )  # fmt: skip
 

@@ -155,8 +155,6 @@ export interface Welcome {
   replay_s: number | null
   /** A page that receives nothing for so long shows it, and its stick counts as lost. */
   stale_s: number
-  /** Deflections up to this are centred, and arm a waiting gamepad. */
-  centre: number
 }
 
 /** The driver, and the operator that requests the lease. */

@@ -10,21 +10,17 @@ import { keysHeld, listenToKeys, readKeys, releaseKeys, takesSpace } from './key
 import type { Command, Do } from '../messages'
 import { modeName } from '../panels/format'
 import { readTouch, releasePads, touched } from '../panels/TouchPads'
-import {
-  arm, centred, CENTRED, needed, sharedSpeed, type Arming, type Device, type Reading, type Stick,
-} from './stick'
+import { arm, centred, CENTRED, deflected, needed, sharedSpeed, type Arming, type Device, type Reading } from './stick'
 
 const PERIOD_MS = 20
-const IN_USE = 0.1
 
-/** The device that is selected, and its deflection, whether it is used or not. */
+/** The device that is selected. */
 export const device = signal<Device>('none')
-export const stick = signal<Stick>(CENTRED)
 /** Share of the full speed; a reload of the page in the middle of a drive must not raise it. */
 export const speedScale = signal(sharedSpeed(kept('sessionStorage', 'cohelm.speed')))
 effect(() => keep('sessionStorage', 'cohelm.speed', String(speedScale.value)))
 /** What is sent. */
-const command = signal<Command>({ stick: CENTRED, valid: false, armed: false, device: 'none', speed_scale: 1 })
+export const command = signal<Command>({ stick: CENTRED, valid: false, armed: false, device: 'none', speed_scale: 1 })
 /** Why the stick is not armed here, in words; empty when it is. */
 const unarmed = signal('no stick in use')
 
@@ -43,7 +39,7 @@ export const notArmedReason = computed(() => {
 /** Why the stick's present deflection has no effect; empty: it has, or there is none. */
 export const noEffectReason = computed(() => {
   const state = s.state.value
-  if (state === null || !command.value.valid || !deflected(stick.value)) return ''
+  if (state === null || !deflected(command.value.stick)) return ''
   const { driver = null, you_request = false } = s.who.value ?? {}
   const lease = s.youDrive.value ? '' : driver === null ? 'press Take over first' : you_request ? 'you have requested control, and wait for it' : 'press Request control first'
   return needed(lease, state.stopped !== '', state.mode)
@@ -76,7 +72,7 @@ export function startDriving(): void {
   addEventListener('gamepadconnected', ({ gamepad }) => {
     // a spare one that is bumped takes the stick from no hand, also while the station is silent for a moment
     const inHand = s.who.value?.you_drive === true && device.value === 'gamepad' && padRested
-    if (inHand || steering(stick.value)) return
+    if (inHand || steering(command.value.stick)) return
     takeUp(gamepad.index)
     padRested = false
     choose('gamepad')
@@ -127,16 +123,15 @@ function poll(now: number): void {
   if (drives && !drove) arming = 'absent'
   drove = drives
   const used = device.value === 'none' || inactive === '' ? reading : inactive
-  arming = arm(arming, used, centre())
+  arming = arm(arming, used)
   unarmed.value = typeof used === 'string' ? used : arming === 'waiting' ? 'release it to the centre first' : ''
-  stick.value = typeof reading === 'string' ? CENTRED : reading
   command.value = {
     stick: typeof used === 'string' ? CENTRED : used, valid: typeof used !== 'string', armed: arming === 'armed',
     device: device.value, speed_scale: speedScale.value,
   }
   send({ type: 'steer', n: ++n, echo_ms: newestBeatMs, command: command.value })
   resumeFromPad(drives, now)
-  const leads = drives && device.value === 'gamepad' && deflected(stick.value)
+  const leads = drives && device.value === 'gamepad' && deflected(command.value.stick)
   if (leads) rumble(s.state.value?.guarding.clearance ?? null, now)
 }
 
@@ -146,18 +141,13 @@ function resumeFromPad(drives: boolean, now: number): void {
   const { mode, stopped } = state ?? { mode: 'hold', stopped: '' }
   if (!drives) lastMode = ''
   else if (stopped === '' && mode !== 'hold') lastMode = mode
-  const held = device.value === 'gamepad' && command.value.armed && centred(stick.value, centre())
+  const held = device.value === 'gamepad' && command.value.armed && centred(command.value.stick)
   const what = held && state !== null ? next(drives, stopped !== '', mode, lastMode) : ''
   const down = padResumes()
   const wanted = due(press, what, down, now)
   press = pressed(press, what, down, now)
   if (wanted !== '') send({ type: 'do', what: wanted as Do['what'], value: 0 })
   resumeHint.value = hint(press, resumeButtonName(), what === 'reset' ? 'resets the stop' : `continues in ${modeName(what)}`)
-}
-
-/** The robot's threshold for a centred stick; 0 without a station, so none is armed. */
-function centre(): number {
-  return s.welcome.value?.centre ?? 0
 }
 
 /** Why no stick can be used now; empty: it can. */
@@ -177,7 +167,7 @@ function steering(reading: Reading): boolean {
 function pick(readings: Record<Device, Reading>): void {
   const { gamepad } = readings
   if (typeof gamepad === 'string') padRested = false
-  else padRested ||= centred(gamepad, IN_USE)
+  else padRested ||= centred(gamepad)
   if (steering(readings[device.value])) return
   if (keysHeld()) begin('keyboard')
   else if (deflected(touched.value)) begin('touch')
@@ -196,8 +186,4 @@ function begin(which: Device): void {
   // keys and touch pads were centred until they were used: they are armed at once
   arming = which === 'gamepad' ? 'absent' : 'armed'
   device.value = which
-}
-
-function deflected(reading: Reading): boolean {
-  return typeof reading !== 'string' && reading.some((axis) => Math.abs(axis) > IN_USE)
 }

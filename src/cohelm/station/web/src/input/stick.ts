@@ -1,6 +1,6 @@
 // A stick: its reading, the shape of its deflection, whether it still sends, and whether it is armed. Pure, so that
 // it can be tested.
-import type { Command } from '../messages'
+import type { Command, Status } from '../messages'
 
 /** Deflection fore-aft and left-right, forward and left positive, [-1, 1]. */
 export type Stick = Command['stick']
@@ -98,19 +98,26 @@ export function silentFor(changed: LastChange, fore: number, left: number, now: 
 
 // --- arming: the stick must have been centred since it was connected before it steers
 //
-// The robot has the same rule and sends its threshold; this copy shows the operator the result at once.
+// The robot has the same rule; this copy shows the operator the result at once.
 
-export type Arming = 'absent' | 'waiting' | 'armed'
+export type Arming = Status['arming']
 
-/** The next state, from the device's reading. centre: threshold of a centred stick. */
-export function arm(before: Arming, reading: Reading, centre: number): Arming {
+/** The next state, from the device's reading. */
+export function arm(before: Arming, reading: Reading): Arming {
   if (typeof reading === 'string' || !reading.every(Number.isFinite)) return 'absent'
   if (before === 'armed') return 'armed'
-  return centred(reading, centre) ? 'armed' : 'waiting'
+  return centred(reading) ? 'armed' : 'waiting'
 }
 
-export function centred(stick: Stick, centre: number): boolean {
-  return stick.every((axis) => Math.abs(axis) <= centre)
+/** Deflections up to this are centred; as on the robot, which a test holds. */
+export const CENTRE = 0.1
+
+export function centred(stick: Stick): boolean {
+  return stick.every((axis) => Math.abs(axis) <= CENTRE)
+}
+
+export function deflected(reading: Reading): boolean {
+  return typeof reading !== 'string' && !centred(reading)
 }
 
 /** What the operator must do first for a deflected stick to steer; empty: nothing. lease: for the right to drive; empty: it

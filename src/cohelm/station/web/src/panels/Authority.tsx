@@ -1,7 +1,7 @@
 // Authority of operator and controller, nominal and applied command, and why they differ.
 import { useEffect, useRef } from 'preact/hooks'
 import * as colour from '../colours'
-import { device, stick, notArmedReason } from '../input/drive'
+import { command, device, notArmedReason } from '../input/drive'
 import { DEVICE_NAMES } from '../input/stick'
 import { points } from '../map/points'
 import { clearances, SECTORS } from '../map/ring'
@@ -142,7 +142,7 @@ function drawDial(canvas: HTMLCanvasElement): void {
   ctx.moveTo(0, -80)
   ctx.lineTo(0, 80)
   ctx.stroke()
-  const [x, psi] = s.isReplay.value ? (state?.stick ?? [0, 0]) : stick.value
+  const [x, psi] = s.isReplay.value ? (state?.stick ?? [0, 0]) : command.value.stick
   ctx.beginPath()
   ctx.arc(-psi * 80, -x * 80, 14, 0, 2 * Math.PI)
   ctx.lineWidth = 5
