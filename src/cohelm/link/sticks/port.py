@@ -7,7 +7,7 @@ from enum import IntEnum
 from typing import NamedTuple, Protocol
 
 from cohelm.core.types import CENTRED, Stick
-from cohelm.link.messages import CENTRE, Device
+from cohelm.link.messages import Device, is_centred
 
 _END = 0.98
 
@@ -58,10 +58,9 @@ end of its travel, where the converter saturates, for so long."""
 def patience(stick: Stick) -> float:
     """For how long a deflection without any change is believed, where a device that is gone goes on
     giving its last one [s]."""
-    most = max(abs(stick.x), abs(stick.psi))
-    if most <= CENTRE:
+    if is_centred(stick):
         return math.inf
-    return STUCK_AT_THE_END if most >= _END else STUCK
+    return STUCK_AT_THE_END if max(abs(stick.x), abs(stick.psi)) >= _END else STUCK
 
 
 NOTHING = Feel(0.0, CENTRED)
