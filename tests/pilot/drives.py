@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.types import Pose, Stick, Twist, disc
+from cohelm.core.types import CENTRED, Pose, Stick, Twist, disc
 from cohelm.law.gains import Gains
 from cohelm.law.guard.rules import Rules
 from cohelm.law.guard.surroundings import surroundings
@@ -64,7 +64,7 @@ def drive(
         if k % 10 == 0:
             pilot.take(pilot.plan(pose, twist, seen), pose, twist)
         stick = hand(k * DT, pose) if hand else None
-        decision = pilot.step(k * DT, pose, twist, Stick(*stick) if stick else None, seen)
+        decision = pilot.step(k * DT, pose, twist, Stick(*stick) if stick else CENTRED, seen)
         under_way.append(Twist(decision.safe_v, decision.safe_omega))
         twist = achievable(under_way.pop(0), twist, settings.limits, DT)
         poses.append(pose)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from cohelm.core.types import Pose, Stick, Twist, disc
+from cohelm.core.types import CENTRED, Pose, Stick, Twist, disc
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.pilot import Pilot
@@ -39,7 +39,7 @@ def test_an_obstacle_in_the_footprint_holds_the_robot_whatever_the_command(
         clearance = outline_clearance(pose, SALLY.outline, 0.5, seen.discs, NOWHERE, 9.0)
         if k % 10 == 0:
             pilot.take(pilot.plan(pose, twist, seen), pose, twist)
-        stick = Stick(x, y) if leads else None
+        stick = Stick(x, y) if leads else CENTRED
         d = pilot.step(k * DT, pose, twist, stick, seen)
         twist = achievable(Twist(d.safe_v, d.safe_omega), twist, SETTINGS.limits, DT)
         if clearance < 0.0:

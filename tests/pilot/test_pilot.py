@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.flat import flat, made
-from cohelm.core.types import Pose, Stick, Twist
+from cohelm.core.types import CENTRED, Pose, Stick, Twist
 from cohelm.law.govern import CourseClock
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
@@ -75,13 +75,13 @@ def test_a_recovery_move_is_not_finished_elsewhere_after_the_robot_was_on_hold(p
         Pose(0.0, 0.0, 0.0),
         Twist(0.0, 0.0),
     )
-    pilot.step(0.0, here, still, None, NOTHING_NEAR)
+    pilot.step(0.0, here, still, CENTRED, NOTHING_NEAR)
     move = RecoveryMove(-0.8, 0.0, 1.0)
     clock = pilot.state.clock._replace(waited=2.0)
     pilot.state = pilot.state._replace(left=move, moves=1, clock=clock, refused=4, row=0)
-    pilot.step(DT, here, still, None, NOTHING_NEAR)
+    pilot.step(DT, here, still, CENTRED, NOTHING_NEAR)
     assert pilot.state.left.distance < 0.0
-    decision = pilot.step(DT + pause, here, still, None, NOTHING_NEAR)
+    decision = pilot.step(DT + pause, here, still, CENTRED, NOTHING_NEAR)
     assert (decision.safe_v < 0.0) is goes_on
     assert decision.behavior == (ESCAPING if goes_on else FOLLOWING)
     assert (pilot.state.left == NO_MOVE) is not goes_on
@@ -96,8 +96,8 @@ def test_a_route_goes_on_from_where_the_robot_was_driven_by_hand(away, at):
     Where the robot has not come farther, the reference stays."""
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
     moving = Twist(0.4, 0.0)
-    pilot.step(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), None, NOTHING_NEAR)
-    decision = pilot.step(5.0, Pose(away, 0.05, 0.0), moving, None, NOTHING_NEAR)
+    pilot.step(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), CENTRED, NOTHING_NEAR)
+    decision = pilot.step(5.0, Pose(away, 0.05, 0.0), moving, CENTRED, NOTHING_NEAR)
     assert decision.x_d == pytest.approx(at, abs=0.06)
     assert decision.nominal_v > 0.3 or away <= 0.0
 
@@ -109,9 +109,9 @@ def test_a_loop_of_the_route_is_not_left_out_after_a_pause():
     here = Pose(3.0, 0.0, 0.0)
     row = int(np.searchsorted(pilot.planner.route.times, 6.0))
     pilot.state = pilot.state._replace(clock=CourseClock(6.0, 0.0, 0.0), row=row)
-    pilot.step(0.0, here, still, None, NOTHING_NEAR)
+    pilot.step(0.0, here, still, CENTRED, NOTHING_NEAR)
     before = pilot.state.clock.tau
-    pilot.step(60.0, here, still, None, NOTHING_NEAR)
+    pilot.step(60.0, here, still, CENTRED, NOTHING_NEAR)
     assert pilot.state.clock.tau - before < 0.5
 
 
@@ -161,10 +161,10 @@ def test_a_stick_that_is_not_a_number_stops_the_robot():
 
 def test_a_pose_that_is_not_a_number_stops_it_and_leaves_no_trace():
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
-    d = pilot.step(0.0, Pose(math.nan, 0.0, 0.0), Twist(0.0, 0.0), None, NOTHING_NEAR)
+    d = pilot.step(0.0, Pose(math.nan, 0.0, 0.0), Twist(0.0, 0.0), CENTRED, NOTHING_NEAR)
     assert d.verdict == INVALID
     assert (d.safe_v, d.safe_omega) == (0.0, 0.0)
-    d = pilot.step(DT, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), None, NOTHING_NEAR)
+    d = pilot.step(DT, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), CENTRED, NOTHING_NEAR)
     assert d.verdict != INVALID
     assert d.safe_v > 0.0
 
@@ -174,14 +174,16 @@ def test_the_step_is_pure_but_for_the_commands_under_way():
     seen = surroundings([[1.0, 0.3, 0.0, 0.0, 0.1, 0.2]])
     for k in range(20):
         pose, twist = Pose(0.01 * k, 0.0, 0.0), Twist(0.1, 0.0)
-        assert a.step(k * DT, pose, twist, None, seen) == b.step(k * DT, pose, twist, None, seen)
+        assert a.step(k * DT, pose, twist, CENTRED, seen) == b.step(
+            k * DT, pose, twist, CENTRED, seen
+        )
     assert a.state == b.state
 
 
 def refused(pilot, around, seconds, given=None):
     """It asks for something, and is given nothing, or that."""
     for _ in range(round(seconds / DT)):
-        pilot.step(pilot.state.k * DT, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), None, around)
+        pilot.step(pilot.state.k * DT, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), CENTRED, around)
         pilot.applied(given or Twist(0.0, 0.0))
 
 
@@ -282,7 +284,7 @@ def test_a_turn_ends_where_the_robot_faces_its_path(sign):
     pilot.state = pilot.state._replace(left=RecoveryMove(0.0, 0.0, sign * 1.5))
     pose, twist = Pose(0.0, 0.0, -sign), Twist(0.0, 0.0)
     for k in range(150):
-        twist = Twist(*pilot.step(k * DT, pose, twist, None, NOTHING_NEAR)[:2])
+        twist = Twist(*pilot.step(k * DT, pose, twist, CENTRED, NOTHING_NEAR)[:2])
         pose = arc(pose, twist, DT)
         assert sign * pose.psi < 0.15
     assert abs(pose.psi) < 0.1

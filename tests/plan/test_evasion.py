@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cohelm.core.types import Pose, Twist, disc
+from cohelm.core.types import CENTRED, Pose, Twist, disc
 from cohelm.law.govern import CourseClock
 from cohelm.law.guard.step import circumscribed_radius, guard
 from cohelm.law.guard.surroundings import surroundings
@@ -202,7 +202,7 @@ def _least_gap(pilot, seen, steps):
         obstacles = seen(k)
         if k % 10 == 0:
             pilot.take(pilot.plan(pose, twist, obstacles), pose, twist)
-        d = pilot.step(k * DT, pose, twist, None, obstacles)
+        d = pilot.step(k * DT, pose, twist, CENTRED, obstacles)
         gaps.append(
             outline_clearance(pose, SALLY.outline, 0.5, obstacles.discs, np.empty((0, 4)), 9.0)
         )
@@ -246,7 +246,7 @@ def test_the_requested_twist_is_finite_whatever_the_input(bad, column):
     rows[1, column] = bad
     obstacles = surroundings(rows, np.array([0.5, 0.5]))
     for k in range(12):
-        d = pilot.step(k * DT, Pose(0.0, 0.0, 0.0), Twist(0.2, 0.0), None, obstacles)
+        d = pilot.step(k * DT, Pose(0.0, 0.0, 0.0), Twist(0.2, 0.0), CENTRED, obstacles)
         requested = (
             d.safe_v,
             d.safe_omega,
@@ -269,7 +269,7 @@ def test_a_mover_that_slows_down_is_predicted_to_stop_and_not_to_come_back():
         seen = surroundings([disc(x, 0.0, 0.25, 0.75, v, 0.0)], [1.0])
         if k % 10 == 0:
             pilot.take(pilot.plan(pose, twist, seen), pose, twist)
-        d = pilot.step(k * DT, pose, twist, None, seen)
+        d = pilot.step(k * DT, pose, twist, CENTRED, seen)
         twist = achievable(Twist(d.safe_v, d.safe_omega), twist, ON.limits, DT)
         pose = arc(pose, twist, DT)
         went = max(went, math.hypot(pose.x, pose.y))

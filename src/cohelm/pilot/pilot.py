@@ -10,7 +10,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.flat import made, names, numbers, read, write
 from cohelm.core.jit import jit
 from cohelm.core.obstacles import Surroundings
-from cohelm.core.types import CENTRED, Floats, Pose, Stick, Twist
+from cohelm.core.types import Floats, Pose, Stick, Twist
 from cohelm.law.govern import Profile
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import Reference
@@ -80,7 +80,7 @@ class Pilot:
         self._out = np.empty(_STATE + len(names(Decision)))
 
     def step(
-        self, now: float, pose: Pose, twist: Twist, stick: Stick | None, obstacles: Surroundings,
+        self, now: float, pose: Pose, twist: Twist, stick: Stick, obstacles: Surroundings,
         fastest: float = math.inf,
     ) -> Decision:  # fmt: skip
         """The command for now, and why. now: monotonic [s]. twist: measured now.
@@ -95,7 +95,7 @@ class Pilot:
                 self._begin_anew(pose, twist)
             dt = min(max(passed, 0.0), 3.0 * dt)  # a late step must not make the reference jump
         self._now = now
-        stick, course, reference = stick or CENTRED, self.course, self.course.reference
+        course, reference = self.course, self.course.reference
         limit_speed(self._numbers, self.settings, fastest)
         # an int would compile another specialization
         x, y, psi, v = float(pose[0]), float(pose[1]), float(pose[2]), float(twist[0])
