@@ -27,14 +27,21 @@ from cohelm.link.bulk_messages import (
     ZoneMap,
 )
 from cohelm.link.codec import Malformed, Reader, WireField, layout, reported
-from cohelm.link.messages import Discs, Long, RequestKind, ScanPart, Status, Time, Uplink
+from cohelm.link.messages import (
+    Command,
+    Discs,
+    Long,
+    Request,
+    RequestKind,
+    ScanPart,
+    Status,
+    Time,
+    Uplink,
+)
 
 VERSION = 12
 LARGEST = 1150
 """Bytes of a datagram's message; with DTLS, UDP and IPv6 around it, below 1280 (RFC 8200)."""
-_REQUESTS_AT, _REQUEST_SIZE, _WHAT_AT = 50, 15, 4
-"""Where a command's requests begin, how long each is, and where in it `what` stands (docs/link.md).
-The byte before them is their number."""
 
 
 class Header(NamedTuple):
@@ -62,6 +69,10 @@ LAYOUTS: Mapping[int, tuple[type[Any], WireField[Any]]] = {
     kind: (of, layout(of)) for kind, of in {**UP, **_DOWN}.items()
 }
 _HEADER: WireField[Header] = layout(Header)
+_REQUESTS_AT, _REQUEST_SIZE = 3 + _HEADER.most + layout(Command).most, layout(Request).most
+"""Where a command's requests begin, and how long each is; the byte before them is their number."""
+_WHAT_AT = layout(Long).most
+"""Where in a request `what` is."""
 _KINDS = {of: kind for kind, (of, _) in LAYOUTS.items()}
 DATAGRAMS = (Uplink, Status, ScanPart, Discs)
 """Messages sent as datagrams."""
