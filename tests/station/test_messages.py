@@ -94,6 +94,15 @@ def test_who_pressed_stop_is_named_as_the_page_calls_it_and_you_to_the_one_who_d
     assert view.named(replayed, {}).stopped == "stop by desk (2)"
 
 
+def test_a_driver_whose_page_is_closed_is_said_to_be_so() -> None:
+    """For who opens the page anew, and is told that another drives: it was that same person."""
+    lease = STATUS.lease._replace(you=3, driver=2, driver_name="desk", requester=4)
+    names = {2: "operator 1", 3: "operator 2"}
+    assert view.who(lease, names, ["operator 1", "operator 2"]).driver == "operator 1"
+    assert view.who(lease, names, ["operator 2"]).driver == "operator 1 (page closed)"
+    assert view.who(lease, {3: "operator 2"}, ["operator 2"]).driver == "desk (2)"
+
+
 LONG = "what an alarm says may take more than the sixty-four bytes of a status, " * 3
 
 

@@ -71,12 +71,16 @@ def welcome(name: str, key: str, stale: float, link: object) -> page.Welcome:
 
 
 def who(lease: robot.Lease, names: dict[int, str], operators: list[str]) -> page.Who:
-    """The driver. names: of the robot's clients that are pages of this station."""
+    """The driver. names: of the robot's clients that are pages of this station, and of those that
+    were until a moment ago. operators: whose page is there."""
 
     def name(number: int, own_name: str) -> str | None:
         if number == 0:
             return None
-        return names.get(number) or f"{own_name or 'unnamed'} ({number})"
+        known = names.get(number)
+        if known is None:
+            return f"{own_name or 'unnamed'} ({number})"
+        return known if known in operators else f"{known} (page closed)"
 
     left = lease.left if math.isfinite(lease.left) else None
     return page.Who(
