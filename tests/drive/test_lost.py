@@ -9,7 +9,7 @@ from cohelm.core.types import Stick
 from cohelm.drive.factory import simulated
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.law import verdict
-from cohelm.link.messages import Localised, Mode
+from cohelm.link.messages import AlarmKind, Localised, Mode
 from cohelm.link.operator import Scripted
 from cohelm.loop.speed_caps import MAX_LOST_SPEED
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
@@ -72,4 +72,5 @@ def test_a_lost_robot_waits_and_can_still_be_driven_with_the_guard_on_the_scan()
         assert math.dist(away[0].pose[:2], away[-1].pose[:2]) > 0.2
         assert away[-1].least_moving > 0.01
         assert gated.gate.mode == GateMode.SHARED
-        assert any("lost" in alarm.text for alarm in operator.statuses[-1].alarms)
+        alarms = operator.statuses[-1].alarms
+        assert [alarm.kind for alarm in alarms if "lost" in alarm.text] == [AlarmKind.LOST]

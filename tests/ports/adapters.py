@@ -20,7 +20,7 @@ from PIL import Image
 from cohelm.core.row import ROW
 from cohelm.core.types import Pose, Twist
 from cohelm.link.bulk_messages import LineKind, Map, Polyline, Zone, ZoneMap
-from cohelm.link.messages import Alarm, Discs, Mode, Severity
+from cohelm.link.messages import Alarm, AlarmKind, Discs, Mode, Severity
 from cohelm.link.recorded_status import Displayed, StatusWords
 from cohelm.record.file import About, RecordWriter
 from cohelm.record.replay import Replayed
@@ -61,7 +61,8 @@ START = Pose(0.0, 0.0, 0.0)
 
 SHOWN = (
     StatusWords(3, "ann", Mode.SHARED, "", "near a wall", 0.4, "the link is slow",
-         (Alarm(7, Severity.WARNING, True, False, "the stick is lost"),)),
+         (Alarm(7, Severity.WARNING, True, False, "the stick is lost"),
+          Alarm(8, Severity.ALARM, True, True, "lost: nothing fits", AlarmKind.LOST))),
     Map(1, Pose(-4.0, -3.0, 0.5), 0.05, 3, 2, 0, 0, 3, 2, zlib.compress(bytes([0, 100, 255] * 2))),
     ZoneMap(Zone.KEEP_OUT, Pose(1.0, 2.0, 0.5), 0.05, math.nan, 2, 1, zlib.compress(b"\0d")),
     ZoneMap(Zone.SPEED, Pose(-1.0, 2.0, 0.0), 0.1, math.nan, 1, 2, zlib.compress(bytes([40, 0]))),

@@ -8,7 +8,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from cohelm.core.types import Pose
 from cohelm.link.bulk_messages import Alarms, DockPlace, Docks, WholeAlarm
-from cohelm.link.messages import Alarm, Mode, RequestKind, Severity
+from cohelm.link.messages import Alarm, AlarmKind, Mode, RequestKind, Severity
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
 from tests.station.person import alarms, mode_button, page_of, request_control, take
@@ -190,3 +190,20 @@ def test_a_stop_is_read_out_from_a_region_that_was_there_before(
         robot.status = STATUS._replace(mode=Mode.HOLD, stopped="the odometry is 92 ms old")
         expect(region).to_contain_text("Stopped: the odometry is 92 ms old")
         assert before.evaluate("(one) => one.isConnected")
+
+
+def test_only_the_alarm_of_a_lost_localization_is_said_to_be_one(
+    tmp_path: Path, context: BrowserContext
+) -> None:
+    told = (
+        Alarm(1, Severity.ALARM, True, False, "lost: nothing on the map fits", AlarmKind.LOST),
+        Alarm(2, Severity.ALARM, True, False, "lost: a parcel"),
+    )
+    status = STATUS._replace(mode=Mode.SHARED, alarms=told)
+    with Bare(tmp_path, status) as robot, served(robot.connect) as server:
+        page = page_of(context, server)
+        take(page)
+        said = alarms(page)
+        expect(said).to_contain_text("Localization is lost: nothing on the map fits. In Shared")
+        assert "Localization is lost: a parcel" not in said.inner_text()
+        assert said.inner_text().count("drive by hand") == 1

@@ -15,6 +15,7 @@ from cohelm.core.types import Pose
 from cohelm.link.bulk_messages import DockPlace, Docks, HealthReport, Hello, LineKind, Polyline
 from cohelm.link.messages import (
     Alarm,
+    AlarmKind,
     Arming,
     Discs,
     Localised,
@@ -538,7 +539,7 @@ def test_the_windows_title_has_the_robot_and_what_is_up_with_it(
 
 def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_path: Path) -> None:
     """Somebody who looks on steers nothing, has no share of the command and can not drive on."""
-    told = (Alarm(1, Severity.ALARM, True, False, "lost: nothing on the map fits"),)
+    told = (Alarm(1, Severity.ALARM, True, False, "lost: nothing on the map fits", AlarmKind.LOST),)
     status = STATUS._replace(localised=Localised.LOST, arming=Arming.ARMED, alarms=told)
     with Bare(tmp_path, status) as robot, served(robot.connect) as server:
         page, other = page_of(context, server), context.new_page()

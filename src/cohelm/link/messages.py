@@ -174,6 +174,14 @@ class Severity(IntEnum):
     ALARM = 2
 
 
+class AlarmKind(IntEnum):
+    """What an alarm is about, where a screen has to know."""
+
+    OTHER = 0
+    LOST = 1
+    """Where the robot is on its map; the text says `lost: ...`."""
+
+
 class Alarm(NamedTuple):
     """An alarm, latched until acknowledged and gone."""
 
@@ -184,6 +192,7 @@ class Alarm(NamedTuple):
     """Its cause is still there."""
     acknowledged: bool
     text: Words
+    kind: AlarmKind = AlarmKind.OTHER
 
 
 class DockPhase(IntEnum):

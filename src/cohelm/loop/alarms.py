@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cohelm.link.messages import Alarm, Severity
+from cohelm.link.messages import Alarm, AlarmKind, Severity
 
 _MOST = 65535  # the number has two bytes on the link
 
@@ -15,13 +15,16 @@ class ActiveAlarms:
         self._number = 0
         self._trouble: dict[str, str] = {}
 
-    def on(self, name: str, text: str, severity: Severity = Severity.ALARM) -> bool:
+    def on(
+        self, name: str, text: str, severity: Severity = Severity.ALARM,
+        kind: AlarmKind = AlarmKind.OTHER,
+    ) -> bool:  # fmt: skip
         """Raise an alarm; returns whether it is new."""
         old = self._all.get(name)
         if old is not None and old.active:
             return False
         self._number = self._number % _MOST + 1
-        self._all[name] = Alarm(self._number, severity, True, False, text)
+        self._all[name] = Alarm(self._number, severity, True, False, text, kind)
         return True
 
     def reword(self, name: str, text: str) -> None:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Floats, Twist
 from cohelm.law.verdict import Verdict
-from cohelm.link.messages import Severity
+from cohelm.link.messages import AlarmKind, Severity
 from cohelm.link.operator import Operator
 from cohelm.loop.alarms import ActiveAlarms
 from cohelm.loop.docking import Docking
@@ -187,7 +187,8 @@ class Loop:
                 f"lost: {seen.reason}" if seen.lost else "localized on the map", seen.lost
             )
         if seen.lost and self.has_map:
-            if not self.alarms.on("lost", why := f"lost: {seen.reason}"):
+            why = f"lost: {seen.reason}"
+            if not self.alarms.on("lost", why, kind=AlarmKind.LOST):
                 self.alarms.reword("lost", why)  # the remedy may have changed
         else:
             self.alarms.off("lost")

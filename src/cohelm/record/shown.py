@@ -32,7 +32,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 
 from cohelm.core.types import Pose
 from cohelm.link.bulk_messages import LineKind, Map, Polyline, Zone, ZoneMap
-from cohelm.link.messages import Alarm, Discs, Mode, Severity
+from cohelm.link.messages import Alarm, AlarmKind, Discs, Mode, Severity
 from cohelm.link.recorded_status import StatusWords
 from cohelm.record.markers import OBSTACLE_COLOUR, SAFE_COLOUR, marker
 from cohelm.record.ros2 import header, path, pose, yaw
@@ -108,7 +108,7 @@ def _words(texts: StatusWords) -> Iterator[Any]:
     for a in texts.alarms:
         yield _word(
             _LEVELS[a.severity], "alarm", a.text, number=a.number,
-            active=int(a.active), acknowledged=int(a.acknowledged),
+            active=int(a.active), acknowledged=int(a.acknowledged), kind=int(a.kind),
         )  # fmt: skip
 
 
@@ -128,6 +128,7 @@ def _status_words(message: Any) -> StatusWords:
                 Alarm(
                     int(v.get("number", 0)), severities.get(int(word.level), Severity.ALARM),
                     v.get("active") == 1, v.get("acknowledged") == 1, word.message,
+                    AlarmKind.LOST if v.get("kind") == AlarmKind.LOST else AlarmKind.OTHER,
                 )
             )  # fmt: skip
         else:

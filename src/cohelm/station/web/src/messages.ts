@@ -64,6 +64,7 @@ export interface Alarm {
   active: boolean
   acknowledged: boolean
   text: string
+  kind: 'other' | 'lost'
 }
 
 /** The result of a request or of a proposal. */

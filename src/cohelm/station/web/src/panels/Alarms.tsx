@@ -30,7 +30,7 @@ function withoutUs(): string {
 function localAlarms(): ShownAlarm[] {
   const out: ShownAlarm[] = []
   const add = (severity: Alarm['severity'], text: string) =>
-    out.push({ number: -1 - out.length, severity, text, active: true, acknowledged: true, local: true, all: [] })
+    out.push({ number: -1 - out.length, severity, text, active: true, acknowledged: true, kind: 'other', local: true, all: [] })
   // first: a low screen has room for one
   if (s.unsentStop.value) add('alarm', 'STOP is not sent yet: it will be as soon as there is a connection to the station.')
   if (s.unansweredStop.value) add('alarm', 'STOP is sent, but the robot has not answered yet: it is sent on until it does.')
@@ -67,7 +67,7 @@ function localAlarms(): ShownAlarm[] {
 
 /** The robot's alarm of a lost localization says why; here is what its driver can do about it. */
 function remedied(alarm: Alarm): Alarm {
-  if (!alarm.text.startsWith('lost: ')) return alarm
+  if (alarm.kind !== 'lost') return alarm
   const hint = alarm.active && s.mayDrive.value ? '. In Shared or Manual you can drive by hand (speed is limited), so that it localizes again.' : ''
   return { ...alarm, text: `Localization is ${alarm.text}${hint}` }
 }
