@@ -12,10 +12,19 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from cohelm.core.types import Pose
-from cohelm.link.bulk_messages import DockPlace, Docks, HealthReport, Hello, LineKind, Polyline
+from cohelm.link.bulk_messages import (
+    Checked,
+    DockPlace,
+    Docks,
+    HealthReport,
+    Hello,
+    LineKind,
+    Polyline,
+)
 from cohelm.link.messages import (
     Alarm,
     AlarmKind,
+    Answer,
     Arming,
     Discs,
     Localised,
@@ -656,6 +665,45 @@ def test_on_a_phone_a_long_route_leaves_the_buttons_that_send_and_close_it_in_si
             button = panel.get_by_role("button", name=name)
             expect(button).to_be_in_viewport(ratio=1)
             assert button.evaluate(UPPERMOST)
+
+
+def test_an_edited_route_outlives_its_panel_until_the_robot_has_it_or_it_is_discarded(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
+        page = page_of(context, server)
+        take(page)
+        robot.bulk.publish(Polyline(LineKind.WAYPOINTS, np.array([[1, 2], [3, 4]], np.float32)))
+        page.wait_for_timeout(500)
+        opener = page.get_by_role("button", name="Edit route")
+        panel = page.get_by_role("dialog", name="Edit the route")
+        items, discard = panel.get_by_role("listitem"), panel.get_by_role("button", name="Discard")
+        opener.click()
+        expect(items).to_have_count(2)
+        expect(discard).to_have_count(0)
+        panel.get_by_role("button", name="Add in the middle").click()
+        expect(items).to_have_count(3)
+        for close in ("Close", "Escape"):
+            if close == "Close":
+                panel.get_by_role("button", name=close).click()
+            else:
+                page.keyboard.press(close)
+            expect(panel).to_have_count(0)
+            opener.click()
+            expect(items).to_have_count(3)
+        discard.click()
+        expect(items).to_have_count(2)
+        expect(discard).to_have_count(0)
+        panel.get_by_role("button", name="Add in the middle").click()
+        panel.get_by_role("button", name="Send").click()
+        expect(panel.get_by_role("status")).to_contain_text("has not answered yet")
+        for one in robot.bulk.proposed():
+            robot.bulk.reply(one.client, Checked(Answer(one.what.number, True, ""), 65535))
+        expect(panel.get_by_role("status")).to_contain_text("accepted the new route")
+        expect(discard).to_have_count(0)
+        panel.get_by_role("button", name="Close").click()
+        opener.click()
+        expect(items).to_have_count(2)  # what the robot says it follows
 
 
 UPPERMOST = """(one) => {

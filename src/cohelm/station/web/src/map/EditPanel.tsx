@@ -64,6 +64,7 @@ export function EditPanel({ onAdd }: { onAdd: () => void }) {
           {s.mayDrive.value ? 'Send' : s.linked.value ? 'Send (you are not the driver)' : 'Send (no link)'}
         </button>
         <button type="button" onClick={edit.leave}>Close</button>
+        {edit.unsent.value && <button type="button" onClick={edit.discard}>Discard</button>}
       </div>
     </div>
   )

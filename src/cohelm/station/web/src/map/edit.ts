@@ -1,5 +1,5 @@
 // Editing waypoints: add, drag, remove, have the robot check them, send them.
-import { signal } from '@preact/signals'
+import { computed, signal } from '@preact/signals'
 import { clamp } from '../input/stick'
 import { send } from '../socket'
 import * as s from '../state'
@@ -10,6 +10,14 @@ export const draft = signal<Point[]>([])
 export const chosen = signal<number | null>(null)
 /** Sent and not answered yet. */
 export const waiting = signal(false)
+/** What the robot has of it: its own route, as editing began, or one that it accepted. */
+const safe = signal<Point[]>([])
+let sent: Point[] = []
+/** Whether the draft is no route of the robot's: it is kept while its panel is closed. */
+export const unsent = computed(() => draft.value.length > 0 && draft.value !== safe.value)
+s.checked.subscribe((answer) => {
+  if (answer !== null && !answer.only_check) safe.value = answer.ok ? sent : []
+})
 
 const CHECK_EVERY_MS = 200
 /** What one message takes, MOST_WAYPOINTS of link/bulk_messages.py, and the largest coordinate [m]. */
@@ -19,11 +27,18 @@ let checkedAt = 0
 let later: ReturnType<typeof setTimeout> | undefined
 
 export function begin(): void {
-  const [first, ...rest] = s.lines.value.waypoints ?? []
-  draft.value = first === undefined ? [] : [first, ...rest]
-  chosen.value = null
-  s.checked.value = null
   editing.value = true
+  if (unsent.value) check()
+  else discard()
+}
+
+/** The robot's route, in place of what was edited. */
+export function discard(): void {
+  clearTimeout(later)
+  safe.value = draft.value = [...(s.lines.value.waypoints ?? [])]
+  chosen.value = null
+  waiting.value = false
+  s.checked.value = null
 }
 
 export function leave(): void {
@@ -81,6 +96,7 @@ export function remove(i: number): void {
 export function submit(): void {
   clearTimeout(later)
   s.checked.value = null
+  sent = draft.value
   waiting.value = propose(false)
 }
 
