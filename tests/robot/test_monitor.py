@@ -188,3 +188,24 @@ def test_a_call_of_the_driver_that_stops_the_robot_by_waiting_is_named(call, mod
         f"no valid command for more than 100 ms: {call} of the robot's driver took 1.50 s"
     )
     assert robot.twist == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "takes", "said"),
+    [
+        ("read", 0.04, "read of the robot's driver takes 40 ms"),
+        ("send", 0.06, "send of the robot's driver takes 60 ms"),
+        ("read", 0.001, "this computer is too slow"),
+    ],
+)
+def test_a_call_of_the_driver_that_makes_the_loop_late_is_named(call, takes, said):
+    robot = Waits()
+    it = LocalGatedRobot(RobotAdapter(robot), rules(BLIND, 0.02), watched_by=())
+    it.propose(Proposal(0, it.now(), Twist(0.0, 0.0)))
+    assert it.drive(GateMode.AUTOMATIC) == ""
+    robot.call, robot.takes = call, takes
+    for k in range(1, 40):
+        it.wait(it.now() + max(0.02, 0.045 - takes))
+        it.read()
+        it.propose(Proposal(k, it.now(), Twist(0.0, 0.0)))
+    assert it.gate.reason == f"commands come too seldom, and not every 20 ms: {said}"

@@ -334,6 +334,16 @@ def test_a_slow_loop_is_told_its_period_in_milliseconds():
     assert said == SLOW.replace("20 ms", "750 ms")
 
 
+def test_who_knows_why_the_loop_is_slow_has_it_said():
+    late, said = ready()._replace(behind=1.0, asked=9.98), SLOW.partition(":")[0] + ": read waits"
+    proposal = Proposal(8, 10.0, STANDING)
+    assert g.propose(late, proposal, 10.0, RULES, "read waits")[0].reason == said
+    idle = late._replace(mode=GateMode.IDLE)
+    assert g.drive(idle, GateMode.SHARED, 9.98, RULES, "read waits")[1] == said
+    stopped = late._replace(mode=GateMode.STOPPED)
+    assert g.reset(stopped, 9.98, RULES, "read waits")[1] == said
+
+
 def test_a_loop_that_is_late_now_and_then_is_not():
     gate = ready()
     for _ in range(100):

@@ -18,6 +18,7 @@ STANDING = Twist(0.0, 0.0)
 
 _APART = 1.5
 """Proposals may come so many periods apart on average: what is certified holds for one."""
+_SLOW = "a call of the robot's driver waits, or this computer is too slow"
 
 
 class GateRules(NamedTuple):
@@ -79,9 +80,12 @@ class Passed(NamedTuple):
     """Why it differs from the proposal; empty where it does not."""
 
 
-def propose(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> tuple[Gate, Passed]:
-    """Check a proposal; returns the new state and the command at the wheels."""
-    gate = _check_pace(_check_watchdog(gate, now, rules), now, rules)
+def propose(
+    gate: Gate, proposal: Proposal, now: float, rules: GateRules, slow: str = _SLOW
+) -> tuple[Gate, Passed]:
+    """Check a proposal; returns the new state and the command at the wheels. slow: why proposals
+    come too seldom, if they do."""
+    gate = _check_pace(_check_watchdog(gate, now, rules), now, rules, slow)
     wrong = _fault_in(proposal, now, rules)
     if wrong:
         gate = fault(gate._replace(refused=gate.refused + 1), wrong)
@@ -134,7 +138,7 @@ def fault(gate: Gate, reason: str) -> Gate:
     return gate._replace(mode=GateMode.FAULTED, reason=reason)
 
 
-def reset(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, str]:
+def reset(gate: Gate, now: float, rules: GateRules, slow: str = _SLOW) -> tuple[Gate, str]:
     """Clear a stop or fault, into IDLE; nothing moves by that. Returns why not, or "".
 
     Refused while the wheels still turn, and until valid proposals come again.
@@ -143,17 +147,19 @@ def reset(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, str]:
         return gate, "there is nothing to reset"
     if gate.out != STANDING:
         return gate, "the robot is still braking"
-    why = _not_alive(gate, now, rules)
+    why = _not_alive(gate, now, rules, slow)
     return (gate, why) if why else (gate._replace(mode=GateMode.IDLE, reason=""), "")
 
 
-def drive(gate: Gate, mode: GateMode, now: float, rules: GateRules) -> tuple[Gate, str]:
+def drive(
+    gate: Gate, mode: GateMode, now: float, rules: GateRules, slow: str = _SLOW
+) -> tuple[Gate, str]:
     """Set the mode: AUTOMATIC, SHARED or IDLE. Returns why not, or ""."""
     if latched(gate.mode):
         return gate, f"reset first: {gate.reason}"
     if latched(mode):
         return gate, "stop and fault can not be chosen"
-    why = _not_alive(gate, now, rules) if driving(mode) else ""
+    why = _not_alive(gate, now, rules, slow) if driving(mode) else ""
     return (gate, why) if why else (gate._replace(mode=mode), "")
 
 
@@ -177,7 +183,7 @@ def silence(rules: GateRules) -> str:
     return f"no valid command for more than {1000.0 * rules.watchdog:.0f} ms"
 
 
-def _check_pace(gate: Gate, now: float, rules: GateRules) -> Gate:
+def _check_pace(gate: Gate, now: float, rules: GateRules, slow: str) -> Gate:
     """Check that proposals come as often as the period says. One that is late is caught up by the
     next ones; of a loop that is always late it adds up to the watchdog's time."""
     if not math.isfinite(now):
@@ -187,18 +193,15 @@ def _check_pace(gate: Gate, now: float, rules: GateRules) -> Gate:
     if apart > rules.watchdog:  # silence, and the watchdog's
         behind = 0.0
     gate = gate._replace(asked=now, behind=behind)
-    slow = _too_slow(gate, rules)
-    return fault(gate, slow) if slow and driving(gate.mode) else gate
+    why = _too_slow(gate, rules, slow)
+    return fault(gate, why) if why and driving(gate.mode) else gate
 
 
-def _too_slow(gate: Gate, rules: GateRules) -> str:
+def _too_slow(gate: Gate, rules: GateRules, slow: str) -> str:
     """Why a loop that lives may not drive; empty where it may."""
     if not gate.behind > rules.watchdog:
         return ""
-    return (
-        f"commands come too seldom, and not every {1000.0 * rules.period:.0f} ms: a call of the "
-        "robot's driver waits, or this computer is too slow"
-    )
+    return f"commands come too seldom, and not every {1000.0 * rules.period:.0f} ms: {slow}"
 
 
 def _fault_in(proposal: Proposal, now: float, rules: GateRules) -> str:
@@ -221,11 +224,11 @@ def _refusal_of(gate: Gate, proposal: Proposal, now: float, rules: GateRules) ->
     return ""
 
 
-def _not_alive(gate: Gate, now: float, rules: GateRules) -> str:
+def _not_alive(gate: Gate, now: float, rules: GateRules, slow: str) -> str:
     """Why the loop does not count as alive; empty where it does."""
     if not now - gate.last_proposal <= rules.watchdog:
         return "the loop sends no valid command"
-    return _too_slow(gate, rules)
+    return _too_slow(gate, rules, slow)
 
 
 def _approach(gate: Gate, goal: Twist, now: float, rules: GateRules) -> Gate:

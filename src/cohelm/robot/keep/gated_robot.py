@@ -22,6 +22,7 @@ QUIET = 1.0
 """A refusal or limit is logged again once it has been absent for this long [s]."""
 STANDS_V, STANDS_OMEGA = 0.02, 0.03
 """A robot with less measured speed than this stands [m/s, rad/s]."""
+_FADES = 0.8  # of how long a call took, from one period to the next
 _FARTHEST, _FASTEST = 1e6, 1e3
 """Bounds of plausible odometry: pose [m, rad] and twist [m/s, rad/s]."""
 _NO_NUMBER = Odometry(math.nan, Pose(*3 * [math.nan]), Twist(math.nan, math.nan))
@@ -62,6 +63,8 @@ class LocalGatedRobot:
         self._line: RecordLine | None = None
         self._gate = Gate()
         self._latched_at = math.nan
+        self._took = {"read": 0.0, "send": 0.0}
+        """How long these calls of the robot's driver took of late [s]."""
         self._last_logged: dict[str, float] = {}
         """When each reason for changing a proposal last applied [s]."""
         self.draw_at(0.0)
@@ -120,7 +123,7 @@ class LocalGatedRobot:
         share = self.monitor_share = restriction.share
         if share < 1.0:
             proposal = proposal._replace(twist=Twist(share * twist.v, share * twist.omega))
-        gate, passed = gates.propose(self._gate, proposal, now, self._rules)
+        gate, passed = gates.propose(self._gate, proposal, now, self._rules, self._slow)
         if share < 1.0 and driving(gate.mode):
             passed = passed._replace(reason=restriction.reason)
         return self._send(gate, passed)
@@ -143,13 +146,14 @@ class LocalGatedRobot:
         again at once."""
         if self._fault and latched(self._gate.mode):
             return self._fault
-        gate, refusal = gates.reset(self._gate, self._robot.now(), self._rules)
+        gate, refusal = gates.reset(self._gate, self._robot.now(), self._rules, self._slow)
         self._apply(gate)
         return refusal
 
     def drive(self, mode: GateMode) -> str:
         """Set the gate's mode."""
-        gate, refusal = gates.drive(self._gate, mode, self._robot.now(), self._rules)
+        now = self._robot.now()
+        gate, refusal = gates.drive(self._gate, mode, now, self._rules, self._slow)
         self._apply(gate)
         return refusal
 
@@ -208,9 +212,18 @@ class LocalGatedRobot:
         """Say of a call of the robot that used up the watchdog's time that it did: the watchdog
         would know only that no command came. begun: when it was called [s]."""
         took = self._robot.now() - begun
+        self._took[call] = max(took, _FADES * self._took[call])
         if driving(self._gate.mode) and took > self._rules.watchdog:
             why = f"{call} of the robot's driver took {took:.2f} s"
             self.fault(f"{gates.silence(self._rules)}: {why}")
+
+    @property
+    def _slow(self) -> str:
+        """What makes the loop late, if it is."""
+        call, took = max(self._took.items(), key=lambda one: one[1])
+        if took < 0.5 * self._rules.period:
+            return "this computer is too slow"
+        return f"{call} of the robot's driver takes {1000.0 * took:.0f} ms"
 
     def _log_once(self, reason: str) -> None:
         """Log why a proposal was changed, once until the reason has been absent for `QUIET`."""
