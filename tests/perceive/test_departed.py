@@ -17,11 +17,14 @@ from cohelm.perceive.track.track import (
     RADIUS,
     RR,
     SEEN,
+    TAX,
+    TAY,
     TVX,
     TVY,
     TX,
     TY,
     VV,
+    keep_as_seen,
     no_tracks,
 )
 from cohelm.scenario.load import robot
@@ -54,6 +57,7 @@ def track(
     one[0, [TX, TY, TVX, TVY]] = *place, *velocity
     one[0, [RADIUS, RR, PP, VV]] = 0.3, 1e-4, 0.01, 0.01
     one[0, [SEEN, MISSED, MOVES]] = seen, missed, 1.0
+    keep_as_seen(one[0])
     return one
 
 
@@ -115,3 +119,27 @@ def test_a_mover_that_comes_into_view_as_the_robot_turns_is_no_longer_out_of_vie
 def test_a_mover_that_was_in_view_all_along_is_not_the_one_that_left_it():
     gone = track(at(3.0, EDGE + 0.2), missed=1.5)
     assert len(after(gone, track(at(3.0, EDGE - 0.5), seen=2), NOTHING, looks(*[0.0] * 5))) == 1
+
+
+@pytest.mark.parametrize("turns", [0.2, 10.0])
+def test_out_of_view_a_mover_is_within_its_bound_however_it_accelerates_and_the_bound_is_no_wider(
+    turns: float,
+):
+    """Its acceleration, which changes every `turns` [s], counts once: as what it may do."""
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        gone = track(at(3.0, math.pi), tuple(rng.uniform(-1.0, 1.0, 2)))
+        gone[0, [TAX, TAY]] = rng.uniform(-0.7, 0.7, 2)
+        place, velocity = gone[0, [TX, TY]].copy(), gone[0, [TVX, TVY]].copy()
+        push, t = np.zeros(2), 0.0
+        for k in range(20):
+            if k % round(turns / DT) == 0:
+                way = rng.uniform(-math.pi, math.pi)
+                push = AGILE * np.array((math.cos(way), math.sin(way)))
+            place, velocity = place + DT * velocity + 0.5 * DT * DT * push, velocity + DT * push
+            gone, t = after(gone, NOBODY, NOTHING, looks(0.0)), t + DT
+            *middle, _, _, reach, unseen = out_of_view(NOBODY, gone, AGILE)[0]
+            assert unseen == pytest.approx(t)
+            assert np.hypot(*(place - middle)) <= reach - 0.3
+            deviation = math.hypot(0.1, 0.1 * t)  # of its position; as seen, 0.1 m and 0.1 m/s
+            assert reach == pytest.approx(0.3 + 2.0 * deviation + 0.5 * AGILE * t * t)

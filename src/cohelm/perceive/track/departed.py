@@ -18,6 +18,13 @@ from cohelm.perceive.track.params import PotentiallyDynamicParams
 from cohelm.perceive.track.potentially_dynamic import LX, LY, STOOD
 from cohelm.perceive.track.track import (
     COLUMNS,
+    KPP,
+    KPV,
+    KVV,
+    KVX,
+    KVY,
+    KX,
+    KY,
     MISSED,
     MOVES,
     PP,
@@ -28,6 +35,7 @@ from cohelm.perceive.track.track import (
     TX,
     TY,
     VV,
+    keep_as_seen,
     predict,
 )
 from cohelm.robot.sensors import Lidar
@@ -36,8 +44,9 @@ KEEP = 10.0
 """A mover out of view is remembered for so long [s]."""
 
 HX, HY, HVX, HVY, REACH, UNSEEN = range(6)
-"""Columns of movers out of view: predicted position [m] and velocity [m/s], bound of the distance
-from that position, with uncertainty, acceleration and radius [m], time since it was in view [s]."""
+"""Columns of movers out of view: position if it kept its velocity [m], that velocity [m/s], bound
+of the distance from that position, with uncertainty, acceleration and radius [m], time since it was
+in view [s]."""
 
 BX, BY, B_HALF, B_EDGE, B_STOOD = range(5)
 """Columns of clusters of potentially dynamic points: middle and half the extent [m], distance of
@@ -102,6 +111,7 @@ def _departed(
             out[n, TX], out[n, TY], out[n, MOVES] = clusters[k, BX], clusters[k, BY], 1.0
             out[n, PP] = (clusters[k, B_HALF] / _DEVIATIONS) ** 2
             out[n, VV] = (speed / _DEVIATIONS) ** 2
+            keep_as_seen(out[n])
             n += 1
     return out[:n][kept[:n]]
 
@@ -186,10 +196,13 @@ def out_of_view(tracks: Floats, departed_tracks: Floats, max_acceleration: float
     (t, COLUMNS) that move or may, and of departed ones."""
     those = np.vstack((tracks, departed_tracks))
     out = np.empty((len(those), 6))
-    out[:, HX : HVY + 1] = those[:, TX : TVY + 1]
-    out[:, UNSEEN] = those[:, MISSED]
-    out[:, REACH] = those[:, RADIUS] + _DEVIATIONS * np.sqrt(those[:, PP])
-    out[:, REACH] += 0.5 * max_acceleration * out[:, UNSEEN] ** 2
+    t = out[:, UNSEEN] = those[:, MISSED]
+    out[:, HX : HY + 1] = those[:, KX : KY + 1] + t[:, None] * those[:, KVX : KVY + 1]
+    out[:, HVX : HVY + 1] = those[:, KVX : KVY + 1]
+    # Not PP: it has the acceleration, as noise, that the last term bounds.
+    variance = those[:, KPP] + 2.0 * t * those[:, KPV] + t * t * those[:, KVV]
+    out[:, REACH] = those[:, RADIUS] + _DEVIATIONS * np.sqrt(variance)
+    out[:, REACH] += 0.5 * max_acceleration * t * t
     return out
 
 

@@ -23,13 +23,15 @@ from cohelm.robot.sensors import Lidar
 TX, TY, TVX, TVY, TAX, TAY, PP, PV, VV, PA, VA, AA = range(12)
 RADIUS, RR, SEEN, MISSED, PROOF, MOVES, ENDS_AGE, SEEN_EMPTY, AT_REST, ENDS_AT = range(12, 22)
 N_ENDS = 8
-COLUMNS = ENDS_AT + 2 * N_ENDS
+KX, KY, KVX, KVY, KPP, KPV, KVV = range(ENDS_AT + 2 * N_ENDS, ENDS_AT + 2 * N_ENDS + 7)
+COLUMNS = KVV + 1
 """Columns of tracks: position, velocity and acceleration, their covariances (the same along both
 axes: of position, of it with velocity, of velocity, of position and velocity with acceleration, of
 acceleration), radius, its variance, number of scans it was seen in, time since then [s], proof that
 it moves, whether it counts as moving, age of the ends [s], number of scans in which its place was
 seen empty, time without proof of motion [s]; from ENDS_AT on x and y of eight places in which beams
-ended on it a while ago [m].
+ended on it a while ago [m]; from KX on position, velocity and their covariances when it was last
+seen.
 """
 
 _ACCELERATION_DECAY = 0.8
@@ -106,6 +108,14 @@ def _correct(track: Floats, dx: float, dy: float, variance: float, max_accelerat
     track[PP] *= 1.0 - share
     track[PV] *= 1.0 - share
     track[PA] *= 1.0 - share
+    keep_as_seen(track)
+
+
+@jit
+def keep_as_seen(track: Floats) -> None:
+    """Keep its motion as that when it was last seen."""
+    track[KX : KVY + 1] = track[TX : TVY + 1]
+    track[KPP : KVV + 1] = track[PP : VV + 1]
 
 
 @jit
@@ -212,6 +222,7 @@ def begin_track(track: Floats, cluster: Floats, points: Floats, scatter: float) 
     track[SEEN] = 1.0
     _set_ends(track, points)
     track[RR] = _RADIUS_SIGMA * _RADIUS_SIGMA
+    keep_as_seen(track)
 
 
 @jit
