@@ -123,7 +123,7 @@ def sampled(way: Way, seed: int, params: TrackerParams | None = None) -> Iterato
             continue
         discs = at(world, moment.now)
         obstacles = estimated(seen, moment.truth)
-        ground = obstacles[len(obstacles) - seen.unobserved :]
+        ground = obstacles[len(seen.obstacles.discs) :][seen.unobserved]
         beams = in_view(moment.truth, lidar, discs, world.walls)
         far = np.maximum(distances(moment.truth, lidar, discs), discs[:, RADIUS])
         whole = 2.0 * np.arcsin(discs[:, RADIUS] / far) / lidar.step

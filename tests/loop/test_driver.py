@@ -57,7 +57,7 @@ def test_the_planner_gets_unobserved_space_apart_from_obstacles_and_zones():
     driver.zones = Zoned(Zones(), SETTINGS.outline, 0.5, SETTINGS.limits)
     driver.zones.points = lambda pose: zones
     obstacles = surroundings(points=np.vstack((stands, unseen)))
-    for now, blind in ((0.0, 2), (1.0, 0)):
+    for now, blind in ((0.0, slice(3, 5)), (1.0, slice(5, 5))):
         seen = SimpleNamespace(
             obstacles=obstacles, placed=lambda odom: obstacles, unobserved=blind, map_odom=HERE,
             pose=HERE, lost=False,

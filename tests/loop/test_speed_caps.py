@@ -35,7 +35,8 @@ def test_the_clearance_is_from_the_outline_to_the_nearest_obstacle_of_any_kind()
     pose = Pose(1.0, 2.0, 0.5 * math.pi)  # the nose, 0.36 m before the middle, looks up
 
     def clearance(obstacles, unobserved=0):
-        seen = SimpleNamespace(pose=pose, obstacles=obstacles, unobserved=unobserved)
+        n = len(obstacles.points)
+        seen = SimpleNamespace(pose=pose, obstacles=obstacles, unobserved=slice(n - unobserved, n))
         return driver.clearance(seen, obstacles)
 
     assert clearance(surroundings([])) == math.inf

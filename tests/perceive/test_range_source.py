@@ -94,7 +94,8 @@ def test_its_points_are_static_beside_the_lidars_and_observe_no_ground():
 
     with_it, without = seen(Perception(model), 2.0), seen(Perception(sally), None)
     assert len(with_it.obstacles.points) == len(without.obstacles.points) + n
-    assert with_it.unobserved == without.unobserved > 0
+    ground, alone = (one.obstacles.points[one.unobserved] for one in (with_it, without))
+    assert len(ground) == len(alone) > 0
     assert len(with_it.obstacles.discs) == 0
     nearest = with_it.obstacles.points[:n, 0].max()
     assert nearest == pytest.approx(-0.3 - 1.02 * math.cos(math.radians(15)))

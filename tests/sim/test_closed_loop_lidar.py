@@ -34,9 +34,12 @@ def watched(monkeypatch, setup):
     """A run, and what was known after each scan with its time."""
     known, look = [], closed_loop.look
 
-    def remembered(k, dt, *rest):
-        known.append((k * dt, look(k, dt, *rest)))
-        return known[-1][1]
+    def remembered(k, dt, robot, scene, scanners, eyes):
+        scanned = any(k == one.next for one in scanners)
+        seen = look(k, dt, robot, scene, scanners, eyes)
+        if scanned:
+            known.append((k * dt, seen.obstacles))
+        return seen
 
     monkeypatch.setattr(closed_loop, "look", remembered)
     return run(setup), known

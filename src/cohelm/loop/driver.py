@@ -153,7 +153,7 @@ class Driver:
         """Smallest clearance between the outline and anything seen, without unobserved space and
         zones; infinite where nothing is [m]."""
         outline, here = self.settings.outline, np.array([seen.pose], dtype=np.float64)
-        points = obstacles.points[: len(seen.obstacles.points) - seen.unobserved]
+        points = obstacles.points[: seen.unobserved.start]
         clearance = float(swept_clearances(points, outline, here)[0])
         for row in obstacles.discs:
             clearance = min(
@@ -170,10 +170,8 @@ class Driver:
             made = self._planning.plan(now)
             if made is not None:
                 pilot.take(made, pose, self._twist)
-            end = len(seen.obstacles.points)
-            border = slice(end - seen.unobserved, end)
             if now - self._planned >= _EVERY - _ROUNDING and self._planning.offer(
-                now, pilot.task(pose, self._twist, obstacles, border)
+                now, pilot.task(pose, self._twist, obstacles, seen.unobserved)
             ):
                 self._planned = now
         return self._step(pilot, now, pose, stick, obstacles)

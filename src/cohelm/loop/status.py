@@ -193,12 +193,12 @@ def hidden_reason(r: PeriodReport, nominal: Twist) -> str:
     """Why the guard holds the robot back for nothing visible: unobserved space, or a keep-out zone;
     empty: it does not."""
     d, seen, applied = r.decision, r.seen, r.applied
-    count = len(seen.obstacles.discs) + len(seen.obstacles.points)
-    if d is None or d.limiting < count - seen.unobserved:
+    discs, unobserved = len(seen.obstacles.discs), seen.unobserved
+    if d is None or d.limiting < discs + unobserved.start:
         return ""
     if abs(nominal.v - applied.v) < _TOLERANCE and abs(nominal.omega - applied.omega) < _TOLERANCE:
         return ""
-    if d.limiting >= count:
+    if d.limiting >= discs + unobserved.stop:
         return "limited: keep-out zone"
     return "limited: unobserved space"
 

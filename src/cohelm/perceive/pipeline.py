@@ -70,8 +70,8 @@ class Seen(NamedTuple):
     obstacles: Surroundings
     """In `odom`. Points: static ones, and behind them the border of unobserved space. Discs:
     `movers`, and behind them small ones for potentially dynamic points. No segments."""
-    unobserved: int
-    """How many of the points are that border."""
+    unobserved: slice
+    """Which of the points are that border."""
     assumed_gap: float
     """Distance from ground that is assumed free since the robot was switched on, and was never in
     view [m]; infinite without any."""
@@ -259,13 +259,16 @@ class Perception:
         for one in looking:
             one.mark_possibly_occupied(occupied)
 
-    def _points(self) -> Floats:
-        """Static points of all LiDARs and of contacts of bumpers, then unobserved ground."""
+    def _points(self) -> tuple[Floats, slice]:
+        """Static points of all LiDARs and of contacts of bumpers, then unobserved ground; and which
+        of them are that ground."""
         contacts = NOTHING if self._contact_memory is None else self._contact_memory.points
-        return np.concatenate((
+        points = np.concatenate((
             *(source.points for source in self._sources), contacts, self._unobserved,
             self._unobserved_floor,
         ))  # fmt: skip
+        end = len(points)
+        return points, slice(end - len(self._unobserved) - len(self._unobserved_floor), end)
 
     def seen(self, now: float) -> Seen:
         """The result at `now` [s] of all readings received."""
@@ -282,24 +285,17 @@ class Perception:
             located = Localization(here, np.zeros((3, 3)), 1.0, False, "")
         movers, discs, velocity_error = self._moving(now)
         acceleration = np.full(len(discs), self._tracker_params.max_acceleration)
-        space = self._unobserved_space
+        space, (points, unobserved) = self._unobserved_space, self._points()
         return Seen(
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
             twist=self._twist, map_odom=self._map_odom,
             odom_received=self._received or Pose(0.0, 0.0, 0.0),
-            obstacles=Surroundings(
-                discs, acceleration, velocity_error, _NO_WALLS, self._points()
-            ),
-            unobserved=self.unobserved,
+            obstacles=Surroundings(discs, acceleration, velocity_error, _NO_WALLS, points),
+            unobserved=unobserved,
             assumed_gap=space.assumed_gap(here) if space is not None else math.inf,
             movers=movers,
         )  # fmt: skip
-
-    @property
-    def unobserved(self) -> int:
-        """How many of the reported points are the border of unobserved space; see `Seen`."""
-        return len(self._unobserved) + len(self._unobserved_floor)
 
     def _moving(self, now: float) -> tuple[Floats, Floats, Floats]:
         """Movers, all discs for the guard, and bounds of their velocity errors, predicted to

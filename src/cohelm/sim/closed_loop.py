@@ -18,7 +18,7 @@ from cohelm.core.jit import jit
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.trace import Trace
 from cohelm.core.types import Desired, Floats, Pose, Twist
-from cohelm.perceive.pipeline import Perception
+from cohelm.perceive.pipeline import Perception, Seen
 from cohelm.pilot.behavior import LED
 from cohelm.pilot.pilot import NOTHING_NEAR, taken
 from cohelm.pilot.replanning import Planner, Task
@@ -105,7 +105,7 @@ def pieces(setup: Setup, piloted: Piloted, length: int) -> Iterator[Trace]:
     thinking = min(round(piloted.thinking / dt), period - 1)
     now = Now(at_rest(start), START, IDLE, NOTHING_NEAR, False, False)
     current = course(wanted.reference, 0, True, settings.pace)
-    number, since, waiting = 0, 0, None
+    number, since, waiting, unobserved = 0, 0, None, slice(0, 0)
     reaction = (period + delay) * dt
     walls = near_walls(scene.obstacles.walls, start, settings, reaction)
     limited, constant = flat(settings), flat(scene)
@@ -113,10 +113,9 @@ def pieces(setup: Setup, piloted: Piloted, length: int) -> Iterator[Trace]:
     k, written = 0, 0
     out = setup.blank(min(length, steps))
     while k < steps and not now.arrived:
-        if eyes is not None and any(k == one.next for one in scanners):
-            now = now._replace(seen_obstacles=look(k, dt, now, scene, scanners, eyes))
-        elif eyes is not None:
-            now = now._replace(seen_obstacles=perceived(eyes, k * dt, now.robot))
+        if eyes is not None:
+            perceived = look(k, dt, now.robot, scene, scanners, eyes)
+            now, unobserved = now._replace(seen_obstacles=perceived.obstacles), perceived.unobserved
         seen = now.seen_obstacles
         if zones is not None:
             now = now._replace(seen_obstacles=zones.beside(seen, now.robot.pose))
@@ -124,11 +123,9 @@ def pieces(setup: Setup, piloted: Piloted, length: int) -> Iterator[Trace]:
         if k % period == 0:
             walls = near_walls(scene.obstacles.walls, now.robot.pose, settings, reaction)
             seen_obstacles = known(k * dt, now.seen_obstacles, walls, scene)
-            end = len(seen.points)
-            unobserved = 0 if eyes is None else eyes.unobserved
             task = Task(
                 now.pilot, now.robot.pose, now.robot.applied, seen_obstacles, current,
-                (k - since) * dt, now.led, unobserved=slice(end - unobserved, end),
+                (k - since) * dt, now.led, unobserved=unobserved,
             )  # fmt: skip
             waiting = planner(task)
         if waiting is not None and k % period == thinking:
@@ -175,31 +172,25 @@ def near_walls(walls: Floats, pose: Pose, settings: Settings, reaction: float) -
 
 
 def look(
-    k: int, dt: float, now: Now, scene: Scene, scanners: Sequence[SimulatedLidar], eyes: Perception
-) -> Surroundings:
-    """What the robot knows after the scans of step k: points that stand, discs that move."""
+    k: int, dt: float, robot: SimulatedState, scene: Scene, scanners: Sequence[SimulatedLidar],
+    eyes: Perception,
+) -> Seen:  # fmt: skip
+    """What the robot sees in step k, with the scans that are due."""
     first, *further = (
-        _scanned(k, dt, now, scene, one) if k == one.next else None for one in scanners
+        _scanned(k, dt, robot.pose, scene, one) if k == one.next else None for one in scanners
     )
-    return perceived(eyes, k * dt, now.robot, first, tuple(one for one in further if one))
+    odometry = Odometry(k * dt, robot.pose, robot.applied)
+    new = tuple(one for one in further if one is not None)
+    return eyes.take(k * dt, Readings(odometry, first, further=new))
 
 
-def perceived(
-    eyes: Perception, t: float, robot: SimulatedState, scan: Scan | None = None,
-    further: tuple[Scan, ...] = (),
-) -> Surroundings:  # fmt: skip
-    """What the robot sees at time t, with the scans that are new."""
-    odometry = Odometry(t, robot.pose, robot.applied)
-    return eyes.take(t, Readings(odometry, scan, None, None, further)).obstacles
-
-
-def _scanned(k: int, dt: float, now: Now, scene: Scene, scanner: SimulatedLidar) -> Scan:
+def _scanned(k: int, dt: float, pose: Pose, scene: Scene, scanner: SimulatedLidar) -> Scan:
     lidar, number = scanner.lidar, scanner.number
     scanner.next = next_reading_tick(k, scanner.model.rate_hz, dt)
     discs = np.empty((len(scene.obstacles.discs), 6))
     place(discs, scene.obstacles, k * dt)
     ranges = np.empty(len(lidar.beams))
-    scan(now.robot.pose, lidar, discs, scene.barred, scene.grid, scanner.seed, number, ranges)
+    scan(pose, lidar, discs, scene.barred, scene.grid, scanner.seed, number, ranges)
     scanner.number += 1
     return Scan(k * dt, k, ranges, 0.0, scanner.model.name)
 

@@ -187,13 +187,14 @@ class _KnownPose(TwinRun):
         """Control step k, from seeing to the next one, written into the row."""
         then = self.truth
         discs = self.discs()
-        pose, obstacles, twist = self._seen(k * self.setup.dt, then, discs)
-        fastest, end = math.inf, len(obstacles.points)
+        pose = then.pose
+        obstacles, unobserved, twist = self._seen(k * self.setup.dt, then, discs)
+        fastest = math.inf
         if self.zones is not None:
             obstacles = self.zones.beside(obstacles, pose)
             fastest = self.zones.limit(pose)[0]
         stick = self.operator_stick(k, discs)
-        self._plan(k, pose, twist, obstacles, end)
+        self._plan(k, pose, twist, obstacles, unobserved)
         decided = self.pilot.step(k * self.setup.dt, pose, twist, stick, obstacles, fastest)
         safe = Twist(decided.safe_v, decided.safe_omega)
         row["saturated"] = self.robot.send(safe) != safe
@@ -201,30 +202,26 @@ class _KnownPose(TwinRun):
         self.moved(stick)
         self.write(row, k, then, decided)
 
-    def _seen(self, t: float, now: TwinTruth, discs: Floats) -> tuple[Pose, Surroundings, Twist]:
-        """Where the robot is, what is around it, in the same frame, and its speed."""
+    def _seen(self, t: float, now: TwinTruth, discs: Floats) -> tuple[Surroundings, slice, Twist]:
+        """What is around the robot where it really is, which of its points are unobserved space,
+        and the robot's speed."""
         if self.perception is None:
             obstacles = surroundings(discs, self.max_acceleration, self.walls)
-            return now.pose, obstacles, now.twist
-        known = self.perception.take(t, self.robot.read())
+            return obstacles, slice(0, 0), now.twist
+        seen = self.perception.take(t, self.robot.read())
         # Where it is on the map is known; all else is as it senses.
-        return (
-            now.pose,
-            known.placed(compose(now.pose, inverse(known.odometry))),
-            known.twist,
-        )
+        return seen.placed(compose(now.pose, inverse(seen.odometry))), seen.unobserved, seen.twist
 
-    def _plan(self, k: int, pose: Pose, twist: Twist, obstacles: Surroundings, end: int) -> None:
-        """Begins a plan once a period, and takes it up when it would be ready. end: past the last
-        of the points from perception."""
+    def _plan(
+        self, k: int, pose: Pose, twist: Twist, obstacles: Surroundings, unobserved: slice
+    ) -> None:
+        """Begins a plan once a period, and takes it up when it would be ready."""
         if not self.guarded:
             return
         if k % self.period == 0:
             reaction = self.period * self.setup.dt + self.delay
             self.walls = near_walls(self.setup.obstacles.walls, pose, self.settings, reaction)
-            unobserved = 0 if self.perception is None else self.perception.unobserved
-            border = slice(end - unobserved, end)
-            self.waiting = self.pilot.plan(pose, twist, obstacles, border)
+            self.waiting = self.pilot.plan(pose, twist, obstacles, unobserved)
         if self.waiting is not None and k % self.period == self.thinking:
             self.pilot.take(self.waiting, pose, twist)
             if self.waiting.new:
