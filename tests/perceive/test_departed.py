@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.scan.deskew import NO_SCAN, DeskewedScan
+from cohelm.perceive.scan.deskew import NO_SWEEP, DeskewedScan
 from cohelm.perceive.track.departed import departed, out_of_view
 from cohelm.perceive.track.params import PotentiallyDynamicParams
 from cohelm.perceive.track.track import (
@@ -42,7 +42,7 @@ def at(far: float, bearing: float) -> tuple[float, float]:
 def looks(*headings: float) -> tuple[DeskewedScan, ...]:
     """Sweeps by a LiDAR at the origin, `DT` apart."""
     return tuple(
-        NO_SCAN._replace(
+        NO_SWEEP._replace(
             ranges=np.full(len(LIDAR.beams), np.inf), sensor=Pose(0.0, 0.0, psi), stamp=DT * k
         )
         for k, psi in enumerate(headings)

@@ -9,7 +9,7 @@ from cohelm.core.frames import compose, inverse
 from cohelm.core.types import RADIUS, VX, VY, Pose, Twist, X, Y, disc, discs
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception
-from cohelm.perceive.scan.deskew import NO_SCAN
+from cohelm.perceive.scan.deskew import NO_SWEEP
 from cohelm.perceive.space.free_space_memory import NEAR, appeared, empty_memory, with_scan
 from cohelm.perceive.track.params import PotentiallyDynamicParams
 from cohelm.perceive.track.potentially_dynamic import discs_of_points, grown
@@ -27,7 +27,7 @@ def lab():
 
 def posed(ranges, sensor, stamp):
     """A sweep of a LiDAR at a pose."""
-    return NO_SCAN._replace(ranges=ranges, sensor=sensor, stamp=stamp)
+    return NO_SWEEP._replace(ranges=ranges, sensor=sensor, stamp=stamp)
 
 
 def standing(seconds, pose=HERE):

@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.pipeline import Perception
-from cohelm.perceive.scan.deskew import NO_SCAN
+from cohelm.perceive.scan.deskew import NO_SWEEP
 from cohelm.perceive.space.assumed import ASSUMED_FREE, turning_ground
 from cohelm.perceive.space.cell_window import cell, holds
 from cohelm.perceive.space.unobserved import (
@@ -88,7 +88,7 @@ def test_ground_that_the_filter_takes_as_known_passes_the_monitor(model, drive):
     for pose in DRIVES[drive]:
         c, s = math.cos(pose.psi), math.sin(pose.psi)
         eye = Pose(pose.x + c * lidar.mount.x, pose.y + s * lidar.mount.x, pose.psi)
-        scan = NO_SCAN._replace(ranges=ranges, sensor=eye, stamp=0.0)
+        scan = NO_SWEEP._replace(ranges=ranges, sensor=eye, stamp=0.0)
         filters = with_scan(filters, lidar, scan, kept, seen)
         monitors.look(ranges, pose, 0.0, 0.0)
         turns, psi = pose.psi != psi, pose.psi

@@ -242,7 +242,7 @@ class Perception:
 
     def _update_unobserved(self, source: ObservationSource) -> None:
         """Update unobserved space and floor after a scan of a LiDAR."""
-        sweep = source.last_scan
+        sweep = source.sweep
         if sweep is None:
             return
         if self._floor_space is not None and source.lidar.floor_from > 0.0:
@@ -250,8 +250,8 @@ class Perception:
         if self._unobserved_space is None:
             return
         params, looking = self._tracker_params, self._looking
-        last = [(one.lidar, one.last_scan) for one in looking if one.last_scan is not None]
-        out = np.vstack([movers_out_of_view(one.movers, params) for one in looking])
+        last = [(one.lidar, one.sweep) for one in looking if one.sweep is not None]
+        out = np.vstack([movers_out_of_view(one.tracked, params) for one in looking])
         self._unobserved = self._unobserved_space.points(
             source.lidar, sweep, last, out, params.dynamic.fastest
         )
@@ -300,7 +300,7 @@ class Perception:
     def _moving(self, now: float) -> tuple[Floats, Floats, Floats]:
         """Movers, all discs for the guard, and bounds of their velocity errors, predicted to
         now."""
-        parts = [discs_at(source.movers, now, self._tracker_params) for source in self._looking]
+        parts = [discs_at(source.tracked, now, self._tracker_params) for source in self._looking]
         if len(parts) == 1:
             return parts[0]
         movers, discs, velocity_error = zip(*parts, strict=True)

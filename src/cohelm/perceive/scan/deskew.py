@@ -38,7 +38,7 @@ class DeskewedScan(NamedTuple):
         return self._replace(points=self.points[which], beams=self.beams[which], ranges=ranges)
 
 
-NO_SCAN = DeskewedScan(
+NO_SWEEP = DeskewedScan(
     np.empty((0, 2)), np.empty(0, np.int64), np.empty(0), 0.0, Pose(0.0, 0.0, 0.0),
     Pose(0.0, 0.0, 0.0), -math.inf,
 )  # fmt: skip

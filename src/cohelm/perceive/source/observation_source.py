@@ -39,8 +39,8 @@ class ObservationSource:
         self._keep, self._tracker_params = keep, tracker_params
         self.points = NOTHING
         """Static points, (p, 2), in `odom` [m]."""
-        self.movers = empty_state(self.lidar, self._tracker_params)
-        self.last_scan: DeskewedScan | None = None
+        self.tracked = empty_state(self.lidar, self._tracker_params)
+        self.sweep: DeskewedScan | None = None
         """The newest sweep."""
         self.number: int | None = None
         """Of the newest scan."""
@@ -58,10 +58,10 @@ class ObservationSource:
             return None
         ranges = np.asarray(scan.ranges, dtype=np.float64)
         sweep = static = deskew(self.lidar, ranges, scan.stamp, scan.duration, buffer)
-        self.last_scan = sweep
-        if self.movers.stamp - stamp >= _RESET:
-            self.movers = empty_state(self.lidar, self._tracker_params)
-        if stamp - self.movers.stamp > _APART:
+        self.sweep = sweep
+        if self.tracked.stamp - stamp >= _RESET:
+            self.tracked = empty_state(self.lidar, self._tracker_params)
+        if stamp - self.tracked.stamp > _APART:
             may_move, trackable = np.ones(len(sweep.points), dtype=np.bool_), sweep
             if scan.edges is not None:  # the edge of a floor does not move, whatever the noise
                 may_move = ~scan.edges[sweep.beams]
@@ -70,11 +70,11 @@ class ObservationSource:
             if known is not None:
                 there = compose(map_odom, sweep.pose)
                 fixed = on_walls(known, there, trackable.points, _ON_WALL)
-            self.movers = update_tracker(
-                self.movers, self.lidar, trackable, self._tracker_params, fixed
+            self.tracked = update_tracker(
+                self.tracked, self.lidar, trackable, self._tracker_params, fixed
             )
-            if self.movers.of_movers.any():
-                may_move[may_move] = self.movers.of_movers
+            if self.tracked.of_movers.any():
+                may_move[may_move] = self.tracked.of_movers
                 static = self._without(sweep, may_move)
         filtered = filtered_ranges(static.ranges, self.lidar.noise)
         points = renew(self.points, sweep.pose, self.lidar, filtered, self._keep)
@@ -85,8 +85,8 @@ class ObservationSource:
         """A mover out of view may occupy these places in `odom`, (p, 2): a return there next may be
         a mover."""
         if len(places):
-            free_space = with_possibly_occupied(self.movers.free_space, places, self.movers.clock)
-            self.movers = self.movers._replace(free_space=free_space)
+            free_space = with_possibly_occupied(self.tracked.free_space, places, self.tracked.clock)
+            self.tracked = self.tracked._replace(free_space=free_space)
 
     def _without(self, sweep: DeskewedScan, of_movers: NDArray[np.bool_]) -> DeskewedScan:
         ranges = sweep.ranges.copy()
@@ -96,7 +96,7 @@ class ObservationSource:
     def _outside(self, points: Floats) -> Floats:
         """Points outside of movers: points of them from before they were known to move are
         deleted."""
-        for x, y, radius in self.movers.tracks[self.movers.tracks[:, MOVES] > 0][
+        for x, y, radius in self.tracked.tracks[self.tracked.tracks[:, MOVES] > 0][
             :, [TX, TY, RADIUS]
         ]:
             points = points[np.hypot(points[:, 0] - x, points[:, 1] - y) > radius + 0.05]

@@ -16,7 +16,7 @@ from cohelm.core.frames import placed
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats
 from cohelm.perceive.scan.clusters import CX, CY, FIRST, LAST, clusters, update_freshness
-from cohelm.perceive.scan.deskew import NO_SCAN, DeskewedScan, was_free
+from cohelm.perceive.scan.deskew import NO_SWEEP, DeskewedScan, was_free
 from cohelm.perceive.space.free_space_memory import (
     CERTAINLY,
     NEAR,
@@ -62,13 +62,13 @@ from cohelm.robot.sensors import Lidar
 
 
 class TrackerState(NamedTuple):
-    """tracks: (t, n) as in `track`. scans: earlier sweeps, oldest first. of_movers: (m,) of the
+    """tracks: (t, n) as in `track`. sweeps: the last ones, oldest first. of_movers: (m,) of the
     newest sweep's points, whether it belongs to a mover. free_space: near the robot. clock: its
     clock [s]. potentially_dynamic_points: (l, 3). covered: whether an object is within the LiDAR's
     minimum range. departed_tracks: movers out of view, as in `departed`."""
 
     tracks: Floats
-    scans: tuple[DeskewedScan, ...]
+    sweeps: tuple[DeskewedScan, ...]
     stamp: float
     of_movers: np.ndarray[tuple[int], np.dtype[np.bool_]]
     free_space: FreeSpaceMemory
@@ -107,10 +107,10 @@ def update_tracker(
     passes.
     """
     pose, stamp = sweep.pose, sweep.stamp
-    dt = min(max(stamp - before.stamp, 0.0), params.longest) if before.scans else 0.0
+    dt = min(max(stamp - before.stamp, 0.0), params.longest) if before.sweeps else 0.0
     found = clusters(lidar, sweep, fixed)
     for lookback in params.lookback:
-        earlier = _scan_at(before.scans, stamp - lookback)
+        earlier = _sweep_at(before.sweeps, stamp - lookback)
         if earlier is not None:
             update_freshness(lidar, found, sweep, earlier)
     places = placed(sweep.points, pose)
@@ -118,16 +118,16 @@ def update_tracker(
         before.tracks, found, places, lidar, sweep, dt, params
     )
     of_movers = _mover_points(tracks, track_of, found, sweep) & ~fixed
-    kept = tuple(scan for scan in before.scans if stamp - scan.stamp < max(params.lookback) + 0.2)
+    kept = tuple(one for one in before.sweeps if stamp - one.stamp < max(params.lookback) + 0.2)
     covered = bool((sweep.ranges == -math.inf).any()) and any(
-        is_covered(lidar, sweep, scan, before.covered) for scan in (*kept, NO_SCAN)
+        is_covered(lidar, sweep, one, before.covered) for one in (*kept, NO_SWEEP)
     )
     first, second = (
-        _scan_at(before.scans, stamp - lookback) or NO_SCAN for lookback in params.lookback[-2:]
+        _sweep_at(before.sweeps, stamp - lookback) or NO_SWEEP for lookback in params.lookback[-2:]
     )
     dynamic, clock = params.dynamic, before.clock + dt
-    if before.scans:
-        way = math.dist(before.scans[-1].sensor[:2], sweep.sensor[:2])
+    if before.sweeps:
+        way = math.dist(before.sweeps[-1].sensor[:2], sweep.sensor[:2])
         clock += way * dynamic.keep / dynamic.vouched
     near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < dynamic.near) & ~of_movers & ~fixed
     since = clock - dynamic.keep
@@ -157,32 +157,32 @@ def update_tracker(
     )
 
 
-def _scan_at(scans: tuple[DeskewedScan, ...], when: float) -> DeskewedScan | None:
+def _sweep_at(sweeps: tuple[DeskewedScan, ...], when: float) -> DeskewedScan | None:
     """The sweep of about that time, if any."""
-    if not scans:
+    if not sweeps:
         return None
-    nearest = min(scans, key=lambda scan: abs(when - scan.stamp))
+    nearest = min(sweeps, key=lambda sweep: abs(when - sweep.stamp))
     return nearest if abs(when - nearest.stamp) < 0.2 else None
 
 
 def discs_at(
-    movers: TrackerState, now: float, params: TrackerParams
+    tracked: TrackerState, now: float, params: TrackerParams
 ) -> tuple[Floats, Floats, Floats]:
     """Predicted to `now` [s], in `odom`: discs of the movers (n, 6); all discs for the guard, these
     and behind them those of potentially dynamic points (m, 6); and bounds of the velocity errors of
     all (m,) [m/s]."""
-    if not len(movers.tracks) and not len(movers.potentially_dynamic_points):
+    if not len(tracked.tracks) and not len(tracked.potentially_dynamic_points):
         return _NO_DISCS
-    ahead = min(max(now - movers.stamp, 0.0), params.longest) if movers.scans else 0.0
-    discs, velocity_error = _mover_discs(movers, ahead, params)
+    ahead = min(max(now - tracked.stamp, 0.0), params.longest) if tracked.sweeps else 0.0
+    discs, velocity_error = _mover_discs(tracked, ahead, params)
     small, small_error = discs_of_points(
-        movers.potentially_dynamic_points, ahead, params.max_acceleration, params.dynamic
+        tracked.potentially_dynamic_points, ahead, params.max_acceleration, params.dynamic
     )
     return discs, np.vstack((discs, small)), np.concatenate((velocity_error, small_error))
 
 
 def _mover_discs(
-    movers: TrackerState, ahead: float, params: TrackerParams
+    tracked: TrackerState, ahead: float, params: TrackerParams
 ) -> tuple[Floats, Floats]:
     """Discs of the movers (n, 6), `ahead` [s] of their sweep, and bounds of their velocity errors
     (n,) [m/s].
@@ -190,7 +190,7 @@ def _mover_discs(
     With objects that may move, by one scan so far, unless they are as thin as edges and noise;
     those count as static as well.
     """
-    t = _moving(movers.tracks, params)
+    t = _moving(tracked.tracks, params)
     if not len(t):
         return np.empty((0, 6)), np.empty(0)
     discs = np.zeros((len(t), 6))
@@ -218,10 +218,10 @@ def _may_move(track: Floats, params: TrackerParams) -> bool:
     return track[MOVES] > 0.0 or (track[PROOF] > 0.0 and track[RADIUS] > params.min_body_radius)
 
 
-def movers_out_of_view(movers: TrackerState, params: TrackerParams) -> Floats:
+def movers_out_of_view(tracked: TrackerState, params: TrackerParams) -> Floats:
     """Movers that may be out of view at the newest sweep, see `out_of_view`."""
     return out_of_view(
-        _moving(movers.tracks, params), movers.departed_tracks, params.max_acceleration
+        _moving(tracked.tracks, params), tracked.departed_tracks, params.max_acceleration
     )
 
 
