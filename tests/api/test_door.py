@@ -138,3 +138,10 @@ def test_a_file_that_is_no_record_is_reported(tmp_path):
     for path, said in ((tmp_path / "no.mcap", "not an MCAP"), (tmp_path / "gone", "can not be")):
         with pytest.raises(CohelmError, match=said):
             cohelm.read_record(path)
+
+
+@pytest.mark.parametrize("nothing", [None, 5, b"drive.mcap", []])
+@pytest.mark.parametrize("reads", ["read_record", "load_scenario", "load_robot"])
+def test_what_names_no_file_is_reported(reads, nothing):
+    with pytest.raises(CohelmError, match=f"name.*got {type(nothing).__name__}"):
+        getattr(cohelm, reads)(nothing)

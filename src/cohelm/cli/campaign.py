@@ -153,16 +153,14 @@ def _planned(
 ) -> tuple[Path | None, CampaignConfig]:  # fmt: skip
     """The folder, if one is named, and the plan, by the command line or by that folder."""
     from cohelm.scenario.load import load_robot
-    from cohelm.study.campaign import runner, store
+    from cohelm.study.campaign import runner
     from cohelm.study.campaign.suites import NAMES
 
     folder = Path(suite)
     if suite not in NAMES and folder.is_dir():
-        kept = store.read_plan(folder)
-        if kept is None:
-            raise CohelmError(f"{folder}: holds no campaign; give a suite or a campaign's folder")
+        plan = runner.planned(folder)
         _check_own(folder, (law, compare, n, seed, data, plant, robot, out))
-        return folder, runner.planned(kept)
+        return folder, plan
     if law and compare:
         raise CohelmError("give either --law or --compare, not both")
     chosen = compare if compare is not None else "guard" if law is None else law

@@ -18,6 +18,13 @@ from cohelm.core.errors import CohelmError
 _GZIP = b"\x1f\x8b"
 
 
+def as_path(given: object, what: str) -> Path:
+    """What a caller in Python gave as a path; what: it should name, for the error."""
+    if not isinstance(given, str | Path):
+        raise CohelmError(f"name {what}, got {type(given).__name__}")
+    return Path(given)
+
+
 def check_regular(path: Path | str) -> None:
     """CohelmError if this is a device, a pipe or a socket; a missing file passes."""
     try:

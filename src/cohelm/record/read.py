@@ -15,6 +15,7 @@ from mcap.records import Attachment, Header, Metadata
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import as_path
 from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats
@@ -116,7 +117,7 @@ def read_record(path: str | Path) -> Record:
         of = scans if topic == "/scan" else further.setdefault(name, [])
         of.append((t, np.asarray(m.ranges, dtype=np.float64)))
 
-    file = Path(path)
+    file = as_path(path, "a record's file or folder")
     file = file / RECORD if file.is_dir() else file
     found = periods(file, ("/scan", prefix + "*", "/rosout"), handle)
     names = found.rows.dtype.names or ()

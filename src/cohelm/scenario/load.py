@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from yaml.nodes import MappingNode, Node
 
 from cohelm.core.errors import CohelmError, did_you_mean
-from cohelm.core.files import check_regular, read_bytes
+from cohelm.core.files import as_path, check_regular, read_bytes
 from cohelm.core.schema import Schema
 from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
 from cohelm.scenario.explain import sentences
@@ -216,7 +216,7 @@ def load_robot(name: str | Path) -> RobotModel:
 
     Raises CohelmError with every problem of the file, one per line.
     """
-    return robot(str(name), Path())
+    return robot(str(as_path(name, "a robot, or its YAML file")), Path())
 
 
 def load_scenario(path: str | Path, changes: Sequence[str] = ()) -> Scenario:
@@ -229,7 +229,7 @@ def load_scenario(path: str | Path, changes: Sequence[str] = ()) -> Scenario:
     changes: `key.path=value`, as in `cohelm run --set`. Raises CohelmError with every problem of
     the file, one per line.
     """
-    return scenario(path, changes)
+    return scenario(as_path(path, "a scenario, or its YAML file"), changes)
 
 
 def digest(path: Path) -> str:

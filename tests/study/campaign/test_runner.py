@@ -1,5 +1,6 @@
 """Campaigns go on where they stopped, and come out the same however they are driven."""
 
+import json
 import math
 import os
 import re
@@ -239,10 +240,11 @@ def test_the_plan_a_folder_keeps_makes_the_same_campaign(tmp_path):
     run(CampaignConfig("random", ("none",), 3, 2), tmp_path, 1, None, quiet)
     kept = read_plan(tmp_path)
     assert kept is not None
-    assert planned(kept) == CampaignConfig("random", ("none",), 3, 2, plant="kinematic")
+    assert planned(tmp_path) == CampaignConfig("random", ("none",), 3, 2, plant="kinematic")
     for wrong in ({"suite": "random"}, kept | {"n": math.inf}, kept | {"laws": 5}):
-        with pytest.raises(CohelmError, match="not a campaign's plan"):
-            planned(wrong)
+        (tmp_path / "campaign.json").write_text(json.dumps(wrong))
+        with pytest.raises(CohelmError, match=rf"{tmp_path}\S+: is not a campaign's plan"):
+            planned(tmp_path)
 
 
 def test_the_digest_of_the_code_is_of_every_room_that_a_row_can_depend_on():

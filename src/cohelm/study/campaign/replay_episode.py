@@ -18,7 +18,7 @@ from cohelm.study.campaign.episode import Episode, Interventions
 from cohelm.study.campaign.result import FAILS, EpisodeResult, fault_of
 from cohelm.study.campaign.runner import planned
 from cohelm.study.campaign.scoring import arrival, scored
-from cohelm.study.campaign.store import read_plan, read_rows
+from cohelm.study.campaign.store import read_rows
 from cohelm.study.metrics import plain
 from cohelm.study.single import scene
 
@@ -43,10 +43,7 @@ def again(folder: Path, which: str) -> Again:
 
     Raises CohelmError where there is no such row, or it fails when it is driven again.
     """
-    kept = read_plan(folder)
-    if kept is None:
-        raise CohelmError(f"{folder}: holds no campaign; give the folder that one was driven into")
-    plan = planned(kept)
+    plan = planned(folder)
     law, _, number = which.rpartition("/")
     law = law or plan.laws[0]
     rows = read_rows(folder)

@@ -25,7 +25,7 @@ from cohelm.robot.model import RobotModel
 from cohelm.scenario.explain import nearest
 from cohelm.study.campaign.laws import GROUP, factory, is_own, own_code
 from cohelm.study.campaign.result import EpisodeResult
-from cohelm.study.campaign.store import Key, Store
+from cohelm.study.campaign.store import PLAN, Key, Store, read_plan
 from cohelm.study.campaign.suites import Suite, suite
 from cohelm.study.campaign.worker import chunk, code, commit
 
@@ -107,8 +107,11 @@ class CampaignConfig:
         }
 
 
-def planned(kept: dict[str, Any]) -> CampaignConfig:
-    """The plan that a campaign's folder keeps. Raises CohelmError where it is none."""
+def planned(folder: Path) -> CampaignConfig:
+    """The plan that a campaign's folder keeps. Raises CohelmError where there is none."""
+    kept = read_plan(folder)
+    if kept is None:
+        raise CohelmError(f"{folder}: holds no campaign; give a suite or a campaign's folder")
     try:
         data = None if kept["data"] is None else Path(str(kept["data"]))
         laws = tuple(str(law) for law in kept["laws"])
@@ -118,7 +121,7 @@ def planned(kept: dict[str, Any]) -> CampaignConfig:
         return CampaignConfig(suite, laws, seed, n, data, plant, model)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise CohelmError(
-            "campaign.json is not a campaign's plan; choose another folder"
+            f"{folder / PLAN}: is not a campaign's plan; choose another folder"
         ) from error
 
 
