@@ -13,7 +13,6 @@ from cohelm.core.types import Pose
 from cohelm.law.reference import Reference, tabulate
 from cohelm.link import stick as sticks
 from cohelm.perceive.track.params import TrackerParams
-from cohelm.pilot.pilot import Pilot
 from cohelm.pilot.step import Settings
 from cohelm.plan.zones import UNZONED
 from cohelm.robot.clearance import disc_clearance, segment_clearance
@@ -86,18 +85,6 @@ def warnings(scenario: Scenario) -> list[str]:
             "from then on the stick is centred and the controller leads"
         )
     return found
-
-
-def pilot(scenario: Scenario) -> Pilot:
-    """The scenario's law for a robot that is driven step by step, in real time or not."""
-    alone = standing_alone(scenario, Path())
-    robot = alone.described()
-    limits = robot.bounds(enforced=alone.simulation.wheel_limits)
-    law = alone.law
-    return Pilot(
-        alone.reference.spline(), _settings(alone, robot, limits), delay=alone.simulation.delay_s,
-        path_params=law.path_params(), replan_params=law.replan_params(),
-    )  # fmt: skip
 
 
 def _settings(alone: Scenario, robot: RobotModel, limits: Limits) -> Settings:
