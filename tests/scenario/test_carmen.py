@@ -157,3 +157,52 @@ def test_scans_without_time_and_without_a_pose_of_their_own_are_refused(tmp_path
 def test_a_scan_that_was_written_down_twice_is_read_once(tmp_path):
     lines = [flaser(float(k)) for k in range(40)]
     assert len(read_log(written(tmp_path, *lines, lines[-1])).scans) == 40
+
+
+def described(first="-1.0", step="0.5", n=5, ranges="1 2 3 4 5"):
+    """One scan of the newer kind, by what it says of its laser."""
+    pose = "0 1.2 0 0 1 0 0 0 0 0.2 0.3 0"
+    return f"ROBOTLASER1 0 {first} 3.1 {step} 80 0.01 0 {n} {ranges} {pose} 1.0 host 1.0"
+
+
+@pytest.mark.parametrize("step", ["0", "-0.01", "nan", "90", "1e-9"])
+def test_a_laser_that_goes_no_turn_is_reported(tmp_path, step):
+    with pytest.raises(CohelmError, match=rf"a\.log: .*5 beams {float(step):g} apart.*radians"):
+        read_log(written(tmp_path, described(step=step)))
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (described(first="nan"), "from nan on"),
+        (described(n=1, ranges="2"), "holds no scan"),
+        (flaser(1.0, n=200_000), "holds no scan"),
+    ],
+)
+def test_a_laser_that_is_none_is_reported(tmp_path, line, said):
+    with pytest.raises(CohelmError, match=rf"a\.log: .*{said}"):
+        read_log(written(tmp_path, line))
+
+
+def test_a_line_with_a_damaged_description_does_not_describe_the_laser(tmp_path):
+    lines = [described(step="0").replace("1.0 host 1.0", "0.5 host 0.5"), described()]
+    lines += [one.replace("1.0 host 1.0", "2.0 host 2.0") for one in lines[1:]]
+    lidar = read_log(written(tmp_path, *lines)).lidar.lidar()
+    assert lidar.step == pytest.approx(0.5)
+
+
+def test_a_laser_of_a_few_degrees_is_not_read_as_one_in_radians(tmp_path):
+    with pytest.raises(CohelmError, match=r"a\.log: field_of_view_deg is in degrees"):
+        read_log(written(tmp_path, described(step="0.0174533")))
+
+
+@pytest.mark.parametrize("unit", [100.0, 1000.0])
+def test_ranges_in_centimetres_or_millimetres_are_reported(tmp_path, unit):
+    ranges = [unit * (1.0 + 0.02 * k) for k in range(180)]
+    with pytest.raises(CohelmError, match=r"a\.log: .*metres, got .* in the median"):
+        read_log(written(tmp_path, flaser(1.0, ranges=ranges)))
+
+
+def test_what_a_laser_reports_for_no_return_is_no_unit(tmp_path):
+    (scan,) = read_log(written(tmp_path, flaser(1.0, ranges=[3.0] * 20 + [327.67] * 160))).scans
+    assert np.isfinite(scan.ranges).sum() == 20

@@ -9,22 +9,29 @@ of a line is its time, and the word before it the host's name.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
-from cohelm.scenario.worlds.file import contents
+from cohelm.scenario.worlds.file import contents, faults
 
 _APART = 0.95  # share of the scans that must have a time of their own: few loggers write one twice
 _LATER = 0.6  # ... and that must be later than the one before: of times at random half are
 _FAR = 80.0  # SICK scanners report 81.83 m or so where nothing came back [m]
+_FARTHEST = 100.0  # no scanner of these logs measures farther [m]
+_FEW = 10  # values that a scanner has at most for no return
+_TURN = 2.0 * math.pi * 1.01  # a full turn, with the rounding of the step [rad]
+_FINEST = 1e-5  # between two beams [rad]
+_MOST_BEAMS = 100_000
 
 
 class RecordedDrive(NamedTuple):
@@ -78,6 +85,7 @@ def read_log(path: Path | str) -> RecordedDrive:
             f"{path}: holds no scan of a CARMEN log with its odometry (FLASER, or ROBOTLASER1, or "
             "RAWLASER1 beside ODOM): give such a log"
         )
+    _check_in_metres(path, np.concatenate([one.scan[0] for one in scans if one.scan is not None]))
     stamps = _stamps(lines)
     if stamps is None:
         raise CohelmError(
@@ -98,7 +106,7 @@ def read_log(path: Path | str) -> RecordedDrive:
             if not found_scans and one.pose is not None and one.laser is not None:
                 mount = _mount(one.laser, one.pose)
             found_scans.append((stamp, *one.scan))
-    return _drive({**odometry, **with_scans}, found_scans, mount)
+    return _drive(path, {**odometry, **with_scans}, found_scans, mount)
 
 
 def _read(words: list[str]) -> _Line | None:
@@ -114,11 +122,11 @@ def _read(words: list[str]) -> _Line | None:
     if kind == "ODOM":
         return _Line(logged, sent, _pose(_numbers(words[1:6])))
     if kind == "FLASER":
-        n = int(words[1])
+        n = _beams(words[1])
         after = _numbers(words[2 + n : 8 + n])
         scan = (_numbers(words[2 : 2 + n]), *_convention(n))
         return _Line(logged, sent, _pose(after[3:6]), scan, _pose(after[:3]))
-    first, step, n = float(words[2]), float(words[4]), int(words[8])
+    first, step, n = float(words[2]), float(words[4]), _beams(words[8])
     scan = (_numbers(words[9 : 9 + n]), first, step)
     if kind == "RAWLASER1":
         return _Line(logged, sent, None, scan)
@@ -155,12 +163,17 @@ def _goes_on(times: list[float]) -> bool:
 
 
 def _drive(
-    odometry: dict[float, Odometry], found: list[tuple[float, Floats, float, float]], mount: Pose
-) -> RecordedDrive:
-    counts = [len(ranges) for _, ranges, _, _ in found]
-    beams = max(set(counts), key=counts.count)
+    path: Path | str, odometry: dict[float, Odometry],
+    found: list[tuple[float, Floats, float, float]], mount: Pose,
+) -> RecordedDrive:  # fmt: skip
+    beams = Counter(len(ranges) for _, ranges, _, _ in found).most_common(1)[0][0]
     found = sorted((f for f in found if len(f[1]) == beams), key=lambda f: f[0])
-    first, step = found[0][2], found[0][3]
+    (first, step), _ = Counter(f[2:] for f in found).most_common(1)[0]
+    if not (abs(first) <= 2.0 * _TURN and _FINEST <= step <= _TURN / (beams - 1)):  # nor for NaN
+        raise CohelmError(
+            f"{path}: its laser has {beams} beams {step:g} apart from {first:g} on, and a scan "
+            "goes round once at most: give a log with its angles in radians"
+        )
     scans: list[Scan] = []
     for stamp, ranges, _, _ in found:
         if scans and stamp <= scans[-1].stamp:
@@ -168,17 +181,39 @@ def _drive(
         seen = np.where(np.isfinite(ranges) & (ranges < _FAR) & (ranges > 0.0), ranges, math.inf)
         scans.append(Scan(stamp, len(scans), seen, 0.0))
     middle = first + 0.5 * step * (beams - 1)
-    lidar = LidarModel(
-        beams=beams,
-        field_of_view_deg=min(math.degrees(step) * (beams - 1), 360.0),
-        range_min_m=0.02,
-        range_max_m=_FAR,
-        rate_hz=10.0,
-        mount_x_m=mount.x,
-        mount_y_m=mount.y,
-        mount_yaw_deg=math.degrees(mount.psi + middle),
-    )
+    try:
+        lidar = LidarModel(
+            beams=beams,
+            field_of_view_deg=min(math.degrees(step) * (beams - 1), 360.0),
+            range_min_m=0.02,
+            range_max_m=_FAR,
+            rate_hz=10.0,
+            mount_x_m=mount.x,
+            mount_y_m=mount.y,
+            mount_yaw_deg=math.degrees(mount.psi + middle),
+        )
+    except ValidationError as error:
+        raise faults(path, error) from error
     return RecordedDrive([odometry[t] for t in sorted(odometry)], scans, lidar)
+
+
+def _check_in_metres(path: Path | str, ranges: Floats) -> None:
+    """CohelmError where most ranges are farther than a scanner sees, and not what it has for no
+    return."""
+    measured = ranges[np.isfinite(ranges) & (ranges > 0.0)]
+    beyond = measured[measured > _FARTHEST]
+    if 2 * len(beyond) > len(measured) and len(np.unique(beyond)) > _FEW:
+        raise CohelmError(
+            f"{path}: ranges are in metres, got {np.median(measured):g} in the median: divide "
+            "centimetres by 100, millimetres by 1000"
+        )
+
+
+def _beams(word: str) -> int:
+    n = int(word)
+    if not 1 < n <= _MOST_BEAMS:
+        raise ValueError("not a scan's number of beams")
+    return n
 
 
 def _numbers(words: Sequence[str]) -> Floats:
@@ -200,8 +235,6 @@ def _mount(laser: Floats, robot: Floats) -> Pose:
 def _convention(n: int) -> tuple[float, float]:
     """First bearing and step of a front laser by its number of beams [rad]: half a turn, from the
     right, in steps of 1 or 0.5 degrees; with an even number the last is a step short of it."""
-    if n < 2:
-        raise ValueError("a scan has more than one beam")
     if n in (180, 360):
         return -0.5 * math.pi, math.pi / n
     return -0.5 * math.pi, math.pi / (n - 1)
