@@ -1,5 +1,6 @@
 """A drive in a bag of ROS 1 or ROS 2 is read by the types of its topics, not by their names."""
 
+import contextlib
 import math
 
 import numpy as np
@@ -18,9 +19,13 @@ SCAN, ODOMETRY, TF = (
 WALL = 2.0  # a wall straight ahead of the robot [m], and nothing else
 
 
-def bag(path, ros, turn=(0.0, 0.0, 0.0, 1.0), step=0.1, scans=("/robot7/laser",), tf=True, twice=0):
+def bag(
+    path, ros, turn=(0.0, 0.0, 0.0, 1.0), step=0.1, scans=("/robot7/laser",), tf=True, twice=0,
+    spoil=lambda kind, k, message: None,
+):  # fmt: skip
     """A bag of five scans of a LiDAR 0.2 m ahead, mounted with that quaternion, which sees all
-    round, the first `twice` beams again at the end; the robot drives 0.1 m between two."""
+    round, the first `twice` beams again at the end; the robot drives 0.1 m between two. spoil:
+    changes message k of a kind."""
     store = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
     if ros == 1:
         store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
@@ -51,6 +56,7 @@ def bag(path, ros, turn=(0.0, 0.0, 0.0, 1.0), step=0.1, scans=("/robot7/laser",)
         at = types["geometry_msgs/msg/PoseWithCovariance"](there, covariance)
         speed = types["geometry_msgs/msg/TwistWithCovariance"](twist, covariance)
         odometry = types[ODOMETRY](header(t, "odom"), "base", at, speed)
+        spoil(ODOMETRY, k, odometry)
         messages.append(("/wheels/odometry", ODOMETRY, t, odometry))
         first = -math.pi if step > 0.0 else math.pi
         angles = first + step * np.arange(n + twice)
@@ -63,6 +69,7 @@ def bag(path, ros, turn=(0.0, 0.0, 0.0, 1.0), step=0.1, scans=("/robot7/laser",)
                 header(t, "laser"), first, angles[-1], step, 0.0, 0.2, 0.1, 12.0,
                 ranges.astype(np.float32), np.zeros(0, np.float32),
             )  # fmt: skip
+            spoil(SCAN, k, scan)
             messages.append((topic, SCAN, t, scan))
     writer = (
         Writer1(path) if ros == 1 else Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP)
@@ -126,3 +133,59 @@ def test_a_damaged_bag_is_refused(tmp_path):
     (tmp_path / "own.bag").write_bytes(b"#ROSBAG V2.0\nno more")
     with pytest.raises(CohelmError, match="can not be read as a bag"):
         drive(tmp_path / "own.bag")
+
+
+def test_a_changed_byte_anywhere_in_a_bag_is_no_crash(tmp_path):
+    """Refused in one sentence, or read without what it was in."""
+    folder, path = bag(tmp_path / "two", 2), tmp_path / "own.bag"
+    (file,) = folder.glob("*.mcap")
+    bag(path, 1)
+    rng = np.random.default_rng(3)
+    for kept, named in ((path, path), (file, folder)):
+        whole = kept.read_bytes()
+        for _ in range(60):
+            changed = bytearray(whole)
+            for at in rng.integers(13, len(whole), 4):
+                changed[at] = rng.integers(256)
+            kept.write_bytes(changed)
+            with contextlib.suppress(CohelmError):
+                drive(named)
+
+
+def test_a_bag_that_is_not_packed_as_it_says_is_refused(tmp_path):
+    path = bag(tmp_path / "own", 2)
+    about = (path / "metadata.yaml").read_text()
+    about = about.replace("compression_format: ''", "compression_format: zstd")
+    (path / "metadata.yaml").write_text(about.replace("mode: ''", "mode: file"))
+    with pytest.raises(CohelmError, match=r"can not be read as a bag: .*decompress"):
+        drive(path)
+
+
+def test_a_bag_in_millimetres_is_refused_in_one_line(tmp_path):
+    def spoil(kind, k, message):
+        if kind == SCAN:
+            object.__setattr__(message, "range_max", 12000.0)
+
+    with pytest.raises(CohelmError, match=r"own: range_max_m is in metres; 12000 .* \(12 m\)$"):
+        drive(bag(tmp_path / "own", 2, spoil=spoil))
+
+
+def test_a_pose_that_is_none_is_left_out_and_a_bag_without_any_refused(tmp_path):
+    """An orientation of zeros is no heading; the robot has not kept its last one."""
+
+    def without(poses):
+        def spoil(kind, k, message):
+            if kind == ODOMETRY and k in poses:
+                object.__setattr__(message.pose.pose.orientation, "w", 0.0)
+
+        return spoil
+
+    found = drive(bag(tmp_path / "some", 2, spoil=without({0, 3})))
+    assert [round(one.pose.x, 6) for one in found.odometry] == [0.1, 0.2, 0.4]
+    with pytest.raises(CohelmError, match=r"/wheels/odometry .* no pose that is a number"):
+        drive(bag(tmp_path / "none", 2, spoil=without(range(5))))
+
+
+def test_a_bag_without_a_scan_says_so(tmp_path):
+    with pytest.raises(CohelmError, match=r"holds no LaserScan, .* /tf_static, /wheels/odometry"):
+        drive(bag(tmp_path / "own", 2, scans=()))

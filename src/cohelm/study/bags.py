@@ -6,7 +6,8 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rosbags.highlevel import AnyReader, AnyReaderError
+from pydantic import ValidationError
+from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from cohelm.core.errors import CohelmError
@@ -17,6 +18,7 @@ from cohelm.robot.sensors import LidarModel
 from cohelm.ros.laser import Ranges, lidar_model, taken
 from cohelm.ros.transforms import Mount, StaticTransforms, mount_of, yaw_of
 from cohelm.scenario.worlds.carmen import RecordedDrive
+from cohelm.scenario.worlds.file import faults
 
 _SCAN, _ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 _TRANSFORMS = ("/tf", "/tf_static")
@@ -45,8 +47,15 @@ def read_bag(path: Path, topics: BagTopics, mount: LidarModel | None) -> Recorde
     try:
         with AnyReader([folder], default_typestore=store) as reader:
             return _read(reader, path, topics, mount)
-    except (AnyReaderError, OSError, ValueError, KeyError) as error:
-        raise CohelmError(f"{path} can not be read as a bag: {error}") from error
+    except CohelmError:
+        raise
+    except ValidationError as error:
+        raise faults(path, error) from error
+    except Exception as error:  # whatever its reader makes of damaged bytes
+        said = (str(error).splitlines() or [""])[0]
+        if " " not in said:  # a key, or nothing
+            said = f"it is damaged ({type(error).__name__})"
+        raise CohelmError(f"{path} can not be read as a bag: {said}") from error
 
 
 def _read(
@@ -69,15 +78,22 @@ def _read(
         if connection.topic == scans_from:
             seen.append((stamp, m))
             continue
-        zero = stamp if math.isnan(zero) else zero
         place, heading, twist = m.pose.pose.position, yaw_of(m.pose.pose.orientation), m.twist.twist
-        psi += wrap(heading - psi) if math.isfinite(heading) else 0.0
+        if not all(map(math.isfinite, (place.x, place.y, heading))):
+            continue
+        zero = stamp if math.isnan(zero) else zero
+        psi += wrap(heading - psi)
         body = m.child_frame_id
         odometry[stamp - zero] = Odometry(
             stamp - zero, Pose(place.x, place.y, psi), Twist(twist.linear.x, twist.angular.z)
         )
-    if not odometry or not seen:
-        raise CohelmError(f"{path}: {scans_from} or {odometry_from} is empty: record both")
+    if not seen:
+        raise CohelmError(f"{path}: {scans_from} is empty: record it")
+    if not odometry:
+        raise CohelmError(
+            f"{path}: {odometry_from} is empty, or holds no pose that is a number (an orientation "
+            "of zeros is none): record it"
+        )
     seen.sort(key=lambda one: one[0])
     first = seen[0][1]
     mount = _mount(path, transforms, body, first.header.frame_id, given)
@@ -102,10 +118,11 @@ def _topic(reader: AnyReader, path: Path, kind: str, given: str, option: str) ->
         return given
     if len(found) == 1 and not given:
         return found[0]
-    have = ", ".join(found) or "none"
-    raise CohelmError(
-        f"{path}: which {kind.split('/')[-1]} to take is open, it has {have}: {option}"
-    )
+    name = kind.split("/")[-1]
+    if not found:
+        there = ", ".join(sorted({one.topic for one in reader.connections})) or "no topic"
+        raise CohelmError(f"{path}: holds no {name}, only {there}: record one")
+    raise CohelmError(f"{path}: which {name} to take is open, it has {', '.join(found)}: {option}")
 
 
 def _mount(
