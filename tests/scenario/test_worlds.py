@@ -253,7 +253,8 @@ def test_a_truncated_or_oversized_path_is_refused(tmp_path):
     whole = file.getvalue()
     huge = whole.replace(b"(10, 2), }     ", b"(1000000, 2), }")
     assert len(huge) == len(whole)
-    for wrong in (whole[:-8], whole[:7], b"", b"PK\x03\x04 no archive", huge):
+    head = whole.replace(b"False", b"(((((")
+    for wrong in (whole[:-8], whole[:7], b"", b"PK\x03\x04 no archive", huge, head):
         (tmp_path / "p.npy").write_bytes(wrong)
         with pytest.raises(CohelmError, match=r"p\.npy"):
             read_path(tmp_path / "p.npy")
@@ -440,6 +441,19 @@ def test_a_bad_image_is_refused_with_the_reason(tmp_path, image, words):
         ({"resolution": None}, "m.yaml: resolution must be a valid number, not None$"),
         ({"cohelm_frame": "moon"}, "m.yaml: cohelm_frame must be 'map' or 'start', not 'moon'$"),
         ({"resolution": math.nan}, "resolution"),
+        (
+            {"resolution": 1e300},
+            r"m\.yaml: resolution is the side of a cell in metres, got 1e\+300$",
+        ),
+        ({"resolution": 1e-320}, "m.yaml: resolution is the side of a cell in metres"),
+        (
+            {"origin": [0.0, 1e300, 0.0]},
+            r"m\.yaml: origin is x and y in metres and a yaw in radians",
+        ),
+        (
+            {"origin": [0.0, 0.0, 45.0]},
+            r"m\.yaml: origin is x and y .* in radians, got \[.*45.*\]$",
+        ),
         ({"origin": [0.0]}, "origin"),
         ({"origin": [0.0, "west", 0.0]}, r"origin\.1"),
         ({"free_thresh": 0.7}, "m.yaml: free_thresh must be smaller than occupied_thresh$"),
@@ -547,6 +561,9 @@ def test_only_persons_present_during_the_run_become_bodies(tracks):
         ("t,id,x,y\nnow,1,2,3\n", "line 2: t must be a finite number, got 'now'"),
         ("t,id,x,y\n0,,2,3\n", "line 2: id is empty"),
         ("t,id,x,y\n0,1,2,3\n0,1,2,4\n", "person 1 is there twice at t = 0 s"),
+        ("t,id,x,y\n0,1,2,3\n1e-320,1,2,4\n", "person 1 is there twice at t = 0 s"),
+        ("t,id,x,y\n1e300,1,2,3\n", "line 2: t must be"),
+        ("t,id,x,y\n0,1,-1e300,3\n", "line 2: x must be"),
         (b"t,id,x,y\n\xff\xfe,1,2,3\n", "not a CSV text file"),
         ('t,id,x,y\n0,"1,2,3\n', "not a CSV text file"),
     ],
@@ -577,3 +594,10 @@ def test_recorded_crowds_pass_through_their_samples(name, people, at_once):
     assert present.keys() == expected.keys()
     for who, point in present.items():
         np.testing.assert_allclose(point, expected[who], atol=1e-6)
+
+
+def test_a_map_with_umlauts_in_another_encoding_is_told_apart_from_what_is_no_yaml(tmp_path):
+    path = write_map(tmp_path)
+    path.write_bytes(b"# B\xfcro\n" + path.read_bytes())
+    with pytest.raises(CohelmError, match=r"m\.yaml: is not text in UTF-8"):
+        read_map(path)

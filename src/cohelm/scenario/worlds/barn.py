@@ -87,10 +87,10 @@ def read_path(path: Path | str) -> Floats:
     Cell (i, j) is centred at (-4.575 + 0.15 i, 5.075 + 0.15 j) in the Gazebo world.
     Raises CohelmError where the file is not such an array.
     """
+    data = io.BytesIO(contents(path, "a BARN path_N.npy"))
     try:
-        data = io.BytesIO(contents(path, "a BARN path_N.npy"))
         cells = cast(NDArray[np.generic], read_array(data, allow_pickle=False))
-    except (ValueError, EOFError, MemoryError) as error:
+    except Exception as error:  # whatever NumPy makes of damaged bytes
         raise CohelmError(
             f"{path}: is not a whole NumPy .npy array of numbers ({error}); fetch it again"
         ) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +27,8 @@ FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Values of a cell, as in nav_msgs/OccupancyGrid; scale and raw maps have 1 ... 99 as well."""
 
 _ABSOLUTE = 2
+_FINEST, _COARSEST = 1e-4, 100.0  # sides of a cell [m]
+_FARTHEST = 1e9  # of an origin: coordinates of a state's survey are there too [m]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -82,7 +85,12 @@ class _Description(BaseModel):
     multiplier: Number = 1.0
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _sound(self) -> Self:
+        if not _FINEST <= self.resolution <= _COARSEST:
+            raise ValueError(f"resolution is the side of a cell in metres, got {self.resolution:g}")
+        x, y, yaw = (*self.origin, 0.0)[:3]
+        if not (abs(x) <= _FARTHEST and abs(y) <= _FARTHEST and abs(yaw) <= 4.0 * math.pi):
+            raise ValueError(f"origin is x and y in metres and a yaw in radians, got {self.origin}")
         if self.free_thresh >= self.occupied_thresh:
             raise ValueError("free_thresh must be smaller than occupied_thresh")
         return self
@@ -159,6 +167,8 @@ def _read(path: Path | str) -> tuple[_Description, OccupancyMap]:
             )
         about = _Description.model_validate(raw)
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        if getattr(error, "encoding", "") == "utf-8":
+            raise CohelmError(f"{path}: is not text in UTF-8: save it as that") from error
         mark = getattr(error, "problem_mark", None)
         where = "" if mark is None else f":{mark.line + 1}"
         raise CohelmError(f"{path}{where}: is not YAML: give a map_server YAML file") from error

@@ -22,6 +22,8 @@ ELSEWHERE = 1e6
 robot and sensor, at rest, and still a number."""
 
 _COLUMNS = ("t", "id", "x", "y")
+_LARGEST = 1e12  # time or coordinate: what is larger is of another unit
+_AT_ONCE = 1e-6  # two samples as near to each other are of one time [s]
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def read_tracks(path: Path | str) -> list[Track]:
     tracks: list[Track] = []
     for name, rows in samples.items():
         values = np.array(sorted(rows))
-        twice = np.flatnonzero(np.diff(values[:, 0]) <= 0.0)
+        twice = np.flatnonzero(np.diff(values[:, 0]) <= _AT_ONCE)
         if twice.size:
             raise CohelmError(
                 f"{path}: person {name} is there twice at t = {values[twice[0], 0]:g} s; remove one"
@@ -96,6 +98,8 @@ def _number(text: str | None, what: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise CohelmError(f"{what} must be a finite number, got {text!r}")
+    if abs(value) > _LARGEST:
+        raise CohelmError(f"{what} must be in seconds or metres, got {text!r}")
     return value
 
 
