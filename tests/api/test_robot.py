@@ -471,6 +471,14 @@ def test_ranges_in_millimetres_are_a_fault_that_says_so_and_no_empty_scan():
     assert found.scan is None
 
 
+def test_ranges_in_centimetres_are_a_fault_that_says_so_and_no_empty_scan():
+    cart = Cart()
+    with pytest.raises(cohelm.CohelmError, match=r"got 244.784 in the median: divide centimetres"):
+        cart.scan(np.linspace(90.0, 400.0, 720))
+    outdoors = np.linspace(13.0, 90.0, 720)  # farther than its description, and none the worse
+    assert np.isinf(cart.scan(outdoors).ranges).all()
+
+
 @pytest.mark.parametrize("none", [math.inf, 655.35, 65535.0, 1e9])
 def test_whatever_a_driver_gives_for_no_return_is_not_taken_for_millimetres(none):
     cart = Cart()

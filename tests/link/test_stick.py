@@ -103,6 +103,7 @@ def test_a_log_of_runs_gives_the_stick_and_not_the_pose_or_the_command(tmp_path)
         ("t,x,psi\n", "has a header but no rows"),
         ("", "is empty; it needs a header t,x,psi"),
         ('t,x,psi\n0,"0\n0",0\n', "a quoted cell spans lines"),
+        ("t,cmd_v,x\n0,0,0\n", "no pair of columns such as joy_v and joy_w; found: t, cmd_v, x"),
         (EVENTS, "which run? it holds 0, 1; choose with stick.csv#0"),
         ("run,source,t,v,w\n0,planner,0,0,0\n", "which source? there are planner"),
     ],

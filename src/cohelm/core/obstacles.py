@@ -172,11 +172,15 @@ class Obstacles:
         )
 
 
-def check_in_metres(ranges: Floats) -> None:
-    """CohelmError where most of these finite ranges are a LiDAR's in millimetres. [m]"""
-    if 2 * np.count_nonzero(ranges > _LONGEST) > len(ranges):
+def check_in_metres(ranges: Floats, range_max: float = math.inf) -> None:
+    """CohelmError where most of these finite ranges are a LiDAR's in millimetres, or in
+    centimetres. range_max: what it measures at most, if that is known [m]."""
+    longest = min(_LONGEST, max(_LONGEST_IN_A_ROOM, 10.0 * range_max))
+    if 2 * np.count_nonzero(ranges > longest) > len(ranges):
+        median = float(np.median(ranges))
+        either = "centimetres by 100, " if median < _MILLIMETRES else ""
         raise CohelmError(
-            f"ranges are in metres, got {np.median(ranges):g} in the median: divide "
+            f"ranges are in metres, got {median:g} in the median: divide {either}"
             "millimetres by 1000"
         )
 
@@ -186,6 +190,8 @@ _TURN = 2.0 * math.pi * 1.01
 _TURNS = 4.0 * math.pi
 _LONGEST = 500.0
 """No LiDAR of a ground robot measures farther; 0.5 m in millimetres [m]."""
+_LONGEST_IN_A_ROOM = 100.0  # 1 m in centimetres [m]
+_MILLIMETRES = 1000.0  # what is less may be centimetres [m]
 _FARTHEST = 100.0
 """As of an outline's corners [m]."""
 _NO_POINTS, _NO_SEGMENTS, _NO_DISCS = np.empty((0, 2)), np.empty((0, 4)), np.empty((0, 6))

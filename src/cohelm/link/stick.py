@@ -205,6 +205,10 @@ def _of_pair(
 ) -> tuple[str, list[_Row]]:
     """The rows of one pair of columns `source_v`, `source_w` of a run log that are filled in."""
     found = [name[:-2] for name in header if name.endswith("_v") and f"{name[:-2]}_w" in header]
+    if not found:
+        raise CohelmError(
+            f"{file}: no pair of columns such as joy_v and joy_w; found: {', '.join(header)}"
+        )
     filled = [name for name in found if any(row.cells[f"{name}_v"].strip() for row in rows)]
     if source is None:
         source = next((hand for hand in _HANDS if hand in filled), None)

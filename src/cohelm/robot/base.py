@@ -100,7 +100,8 @@ class Robot(ABC):
         largest, inf (REP-117). age: of its last beam [s]. duration: from its first beam to its last
         [s]. sensor: name of one of several LiDARs, by default the first; scans of the others go
         into `Readings.further`. edges: (beams,), as in `Scan`.
-        Raises CohelmError for another number of beams, ranges in millimetres, or an unknown LiDAR.
+        Raises CohelmError for another number of beams, ranges in millimetres or centimetres, or an
+        unknown LiDAR.
         """
         known = {lidar.name: lidar for lidar in self.model.lidars}
         if not known:
@@ -120,7 +121,7 @@ class Robot(ABC):
             ))  # fmt: skip
         measured = made[np.isfinite(made) & (made >= lidar.range_min_m)]
         if len(measured):  # the largest may be what this driver gives for no return
-            check_in_metres(measured[measured < measured.max()])
+            check_in_metres(measured[measured < measured.max()], lidar.range_max_m)
         made[made < lidar.range_min_m] = -math.inf
         made[made > lidar.range_max_m] = math.inf
         made.flags.writeable = False
