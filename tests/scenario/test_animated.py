@@ -112,6 +112,10 @@ def test_a_plugin_without_source_is_reported_and_its_model_stands(folder):
     [("int main() {}", "no PoseAnimation with key frames"),
      (cc([(0.0, 1.0, 1.0), (0.0, 2.0, 2.0)]), "times of key frames must grow"),
      (cc().replace("-4.00", "1e999"), "finite numbers"),
+     (cc().replace("(0.00)", "(-1e300)", 1), "finite numbers"),
+     (cc([(0.0, 1.0, 1.0), (1.0, 2.0, 2.0)], 0.0).replace("(1.00)", "(1e-310)"), "must grow"),
+     (cc().replace("key->Translation", "key->Moved", 1), "no PoseAnimation with key frames"),
+     (cc().replace("(2.00)", "(t)"), "no PoseAnimation with key frames"),
      (cc([(0.0, 1.0, 1.0), (1e-5, 2.0, 2.0)], length=0.0).replace("(0.00)", "(0)", 1)
       .replace("CreateKeyFrame(0.00)", "CreateKeyFrame(1e-5)"), "at most 100000 pieces")],
 )  # fmt: skip

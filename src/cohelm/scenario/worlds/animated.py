@@ -19,11 +19,14 @@ from cohelm.law.reference import Reference
 from cohelm.scenario.worlds.file import contents
 
 _MOST = 100_000  # pieces of a way
+_FARTHEST = 1e6  # time or place of a key frame [s, m]
+_AT_ONCE = 1e-9  # between two key frames [s]
 _NUMBER = r"\s*([-+.\deE]+?)f?\s*"
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _PERIOD = re.compile(rf"PoseAnimation\(\s*\"[^\"]*\"\s*,{_NUMBER},\s*(true|false)\s*\)")
 _FRAME = re.compile(
-    rf"CreateKeyFrame\({_NUMBER}\).*?Translation\([\w:\s]*Vector3d\({_NUMBER},{_NUMBER},", re.DOTALL
+    rf"CreateKeyFrame\({_NUMBER}\)(?:(?!CreateKeyFrame).)*?Translation\([\w:\s]*Vector3d\({_NUMBER},{_NUMBER},",
+    re.DOTALL,
 )
 
 
@@ -87,7 +90,7 @@ def read_animation(path: Path) -> Animation:
     """From the source of a plugin. Raises CohelmError where it is not such a one."""
     text = _COMMENT.sub("", contents(path, "a plugin's source").decode("utf-8", "replace"))
     period, found = _PERIOD.search(text), _FRAME.findall(text)
-    if period is None or not found:
+    if period is None or not 0 < len(found) == text.count("CreateKeyFrame("):
         raise CohelmError(
             f"{path}: has no PoseAnimation with key frames in numbers, as DynaBARN's plugins have"
         )
@@ -96,8 +99,8 @@ def read_animation(path: Path) -> Animation:
         length = float(period[1])
     except ValueError as error:
         raise CohelmError(f"{path}: a key frame holds no number ({error})") from error
-    if not (np.isfinite(frames).all() and np.isfinite(length)):
-        raise CohelmError(f"{path}: key frames must be finite numbers")
-    if not (np.diff(frames[:, 0]) > 0.0).all():
+    if not (np.abs(frames) <= _FARTHEST).all() or not abs(length) <= _FARTHEST:  # nor for NaN
+        raise CohelmError(f"{path}: key frames must be finite numbers, of seconds and metres")
+    if not (np.diff(frames[:, 0]) > _AT_ONCE).all():
         raise CohelmError(f"{path}: the times of key frames must grow")
     return Animation(frames, length, period[2] == "true")
