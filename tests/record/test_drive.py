@@ -193,6 +193,18 @@ def test_a_record_without_odometry_or_robot_is_refused_with_the_cure(drive, tmp_
         Replayed(empty)
 
 
+def test_a_damaged_description_of_the_robot_is_told_in_one_line(tmp_path, monkeypatch):
+    with (tmp_path / "x.mcap").open("wb") as file:
+        RecordWriter(file, About("drive", EPOCH), sally()).finish()
+    for text, why in (
+        (sally().model_dump_json().replace('"limits"', '"lamits"'), "lamits: Extra inputs"),
+        ("{", "Expecting property name"),
+    ):
+        monkeypatch.setattr("cohelm.record.replay.attachment", lambda _, name, t=text: t.encode())
+        with pytest.raises(CohelmError, match=rf"robot is damaged: .*{why}[^\n]*$"):
+            recorded_model(tmp_path / "x.mcap")
+
+
 def test_unknown_message_types_are_refused(tmp_path):
     with (tmp_path / "x.mcap").open("wb") as file:
         made = RecordWriter(file, About("drive", EPOCH), sally())

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.scalars import wrap
+from cohelm.core.schema import first_fault
 from cohelm.core.types import Pose, Twist
 from cohelm.record.file import ROBOT, SCENARIO
 from cohelm.record.messages import attachment, messages
@@ -106,8 +107,9 @@ def recorded_model(path: Path) -> RobotModel:
         raise CohelmError(f"{path} does not say which robot it is of; give --robot to `cohelm map`")
     try:
         return RobotModel.model_validate(json.loads(data))
-    except (ValidationError, ValueError) as error:
-        raise CohelmError(f"{path}: its description of the robot is damaged: {error}") from error
+    except ValueError as error:
+        why = first_fault(error) if isinstance(error, ValidationError) else str(error)
+        raise CohelmError(f"{path}: its description of the robot is damaged: {why}") from error
 
 
 def _ends(scans: list[Scan]) -> list[float]:
