@@ -97,6 +97,17 @@ def test_recorded_people_walk_through_the_run(tmp_path):
     assert measure(trace).reached
 
 
+def test_people_recorded_in_unix_time_begin_where_that_is_said(tmp_path):
+    rows = (f"{1_700_000_000 + 0.4 * k:.1f},ann,{4 - 0.4 * k:.2f},0.1\n" for k in range(25))
+    (tmp_path / "people.csv").write_text("t,id,x,y\n" + "".join(rows))
+    text = (
+        "reference: {waypoints_m: [[0, 2], [3, 2], [5, 2]]}\n"
+        "world: {kind: tracks, file: people.csv, begin_s: 1700000002}\n"
+    )
+    trace = run(build.setup(load.scenario(written(tmp_path, text))))
+    assert trace.discs[0, 0, :2] == pytest.approx([2.0, 0.1], abs=1e-6)
+
+
 BOX = """<sdf version="1.6"><world name="w">
 <model name="crate"><static>1</static><pose>3 0 0.5 0 0 0</pose><link name="l">
 <collision name="c"><geometry><box><size>0.4 0.4 1</size></box></geometry>

@@ -182,6 +182,7 @@ BOMB = (
         ("<sdf version='1.6'/>", "neither a <world> nor a <model>"),
         (sdf(model(cylinder(), pose="1 2 nan 0 0 0")), "pose of m must be finite numbers"),
         (sdf(model(cylinder(), pose="1 2 3")), "pose of m needs x y z roll pitch yaw"),
+        (sdf(model(cylinder(), pose="1e300 2 0 0 0 0")), "pose of m must be .* metres"),
         (sdf(model(cylinder(radius="wide"))), "radius of the cylinder m/l/c"),
         (sdf(model(cylinder(radius=-1))), "radius of the cylinder m/l/c must be 1 positive"),
         (sdf(model("<cylinder><length>1</length></cylinder>")), "radius of the cylinder m/l/c"),
@@ -304,6 +305,7 @@ def test_a_collection_is_read_and_defaults_to_the_challenges_limits(tmp_path):
         ('{"world": []}', "worlds is missing"),
         ('{"worlds": [{"id": 1, "cyl": [[1]], "path": [[1, 2]]}]}', "worlds.0.cyl.0"),
         ('{"worlds": [{"id": 1, "cyl": [[1, NaN]], "path": [[1, 2]]}]}', "finite"),
+        ('{"worlds": [{"id": 1, "cyl": [[1, 1e300]], "path": [[1, 2]]}]}', "worlds.0.cyl.0.1"),
         ('{"worlds": [{"id": 1, "cyl": [], "path": []}]}', "worlds.0.path"),
         (
             '{"worlds": [{"id": 1, "cyl": [], "path": [[1, 2]]},'

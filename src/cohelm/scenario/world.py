@@ -70,7 +70,7 @@ class TracksWorld(Schema):
     """A CSV file of pedestrians with columns t [s], id, x and y [m]."""
     file: File
     """The file, relative to this one."""
-    begin_s: Annotated[float, Field(ge=-1e9, le=1e9)] | None = None
+    begin_s: Annotated[float, Field(ge=-1e12, le=1e12)] | None = None
     """Time of the file at which the run begins; by default that of its first row."""
     radius_m: Annotated[float, Field(gt=0.0, le=10.0)] = 0.3
     """Radius of a pedestrian."""

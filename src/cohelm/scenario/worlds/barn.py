@@ -104,7 +104,7 @@ def read_path(path: Path | str) -> Floats:
     return np.array(_FIRST_CELL) + 2.0 * _RADIUS * points
 
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
+Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]
 Point = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 

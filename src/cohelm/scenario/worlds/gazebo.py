@@ -20,6 +20,7 @@ from cohelm.scenario.worlds.file import contents
 
 _DEEPEST = 16  # nested models
 _GROUND = ("sun", "ground_plane")  # included by every world, and not in the way
+_FARTHEST = 1e9  # of a number [m]
 _LOW, _HIGH = 0.02, 2.0  # what is wholly below or above is not in the way [m]
 _CORNERS = np.array(np.meshgrid((-0.5, 0.5), (-0.5, 0.5), (-0.5, 0.5))).reshape(3, 8)
 
@@ -263,4 +264,6 @@ class _Reader:
             values = [math.nan]
         if not all(math.isfinite(value) for value in values):
             raise CohelmError(f"{self.file}: {what} must be finite numbers, got {text.strip()!r}")
+        if any(abs(value) > _FARTHEST for value in values):
+            raise CohelmError(f"{self.file}: {what} must be in metres, got {text.strip()!r}")
         return values
