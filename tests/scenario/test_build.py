@@ -144,6 +144,17 @@ def test_a_stick_file_shorter_than_the_run_is_a_warning(tmp_path):
     assert "the file ends at 2.0 s" in line
 
 
+def test_a_stick_file_of_another_time_than_the_run_is_a_warning_and_can_be_shifted(tmp_path):
+    file = tmp_path / "unix.csv"
+    file.write_text("t,x,psi\n1700000000,0.5,0\n1700000100,0.5,0\n")
+    (line,) = build.warnings(load.scenario("minimal", stick=str(file)))
+    assert "begins at 1700000000.0 s, and the run ends at" in line
+    text = f"{{kind: file, path: {file}, start_s: -1700000000}}"
+    made = scenario(f"stick={text}", "simulation.duration_s=1")
+    assert build.warnings(made) == []
+    assert run(build.setup(made)).rows["stick_x"].max() == 0.5
+
+
 @pytest.mark.parametrize("name", ["lab-avoid", "lab-shared", "lab-track"])
 def test_the_lab_requests_nothing_beyond_the_limits_of_sally(name):
     assert build.warnings(scenario(name=name)) == []

@@ -69,7 +69,8 @@ def setup(scenario: Scenario) -> Setup:
 def warnings(scenario: Scenario) -> list[str]:
     """What will run but is probably a mistake, one sentence each.
 
-    A reference beyond the robot's limits; a stick file that ends before the run does.
+    A reference beyond the robot's limits; a stick file that ends before the run does, or begins
+    after it.
     """
     alone = standing_alone(scenario, Path())
     reference = alone.reference.spline()
@@ -79,7 +80,13 @@ def warnings(scenario: Scenario) -> list[str]:
     if alone.simulation.plant == "twin" and not alone.simulation.wheel_limits:
         found.append("simulation.wheel_limits: the twin's wheels always have their limits")
     run_s = alone.simulation.duration_s or reference.duration
-    if isinstance(alone.stick, StickFile) and recorded_stick.times[-1] < run_s:
+    played = isinstance(alone.stick, StickFile)
+    if played and recorded_stick.times[0] >= run_s:
+        found.append(
+            f"stick: the file begins at {recorded_stick.times[0]:.1f} s, and the run ends at "
+            f"{run_s:.1f} s, so nothing of it is played; set stick.start_s to shift its times"
+        )
+    elif played and recorded_stick.times[-1] < run_s:
         found.append(
             f"stick: the file ends at {recorded_stick.times[-1]:.1f} s of {run_s:.1f} s; "
             "from then on the stick is centred and the controller leads"

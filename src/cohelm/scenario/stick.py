@@ -53,7 +53,7 @@ class StickFile(Schema):
     """Which run of a file that holds several; quote a number."""
     source: str | None = None
     """Which source of a log that holds several; by default the one that held the stick."""
-    start_s: Time = 0.0
+    start_s: Annotated[float, Field(ge=-1e12, le=1e12)] = 0.0
     """Time of the run at which the file's time 0 is played."""
     full_scale: tuple[FullScale, FullScale] | None = None
     """What the file writes for full deflection [fore-aft, left-right]; by default 1 and 1, for
