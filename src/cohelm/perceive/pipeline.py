@@ -69,7 +69,7 @@ class Seen(NamedTuple):
     """The pose of the received odometry's frame in `odom`: the origin, until that one jumps."""
     obstacles: Surroundings
     """In `odom`. Points: static ones, and behind them the border of unobserved space. Discs:
-    `movers`, and behind them small ones for potentially dynamic points. No segments."""
+    of each LiDAR its `movers`, then small ones for potentially dynamic points. No segments."""
     unobserved: slice
     """Which of the points are that border."""
     assumed_gap: float
