@@ -206,3 +206,16 @@ def test_ranges_in_centimetres_or_millimetres_are_reported(tmp_path, unit):
 def test_what_a_laser_reports_for_no_return_is_no_unit(tmp_path):
     (scan,) = read_log(written(tmp_path, flaser(1.0, ranges=[3.0] * 20 + [327.67] * 160))).scans
     assert np.isfinite(scan.ranges).sum() == 20
+
+
+@pytest.mark.parametrize("ends", ["\n", "\r\n", "\r"])
+def test_a_log_of_any_system_is_read_whole(tmp_path, ends):
+    (tmp_path / "a.log").write_bytes(("\ufeff" + ends.join(map(flaser, (1.0, 2.0)))).encode())
+    assert [s.stamp for s in read_log(tmp_path / "a.log").scans] == [1.0, 2.0]
+
+
+def test_a_log_of_hours_is_read(tmp_path):
+    """An hour of 180 beams ten times a second is 70 MB."""
+    path, line = tmp_path / "long.log.gz", b"# " + 997 * b"x" + b"\n"
+    path.write_bytes(gzip.compress(70_000 * line + flaser(1.0).encode(), 1))
+    assert len(read_log(path).scans) == 1

@@ -8,6 +8,7 @@ of a line is its time, and the word before it the host's name.
 
 from __future__ import annotations
 
+import io
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -24,6 +25,7 @@ from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.worlds.file import contents, faults
 
+_LARGEST = 500_000_000  # bytes: an hour of 180 beams ten times a second is 70 MB
 _APART = 0.95  # share of the scans that must have a time of their own: few loggers write one twice
 _LATER = 0.6  # ... and that must be later than the one before: of times at random half are
 _FAR = 80.0  # SICK scanners report 81.83 m or so where nothing came back [m]
@@ -69,9 +71,9 @@ def read_log(path: Path | str) -> RecordedDrive:
     from scan to scan, but each scan has its pose in its line, they count as ten a second, in their
     order. Raises CohelmError where there is no such file, no scan with a pose in it, or no time.
     """
-    text = contents(path, "a CARMEN log").decode("utf-8", errors="replace")
+    data = io.BytesIO(contents(path, "a CARMEN log", _LARGEST))
     lines: list[_Line] = []
-    for line in text.splitlines():
+    for line in io.TextIOWrapper(data, encoding="utf-8-sig", errors="replace"):
         words = line.split()
         try:
             found = _read(words) if words else None

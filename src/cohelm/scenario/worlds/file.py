@@ -14,13 +14,13 @@ from cohelm.core.schema import fault_sentence
 _LARGEST = 64_000_000  # bytes, unpacked
 
 
-def contents(path: Path | str, what: str) -> bytes:
-    """The bytes of a file of at most 64 MB, after unpacking; `what` it should be, for the error.
+def contents(path: Path | str, what: str, most: int = _LARGEST) -> bytes:
+    """The bytes of a file, after unpacking; `what` it should be, for the error. most: of them.
 
     Raises CohelmError where it can not be read, is a damaged archive, or is larger.
     """
     try:
-        return read_bytes(path, _LARGEST, what, unpack=True)
+        return read_bytes(path, most, what, unpack=True)
     except FileNotFoundError as error:
         raise CohelmError(f"{path}: there is no such file; give the path of {what}") from error
     except OSError as error:
