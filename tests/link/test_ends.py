@@ -278,6 +278,20 @@ def test_a_handshake_without_result_is_restarted(keys, answers, again):
     assert np.diff(list(first.values())) == pytest.approx([again, again], abs=1.0)
 
 
+def test_a_robot_whose_loop_stands_is_reconnected_to_now_and_then_only(keys, caplog):
+    """Its link answers every handshake, and nothing comes of any."""
+    caplog.set_level("INFO", "cohelm.link")
+    with (
+        OwnTime() as own,
+        RobotEnd(keys[0], HERE, 0) as robot,
+        StationEnd(keys[1], HERE, robot.address[1], clock=lambda: 5 * own.now()) as station,
+    ):
+        until(station.status, turn=lambda: robot.send_status(STATUS))
+        end = own.now() + 2.0  # ten seconds of the station's
+        until(lambda: own.now() > end)
+    assert 2 <= sum("linked to" in one.message for one in caplog.records) <= 6
+
+
 def test_the_latency_from_stick_to_loop_is_that_of_the_network(both):
     """Median below 15 ms on a busy machine; docs/link.md has what a quiet one needs."""
     one = both.stations[0]

@@ -240,10 +240,10 @@ class StationEnd(IoThread):
             if now - self._reconnection.since > self._reconnection.patience:
                 self._failed(self._reconnection, "the robot does not answer")
             return
-        silence = self._path.silence(now)
-        well = self._connection is not None and not (
-            silence > _LOST or (math.isnan(silence) and now - self._connection.since > _LOST)
-        )
+        one, silence = self._connection, self._path.silence(now)
+        if one is not None and not silence < now - one.since:  # it is new, and has its time too
+            silence = now - one.since
+        well = one is not None and silence <= _LOST
         if well or now < self._try_at:
             return
         try:
