@@ -187,17 +187,29 @@ def _explain(error: Any) -> None:
     if not error.ctx or text == error.ctx.get_help():
         error.show()
         return
-    if by_set := _by_set(error):
-        text = f"{text.partition(' (')[0].rstrip('.')}: here that is {by_set}"
+    if meant := _meant(error):
+        text = f"{text.partition(' (')[0].rstrip('.')}: here that is {meant}"
     text = re.sub(r"Input should be (.*?)(, unable to parse .*)?$", r"must be \1", text)
     hint = f"{text.rstrip('.')}; see `{error.ctx.command_path} --help`"
     say(f"[bold red]error:[/bold red] {plain(hint[0].lower() + hint[1:])}")
 
 
-def _by_set(error: Any) -> str:
-    """How to give a scenario's key that was given as an option; empty: it is none."""
+_TIMES = ("for", "seconds", "duration")
+_ENDS = {
+    "run": "--set simulation.duration_s=SECONDS",
+    "drive": "Ctrl-C, or --for of `cohelm robot`",
+}
+"""How one has a command end, that has no --for."""
+
+
+def _meant(error: Any) -> str:
+    """How else to say what an option that there is not was to say: a time, or a key of the
+    scenario; empty: nobody knows."""
     name = str(getattr(error, "option_name", "")).lstrip("-").replace("-", "_")
-    if not name or not any("--set" in one.opts for one in error.ctx.command.params):
+    options = {option for one in error.ctx.command.params for option in one.opts}
+    if name in _TIMES:
+        return "--for SECONDS" if "--for" in options else _ENDS.get(error.ctx.info_name, "")
+    if not name or "--set" not in options:
         return ""
     from cohelm.scenario.model import Scenario
 
