@@ -82,7 +82,7 @@ def robot_factory(options: DriveOptions) -> RobotFactory:
     """The robot of these options: of a scenario, or a robot's file in another scenario."""
     model, site, changes = options.name, options.scenario, list(options.changes)
     if model is not None and not load.is_robot_file(Path(model)) and model not in SHIPPED:
-        load.find(model, or_robot=True)
+        load.find(model, SHIPPED)
         if site not in (None, model):
             raise CohelmError(
                 f"--scenario is where a robot is driven, and {model} is none: give {site} in its "

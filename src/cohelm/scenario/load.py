@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -246,10 +246,10 @@ def shipped() -> dict[str, Path]:
     return {file.stem: file for file in sorted(folder.glob("*.yaml"))}
 
 
-def find(path: str | Path, or_robot: bool = False) -> Path:
+def find(path: str | Path, robots: Iterable[str] = ()) -> Path:
     """The file that a path or a shipped scenario's bare name means; CohelmError if none.
 
-    or_robot: a robot may be given there too, for the error's words.
+    robots: that might have been named instead.
     """
     file, named = Path(path), shipped()
     if str(path) in named and not file.is_file():
@@ -267,9 +267,8 @@ def find(path: str | Path, or_robot: bool = False) -> Path:
     close = did_you_mean(file.name, siblings) or did_you_mean(file.stem, named)
     close = close or did_you_mean(file.stem, SHIPPED)
     there = f"scenarios that come with cohelm: {', '.join(named)}"
-    if or_robot:
-        robots = f"robots that come with cohelm: {', '.join(SHIPPED)}"
-        there = f"{robots}; {there}; or give the YAML file of either"
+    if others := ", ".join(robots):
+        there = f"robots that come with cohelm: {others}; {there}; or give the YAML file of either"
     raise CohelmError(f"{path}: no such file{close}; {there}")
 
 
