@@ -131,7 +131,7 @@ def test_an_external_law_is_judged_like_ours_and_replayed_equally():
         ("asks_wrongly", r"placed takes a cohelm.Pose\(x, y, psi\), got None"),
         ("solves", r"LinAlgError: Singular matrix \(test_external_law.py:\d+, .*linalg.py:\d+\)"),
         ("hangs", r"the law did not answer within 1 s \(300 s .* time\) at t = 1.00 s"),
-        ("crashes", r"the law ended its process \(status 3\) at t = 0.00 s"),
+        ("crashes", r"the law ended its process \(it exited with code 3\) at t = 0.00 s"),
     ],
 )
 def test_a_law_that_ends_in_any_way_has_failed_that_episode_and_no_other(law, said, monkeypatch):

@@ -15,7 +15,13 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from cohelm.robot.keep.processes import detach, end_group, end_with_parent, start_process
+from cohelm.robot.keep.processes import (
+    detach,
+    end_group,
+    end_with_parent,
+    how_ended,
+    start_process,
+)
 
 _SIZE = struct.Struct("!Q")
 _PART = 1 << 18
@@ -62,17 +68,16 @@ class Child:
         """Until there is something to send or receive, `most` seconds."""
         select.select([self._line], [self._line] if self._outgoing else [], [], most)
 
-    def end(self, within: float = 0.0) -> int:
-        """Kill it, after it has had `within` [s] to end by itself. Returns its exit status, the
-        negative signal where one ended it."""
+    def end(self, within: float = 0.0) -> str:
+        """Kill it, after it has had `within` [s] to end by itself. Returns how it did; empty: it
+        did not."""
         self._line.close()
-        if within > 0.0:
-            self._process.join(within)
+        ended = how_ended(self._process, within)
         self._process.kill()
         self._process.join()
         if self._parent:
             end_group(self._process.pid)
-        return self._process.exitcode or 0
+        return ended
 
     def _exchange(self) -> None:
         """Send and receive what is possible without waiting."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import multiprocessing
 import pickle
-import signal
 import sys
 import threading
 import time
@@ -52,7 +51,8 @@ def drive(setup: Setup, make: Callable[[], Controller]) -> Trace:
         while (answer := child.received()) is None:
             late = time.monotonic() > shared[_DUE]
             if late or child.gone:
-                ended = f"ended its process ({_named(child.end(0.0 if late else 1.0))})"
+                how = child.end(0.0 if late else 1.0).partition(";")[0]  # read elsewhere
+                ended = f"ended its process{how and f' ({how})'}"
                 slow = f"did not answer within {_LATER:g} s ({_FIRST:g} s for the first time)"
                 raise CohelmError(f"the law {slow if late else ended} at t = {shared[_T]:.2f} s")
             child.wait(_LOOK)
@@ -96,7 +96,3 @@ def _driven(shared: Any, asked: tuple[list[str], bytes, float]) -> Trace | str:
         return fault_of(error)
     finally:
         shared[_DUE] = math.inf
-
-
-def _named(status: int) -> str:
-    return signal.Signals(-status).name if status < 0 else f"status {status}"
