@@ -97,6 +97,13 @@ class Apart(Pretended):
 class Spoken(Pretended):
     """One on which may be spoken too; nobody hears it."""
 
+    looks = 0
+    """How often was looked who is there."""
+
+    def endpoints(self):
+        self.looks += 1
+        return super().endpoints()
+
     def publish(self, topic, kind, qos):
         return SimpleNamespace(send=lambda message: None)
 

@@ -222,14 +222,16 @@ def test_a_second_driver_that_comes_later_is_a_fault_until_it_goes(monkeypatch, 
     robot.close()
 
 
-def alive(robot, senders: str, pause: float = 0.03) -> tuple[str, ...]:
-    """What is wrong after an odometry and a scan of each of these senders."""
+def alive(robot, transport: Spoken, senders: str) -> tuple[str, ...]:
+    """What is wrong after an odometry and a scan of each of these senders, and a look at who is
+    there after each."""
     for k, sender in enumerate(senders):
         made = odometry(Reading(0.0, Pose(0, 0, 0), Twist(0, 0)), time.time())
         robot._on_odometry(Received(made, time.monotonic(), "", sender))
         message = laser(k, 2.0 + 0.001 * time.monotonic() % 0.01)
         robot._on_scan(SALLY.lidar.name, Received(message, time.monotonic(), "", sender))
-        time.sleep(pause)
+        before = transport.looks
+        assert until(lambda before=before: transport.looks > before + 1)  # the next is over
     return robot.read().health.faults
 
 
@@ -241,18 +243,18 @@ def test_a_driver_started_again_under_another_name_is_one_and_a_second_that_send
     monkeypatch.setattr(interlock, "_LOOK", 0.01)
     transport = Spoken(list(ENDS))
     robot = Ros2Robot(*_found(), transport)
-    assert alive(robot, "aaa") == ()
+    assert alive(robot, transport, "aaa") == ()
     transport.ends.append(end)
-    assert alive(robot, "a") == ()  # the other has sent nothing yet
-    assert alive(robot, "bbbbb") == ()
-    (fault,) = alive(robot, "a")  # it was not dead
+    assert alive(robot, transport, "a") == ()  # the other has sent nothing yet
+    assert alive(robot, transport, "bbbbb") == ()
+    (fault,) = alive(robot, transport, "a")  # it was not dead
     assert fault.startswith(f"{end.topic} is published by /driver, {end.node} at once")
-    assert alive(robot, "bbbbb") == (fault,)  # and may send again any time
+    assert alive(robot, transport, "bbbbb") == (fault,)  # and may send again any time
     transport.ends.remove(end)
     assert until(lambda: not robot.read().health.faults, 2.0)
     transport.ends.append(end)
-    assert alive(robot, "ccc") == ()
-    assert alive(robot, "b") == (fault,)
+    assert alive(robot, transport, "ccc") == ()
+    assert alive(robot, transport, "b") == (fault,)
     robot.close()
 
 
