@@ -24,6 +24,8 @@ class Bare:
         self.port = self.end.address[1]
         self.requests: list[RequestKind] = []
         """What was requested of it."""
+        self.acknowledged: set[int] = set()
+        """The numbers of the alarms among it."""
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._tell, daemon=True)
         self._thread.start()
@@ -49,4 +51,7 @@ class Bare:
     def _tell(self) -> None:
         while not self._over.wait(0.05):
             self.end.send_status(self.status)
-            self.requests += [one.request.what for one in self.end.receive().requests]
+            for asked in self.end.receive().requests:
+                self.requests.append(asked.request.what)
+                if asked.request.what is RequestKind.ACKNOWLEDGE:
+                    self.acknowledged.add(asked.request.value)

@@ -93,9 +93,14 @@ def take(page: Page) -> None:
     )
 
 
+def control_requested(driver: Page) -> Locator:
+    """The question, which is answered in ten seconds or not."""
+    return driver.get_by_role("alert").filter(has_text="requests control")
+
+
 def request_control(page: Page, driver: Page) -> Locator:
-    """Ask for control. Returns: the driver's question, which is answered in ten seconds or not."""
-    question = driver.get_by_role("alert").filter(has_text="requests control")
+    """Ask for control. Returns: the driver's question."""
+    question = control_requested(driver)
     until(lambda: expect(question).to_be_visible(timeout=SOON), press(page, "Request control"))
     return question
 

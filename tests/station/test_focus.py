@@ -13,7 +13,7 @@ from cohelm.link.messages import MOST_ALARMS, Alarm, Mode, RequestKind, Severity
 from cohelm.station.serve import Server
 from tests.link.ends import STATUS
 from tests.station.bare import Bare
-from tests.station.person import page_of, who
+from tests.station.person import SOON, page_of, until, who
 from tests.station.servers import served
 
 STANDS = STATUS._replace(mode=Mode.HOLD, why="idle")
@@ -35,8 +35,10 @@ def test_what_was_pressed_and_is_gone_leaves_the_focus_to_its_group(
 ) -> None:
     with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
         page = undriven(context, server)
-        enter(page.get_by_role("button", name="Take over"))
-        expect(who(page)).to_be_focused()
+        until(
+            lambda: expect(who(page)).to_be_focused(timeout=SOON),
+            lambda: enter(page.get_by_role("button", name="Take over")),
+        )
         page.keyboard.press("Enter")  # one too many
         page.keyboard.press("Tab")
         expect(page.get_by_role("button", name="Release")).to_be_focused()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import time
 from collections.abc import Iterator
@@ -40,7 +41,15 @@ from cohelm.station.serve import Server
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
 from tests.station.conftest import WAIT
-from tests.station.person import keep, mode_button, page_of, request_control, take, who
+from tests.station.person import (
+    keep,
+    mode_button,
+    page_of,
+    request_control,
+    take,
+    until as do_until,
+    who,
+)
 from tests.station.servers import served
 
 PAD = (Path(__file__).parent / "gamepad.js").read_text(encoding="utf-8")
@@ -303,16 +312,25 @@ def test_the_line_that_says_why_can_be_read_and_heard_where_it_goes_to_and_fro(
         line = page.locator(".why")
         expect(line).to_have_text("limited: obstacle near")
         page.evaluate(CHANGES)
+        began = time.monotonic()
         for turn in range(40):
             guarding = shaped.guarding._replace(verdict=verdicts[turn % 3])
             applied = shaped.nominal if turn % 3 == 2 else shaped.applied
             robot.status = shaped._replace(guarding=guarding, applied=applied)
             page.wait_for_timeout(100)
         seen = page.evaluate("window.changes")
-        assert seen["eyes"] <= 3, seen
-        assert seen["ears"] <= 1, seen
-        robot.status = shaped._replace(why="the scan is 320 ms old")  # a weightier one is not kept
-        expect(line).to_have_text("the scan is 320 ms old", timeout=1_000)
+        longer = max((time.monotonic() - began) / 5.0, 1.0)  # on a busy machine
+        assert seen["eyes"] <= 3 * longer, seen
+        assert seen["ears"] <= 1 * longer, seen
+
+        def weightier() -> None:
+            robot.status = shaped
+            expect(line).to_have_text("limited: obstacle near")
+            robot.status = shaped._replace(why="the scan is 320 ms old")  # which is not kept back
+
+        do_until(
+            lambda: expect(line).to_have_text("the scan is 320 ms old", timeout=1_000), weightier
+        )
         robot.status = shaped
         expect(line).to_have_text("limited: obstacle near")
 
@@ -390,9 +408,12 @@ def test_the_display_goes_on_after_the_uplink_was_full(
     )
     page.wait_for_timeout(1000)
     page.evaluate("delete WebSocket.prototype.bufferedAmount")
-    page.wait_for_timeout(1000)
-    text = age.inner_text()
-    assert int("".join(c for c in text if c.isdigit())) < 800, text
+
+    def young() -> None:
+        text = age.inner_text()
+        assert int("".join(c for c in text if c.isdigit())) < 800, text
+
+    do_until(young, lambda: page.wait_for_timeout(1000))
 
 
 def test_the_speed_survives_a_reload(context: BrowserContext, station: Server) -> None:
@@ -611,29 +632,42 @@ def test_a_page_that_opens_says_at_no_moment_that_it_lost_the_link_or_that_it_ha
         assert "You drive" not in "".join(page.evaluate("said"))
 
 
+ONCE = (RequestKind.ACKNOWLEDGE, RequestKind.RESET, RequestKind.RECORD)
+
+
 def test_a_double_click_is_one_click_and_different_buttons_are_all_heard(
     context: BrowserContext, tmp_path: Path
 ) -> None:
     told = tuple(Alarm(n, Severity.ALARM, True, False, f"alarm {n}") for n in (1, 2))
     status = STATUS._replace(mode=Mode.HOLD, stopped="stop by anna (3)", alarms=told)
     with Bare(tmp_path, status) as robot, served(robot.connect) as server:
-        page = page_of(context, server)
+        page, sent = context.new_page(), list[str]()
+        page.on("websocket", lambda socket: socket.on("framesent", lambda data: note(data)))
+
+        def note(data: str | bytes) -> None:
+            message = json.loads(data)
+            if message["type"] == "do":
+                sent.append(message["what"])
+
+        page.goto(server.address)
         take(page)
+        sent.clear()
         for button, what in (
-            (page.get_by_role("button", name="Acknowledge").first, RequestKind.ACKNOWLEDGE),
-            (page.get_by_role("button", name="Reset"), RequestKind.RESET),
-            (page.get_by_role("button", name="● Record"), RequestKind.RECORD),
-            (mode_button(page, "Manual"), RequestKind.MODE),
+            (page.get_by_role("button", name="Acknowledge").first, "acknowledge"),
+            (page.get_by_role("button", name="Reset"), "reset"),
+            (page.get_by_role("button", name="● Record"), "record"),
+            (mode_button(page, "Manual"), "manual"),
         ):
             button.dblclick()
-            until(lambda what=what: what in robot.requests)
+            page.wait_for_timeout(300)
+            assert sent[-1] == what
         for mode in ("Shared", "Manual", "Shared"):
             mode_button(page, mode).click()
-        until(lambda: robot.requests.count(RequestKind.MODE) == 4)
         page.wait_for_timeout(300)
-        counts = {what: robot.requests.count(what) for what in set(robot.requests)}
-        kinds = (RequestKind.ACKNOWLEDGE, RequestKind.RESET, RequestKind.RECORD)
-        assert counts == dict.fromkeys(kinds, 1) | {RequestKind.MODE: 4}
+        # of what the page says at once, a robot that is reached too late hears nothing
+        assert sent == ["acknowledge", "reset", "record", "manual", "shared", "manual", "shared"]
+        assert all(robot.requests.count(what) <= 1 for what in ONCE)
+        assert robot.requests.count(RequestKind.MODE) <= 4
 
 
 def test_a_refusal_goes_with_the_next_press(context: BrowserContext, tmp_path: Path) -> None:
@@ -657,10 +691,15 @@ def test_on_a_phone_a_long_route_leaves_the_buttons_that_send_and_close_it_in_si
         take(page)
         route = np.array([[k, 0.5 * k] for k in range(12)], np.float32)
         robot.bulk.publish(Polyline(LineKind.WAYPOINTS, route))
-        page.wait_for_timeout(500)
-        page.get_by_role("button", name="Edit route").tap()
         panel = page.get_by_role("dialog", name="Edit the route")
-        expect(panel.get_by_role("listitem")).to_have_count(12)
+        points = panel.get_by_role("listitem")
+
+        def open_anew() -> None:  # with the route that has come by then
+            if panel.is_visible():
+                panel.get_by_role("button", name="Close").tap()
+            page.get_by_role("button", name="Edit route").tap()
+
+        do_until(lambda: expect(points).to_have_count(12, timeout=1_000), open_anew)
         for name in ("Send", "Close"):
             button = panel.get_by_role("button", name=name)
             expect(button).to_be_in_viewport(ratio=1)
@@ -803,11 +842,12 @@ def test_a_fault_in_one_picture_of_the_map_is_said_and_is_not_the_last_picture(
         page.evaluate("""() => {
             const ofCanvas = CanvasRenderingContext2D.prototype
             const real = ofCanvas.fillRect
-            ofCanvas.fillRect = () => { throw new Error('once') }
-            setTimeout(() => {
+            ofCanvas.fillRect = function (...box) {
+                if (this.canvas.id !== 'map') return real.apply(this, box)
                 ofCanvas.fillRect = real
-                delete document.querySelector('#map').dataset.fps
-            }, 200)
+                delete this.canvas.dataset.fps
+                throw new Error('once')
+            }
         }""")
         expect(alarms).to_contain_text("This page has failed at something")
         expect(page.locator("#map")).to_have_attribute("data-fps", re.compile(r"\d"))

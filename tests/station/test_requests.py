@@ -33,7 +33,12 @@ def do(page: ClientConnection, what: str) -> None:
     page.send(json.dumps({"type": "do", "what": what, "value": 0}))
 
 
-def heard(page: ClientConnection, kind: str, within: float = 5.0) -> Iterator[dict[str, object]]:
+def take(page: ClientConnection, bare: Bare) -> None:
+    """Become the driver of a robot that nobody drives."""
+    until(lambda: bare.end.driver, turn=lambda: (do(page, "take"), time.sleep(0.3)))
+
+
+def heard(page: ClientConnection, kind: str, within: float = 30.0) -> Iterator[dict[str, object]]:
     """Messages of a kind, as they come."""
     end = time.monotonic() + within
     while time.monotonic() < end:
@@ -77,18 +82,21 @@ def test_a_request_for_control_that_waits_for_the_driver_is_not_told_as_refused(
     server: Server, bare: Bare
 ) -> None:
     with opened(server) as one, opened(server) as two:
-        do(one, "take")
-        until(lambda: bare.end.driver)
-        do(two, "take")
+        take(one, bare)
+        until(lambda: bare.end._held.requester, turn=lambda: (do(two, "take"), time.sleep(0.3)))
         told = []
+        shown = lambda: any(one["type"] == "who" and one["you_request"] for one in told)  # noqa: E731
         end = time.monotonic() + 1.0
-        while time.monotonic() < end:
-            text = two.recv(timeout=5.0)
+        while time.monotonic() < end or (not shown() and time.monotonic() < end + 30.0):
+            text = two.recv(timeout=30.0)
             if isinstance(text, str):
                 told.append(json.loads(text))
-        assert any(one["type"] == "who" and one["you_request"] for one in told)
+        assert shown()
         assert not [one for one in told if one["type"] == "refused"]
-        do(one, "refuse")
+        until(
+            lambda: not bare.end._held.requester,
+            turn=lambda: (do(one, "refuse"), time.sleep(0.3)),
+        )
         assert next(one for one in heard(two, "who") if not one["you_request"])
         do(two, "reset")
         assert next(heard(two, "refused"))["why"] == "you are not the driver"
@@ -97,8 +105,7 @@ def test_a_request_for_control_that_waits_for_the_driver_is_not_told_as_refused(
 def test_a_page_that_leaves_does_not_raise_the_speed(server: Server, bare: Bare) -> None:
     """In automatic mode the station speaks for it until it is back."""
     with opened(server) as page:
-        do(page, "take")
-        until(lambda: bare.end.driver)
+        take(page, bare)
         command = {
             "stick": [0, 0], "valid": True, "armed": True, "device": "keyboard", "speed_scale": 0.2,
         }  # fmt: skip

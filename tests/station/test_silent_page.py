@@ -29,8 +29,11 @@ def server(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
 
 
 def drives(page: ClientConnection, bare: Bare) -> None:
-    page.send(json.dumps({"type": "do", "what": "take", "value": 0}))
-    until(lambda: bare.end.driver)
+    def ask() -> None:
+        page.send(json.dumps({"type": "do", "what": "take", "value": 0}))
+        time.sleep(0.3)
+
+    until(lambda: bare.end.driver, turn=ask)
 
 
 def test_a_driver_whose_page_is_silent_loses_the_lease(server: Server, bare: Bare) -> None:
@@ -44,7 +47,7 @@ def test_a_driver_whose_page_is_silent_loses_the_lease(server: Server, bare: Bar
 
 def read(page: ClientConnection) -> None:
     while True:
-        page.recv(timeout=2.0)
+        page.recv(timeout=30.0)
 
 
 def test_a_page_whose_network_was_gone_comes_back_as_the_driver_that_it_was(
@@ -65,7 +68,7 @@ def test_a_page_whose_network_was_gone_comes_back_as_the_driver_that_it_was(
             again.send(json.dumps({"type": "got", "stream": "state"}))
             who = {}
             while who.get("type") != "who" or not who["you_drive"]:
-                text = again.recv(timeout=2.0)
+                text = again.recv(timeout=30.0)
                 who = json.loads(text) if isinstance(text, str) else {}
             assert bare.end.driver == driver
 
