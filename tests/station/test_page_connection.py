@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import BrowserContext, Page, expect
+from playwright.sync_api import BrowserContext, Page, WebSocketRoute, expect
 
 from cohelm.core.types import Pose
 from cohelm.link.bulk_messages import (
@@ -392,6 +392,31 @@ def test_a_button_pressed_without_a_connection_says_so(context: BrowserContext, 
     expect(page.get_by_role("alert", name="Alarms")).to_contain_text("No connection")
     page.get_by_role("button", name="Take over").click()
     expect(page.locator(".refused")).to_contain_text("not sent, as there is no connection")
+
+
+def test_a_press_into_a_connection_that_is_dead_already_says_so(
+    context: BrowserContext, bare: Bare
+) -> None:
+    """As where a tablet leaves the WiFi: it is taken, and nobody ever hears of it."""
+    dead: list[bool] = []
+
+    def between(ours: WebSocketRoute) -> None:
+        theirs, first = ours.connect_to_server(), not dead
+        dead.append(False)
+        ours.on_message(lambda text: None if first and dead[0] else theirs.send(text))
+        theirs.on_message(lambda text: None if first and dead[0] else ours.send(text))
+
+    with served(bare.connect, stale=0.25) as station:
+        page = context.new_page()
+        page.route_web_socket("**/ws*", between)
+        page.goto(station.address)
+        take(page)
+        dead[0] = True
+        mode_button(page, "Manual").click()
+        refused = page.locator(".refused")
+        expect(refused).to_contain_text("Manual: the connection broke: if it is not done, press it")
+        connected(page)
+        assert RequestKind.MODE not in bare.requests
 
 
 def test_the_display_goes_on_after_the_uplink_was_full(

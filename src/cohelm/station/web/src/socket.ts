@@ -53,8 +53,13 @@ export function send(message: Outgoing): boolean {
   if (message.type === 'steer' && socket.bufferedAmount > FULL) return false
   // a request carries the time it was made, by the station's clock
   socket.send(JSON.stringify(message.type === 'do' ? { ...message, echo_ms: newestBeatMs } : message))
+  const once = message.type === 'do' ? message.what !== 'stop' : message.type === 'waypoints' && !message.only_check
+  if (once) lastSent = { name: message.type === 'do' ? buttonName(message.what) : 'Route', at: performance.now() }
   return true
 }
+
+/** What was sent last of what is sent once [ms]. */
+let lastSent = { name: '', at: -Infinity }
 
 /** What is asked by the same button, or by one that comes in its place. */
 const SAME: { [what: string]: string } = { give: 'take', refuse: 'take', record_stop: 'record' }
@@ -171,6 +176,7 @@ function dropSocket(of: WebSocket): void {
   of.onclose = null
   of.close()
   socket = null
+  if (lastSent.at > lastReceived) refuse(`${lastSent.name}: the connection broke: if it is not done, press it again`)
   s.connection.value = 'closed'
   setTimeout(() => void reconnect(), wait)
   wait = Math.min(wait * 2, LONGEST_WAIT_MS)
