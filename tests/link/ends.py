@@ -9,6 +9,7 @@ from collections.abc import Callable
 from cohelm.core.types import Pose, Stick, Twist
 from cohelm.link import messages as m
 from cohelm.link.codec import Reader, layout
+from cohelm.link.station_end import StationEnd
 from tests.patience import looks
 
 NAN = math.nan
@@ -21,6 +22,8 @@ STATUS: m.Status = layout(m.Status).read(Reader(bytes(1000)))._replace(  # all e
     timing=m.TimingReport(0.001, 0, NAN, NAN, NAN, 0),
 )  # fmt: skip
 CENTRED = Stick(0.0, 0.0)
+LATE = ("the robot did not answer in time", "the request is too old")
+"""Why a request is refused on a machine that took a second for it."""
 
 
 def until(
@@ -33,3 +36,16 @@ def until(
             return time.monotonic() - began
         turn()
     raise AssertionError("it did not come about")
+
+
+def answered(
+    station: StationEnd, what: m.RequestKind, value: int = 0, turn: Callable[[], object] = int
+) -> m.Answer:
+    """The answer to a request, which is made again where it came too late."""
+    while True:
+        number = station.ask(what, value)
+        until(lambda number=number: station.answer(number), turn=turn)
+        answer = station.answer(number)
+        assert answer is not None
+        if answer.reason not in LATE:
+            return answer

@@ -28,7 +28,7 @@ from cohelm.link.station_end import StationEnd
 from cohelm.link.stream import Stream
 from cohelm.link.wire import Header, encode
 from cohelm.loop.stick import ArmingParams, current
-from tests.link.ends import STATUS, until
+from tests.link.ends import STATUS, answered, until
 
 HERE = "127.0.0.1"
 STICK = Stick(0.25, 0.0)
@@ -80,8 +80,7 @@ class Attack:
         self._thread = threading.Thread(target=self._drive)
         self._thread.start()
         until(self.driver.status)
-        number = self.driver.ask(RequestKind.TAKE)
-        until(lambda: self.driver.answer(number))
+        answered(self.driver, RequestKind.TAKE)
         until(lambda: self.robot.receive().command)
 
     def close(self) -> None:

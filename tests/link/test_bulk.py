@@ -31,7 +31,7 @@ from cohelm.link.robot_bulk import both_ends
 from cohelm.link.robot_end import PATH_LIFE
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
-from tests.link.ends import STATUS, until
+from tests.link.ends import STATUS, answered, until
 
 HERE = "127.0.0.1"
 
@@ -57,8 +57,7 @@ class Both:
         return [message for message in self.news if type(message) is of]
 
     def drive(self) -> None:
-        number = self.station.ask(RequestKind.TAKE)
-        until(lambda: self.station.answer(number), turn=self.turn)
+        answered(self.station, RequestKind.TAKE, turn=self.turn)
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from cohelm.link.messages import Command, Device, Discs, Mode, RequestKind, Scan
 from cohelm.link.operator import OperatorInput
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.station_end import StationEnd
-from tests.link.ends import CENTRED, STATUS, until
+from tests.link.ends import CENTRED, STATUS, answered, until
 from tests.patience import OwnTime
 
 pytestmark = pytest.mark.xdist_group("realtime")
@@ -47,9 +47,7 @@ class Both:
         return self.heard
 
     def ask(self, station: StationEnd, what: RequestKind, value: int = 0):
-        number = station.ask(what, value)
-        until(lambda: station.answer(number), turn=self.turn)
-        return station.answer(number)
+        return answered(station, what, value, self.turn)
 
 
 @pytest.fixture(scope="module")

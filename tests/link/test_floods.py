@@ -11,7 +11,7 @@ from cohelm.core.types import Stick
 from cohelm.link.messages import Command, Device, RequestKind
 from cohelm.link.operator import STALE
 from cohelm.link.station_end import StationEnd
-from tests.link.ends import until
+from tests.link.ends import answered, until
 from tests.link.floods import HERE, KINDS, PERIOD, Robot, Seen, flood, robot
 
 pytestmark = pytest.mark.xdist_group("realtime")
@@ -37,8 +37,7 @@ class Driven:
         for thread in self._threads:
             thread.start()
         until(lambda: self.driver.status() and self.watcher.status())
-        number = self.driver.ask(RequestKind.TAKE)
-        until(lambda: self.driver.answer(number))
+        answered(self.driver, RequestKind.TAKE)
         until(lambda: self.seen[-1].driven)
 
     def _drive(self) -> None:

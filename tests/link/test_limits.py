@@ -25,7 +25,7 @@ from cohelm.link.messages import Command, Device, Request, RequestKind, Uplink
 from cohelm.link.robot_end import TAKEOVER_AFTER, RobotEnd
 from cohelm.link.station_end import StationEnd
 from cohelm.link.wire import Header, encode, from_operator, may_stop
-from tests.link.ends import CENTRED, STATUS, until
+from tests.link.ends import CENTRED, STATUS, answered, until
 
 pytestmark = pytest.mark.xdist_group("realtime")
 HERE = "127.0.0.1"
@@ -202,8 +202,7 @@ def test_one_station_can_not_use_all_client_slots_or_displace_the_driver(keys, r
     second = second._replace(trusted=first.trusted)
     with RobotEnd(trusted, HERE, 0) as robot, StationEnd(first, HERE, robot.address[1]) as driver:
         until(driver.status, turn=lambda: robot.send_status(STATUS))
-        number = driver.ask(RequestKind.TAKE)
-        until(lambda: driver.answer(number), turn=lambda: robot.send_status(STATUS))
+        answered(driver, RequestKind.TAKE, turn=lambda: robot.send_status(STATUS))
         raws = []
         for k in range(MAX_CLIENTS_PER_KEY + 3):
             raws.append(raw(robot))
