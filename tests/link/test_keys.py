@@ -152,7 +152,7 @@ def test_a_reinstalled_robot_must_be_paired_again(tmp_path, monkeypatch, moved):
         keys.pair("anna", tmp_path / f"{where}.pair")
     moved()
     keys.install(tmp_path / "one.pair")
-    with pytest.raises(CohelmError, match="another robot called 'sally'"):
+    with pytest.raises(CohelmError, match=r"another robot called 'sally'.* --robot OTHER`"):
         keys.install(tmp_path / "two.pair")
     assert keys.install(tmp_path / "one.pair") == "sally"
 

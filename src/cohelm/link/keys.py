@@ -149,7 +149,8 @@ def install(file: Path) -> str:
     if (folder / "robot.pem").exists() and read(folder / "robot.pem") != of_robot:
         raise CohelmError(
             f"another robot called {name!r} is installed in {folder}: if it was set up anew, "
-            f"delete that folder and install again"
+            f"delete that folder and install again; if there are two, give one a name of its own, "
+            f"on it: `cohelm pair new NAME --robot OTHER`"
         )
     for file_name, content in (("robot.pem", of_robot), ("station.pem", own), ("station.key", key)):
         write(folder / file_name, content)
