@@ -292,12 +292,13 @@ PAGE = """<!doctype html>
 <style>
 body {{ font: 15px/1.45 system-ui, sans-serif; color: #222; max-width: 72rem; margin: 2rem auto;
   padding: 0 1rem; }}
-table {{ border-collapse: collapse; margin: .8rem 0 1.6rem; font-variant-numeric: tabular-nums; }}
+table {{ border-collapse: collapse; margin: .8rem 0 1.6rem; font-variant-numeric: tabular-nums;
+  display: block; overflow-x: auto; }}
 th, td {{ text-align: left; padding: .25rem .9rem .25rem 0; border-bottom: 1px solid #ddd; }}
 th {{ border-bottom: 2px solid #888; }}
 p, ul {{ max-width: 46rem; }}
 .figures {{ display: grid; gap: 1rem;
-  grid-template-columns: repeat(auto-fill, minmax(26rem, 1fr)); }}
+  grid-template-columns: repeat(auto-fill, minmax(min(26rem, 100%), 1fr)); }}
 figure {{ margin: 0; }} img {{ width: 100%; }} figcaption {{ font-size: 13.5px; color: #444; }}
 summary {{ cursor: pointer; color: #555; }}
 @media (prefers-color-scheme: dark) {{ body {{ background: #161616; color: #ddd; }}
