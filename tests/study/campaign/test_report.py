@@ -17,7 +17,7 @@ from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
 from cohelm.study.campaign.episode import Episode, EpisodeGoal
 from cohelm.study.campaign.pictures import drawn, strip
-from cohelm.study.campaign.report import caption, outcome, table, write
+from cohelm.study.campaign.report import by_kind, caption, outcome, table, write
 from cohelm.study.campaign.result import NOT_DRIVEN
 from cohelm.study.campaign.suites import NAMES, suite
 from tests.record.runs import lab
@@ -133,6 +133,24 @@ def test_ends_of_a_spread_are_told_apart_where_they_are_negative():
     rows = [CAME._replace(closest_mover_m=far) for far in (-0.5, 0.2, 1.0)]
     _, lines = table(outcome(suite("random", 1, None), ("guard",), rows, {}))
     assert dict(lines)["closest to a mover [m]"] == "0.20 (-0.50 to 1.00)"
+
+
+def test_where_nothing_was_near_no_clearance_is_said_that_was_not_measured():
+    """As of a robot that never moved."""
+    rows = [CAME._replace(min_clearance_moving_m=FAR, min_clearance_m=-0.2)]
+    found = outcome(suite("random", 1, None), ("guard",), rows, {})
+    assert dict(table(found)[1])["smallest clearance while moving [m]"] == "2 or more"
+    assert by_kind(found)[1][0][-1] == "2 or more"
+    assert dict(table(found)[1])["closest: smallest clearance of all [m]"] == "-0.2000"
+
+
+@pytest.mark.parametrize("faulty", [True, False])
+def test_a_report_has_pictures_or_does_not_speak_of_them(tmp_path, monkeypatch, faulty):
+    monkeypatch.setattr("cohelm.study.campaign.report._figure", lambda *_: "<figure></figure>")
+    rows = [CAME._replace(fault="broken" if faulty else "")]
+    found = outcome(suite("random", 1, None), ("guard",), rows, {})
+    page = write(found, tmp_path, lambda *_: None).read_text()
+    assert ("Worst episodes" in page) is ("<figure>" in page) is not faulty
 
 
 @pytest.mark.parametrize("commit", ["0123456789ab-dirty", None])

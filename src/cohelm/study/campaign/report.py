@@ -145,7 +145,7 @@ def by_kind(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     for kind in kinds:
         s = summary("", [row for row in rows if row.kind == kind], goals=found.suite.goals)
         arrived = "–" if s.arrived is None else str(s.arrived.count)
-        clearance = _number(s.spreads["min_clearance_moving_m"].least, 4)
+        clearance = _least(s.spreads, "moving_")
         lines.append(
             (kind or "not driven", str(s.episodes), arrived, str(s.moving.count),
              str(s.standing.count), clearance)
@@ -174,7 +174,8 @@ def _spread(s: Spread, digits: int) -> str:
 
 
 def _least(spreads: dict[str, Spread], kind: str) -> str:
-    return _number(spreads[f"min_clearance_{kind}m"].least, 4)
+    least = spreads[f"min_clearance_{kind}m"].least
+    return f"{FAR:g} or more" if least >= FAR else _number(least, 4)
 
 
 def _recovery(s: Summary) -> str:
@@ -211,7 +212,7 @@ def write(found: Outcome, folder: Path, progress: Progress) -> Path:
         laws=_html(*table(found)),
         kinds=_html(*by_kind(found)),
         first=escape(found.laws[0]),
-        figures="\n".join(figures),
+        figures=FIGURES.format(figures="\n".join(figures)) if figures else "",
         notes=_list("Left out", found.suite.notes)
         + _list("Not driven: a mistake in your law, or in cohelm: please report it", faults(found)),
     )  # fmt: skip
@@ -318,16 +319,18 @@ Other values are the median over the episodes, in brackets the smallest and the 
 drove the same episodes.</p>
 <h2>{first}, by kind of episode</h2>
 {kinds}
-<h2>Worst episodes</h2>
+{figures}
+<h2>What was driven</h2>
+{about}
+{notes}
+</body></html>
+"""
+
+FIGURES = """<h2>Worst episodes</h2>
 <p>From above, and the outline's clearance and the speed over time. A <em>moving</em> contact is
 one in which the robot drove; in a <em>standing</em> one it stood and was walked into. Each
 episode can be driven again alone and recorded: <code>cohelm campaign FOLDER --replay
 LAW/NUMBER</code>.</p>
 <div class="figures">
 {figures}
-</div>
-<h2>What was driven</h2>
-{about}
-{notes}
-</body></html>
-"""
+</div>"""
