@@ -28,6 +28,16 @@ SOUND = {
 }  # fmt: skip
 
 
+def test_where_what_is_compiled_can_not_be_kept_each_command_says_so(cohelm, monkeypatch):
+    from cohelm.core import jit
+
+    monkeypatch.setattr(jit, "_unkept", [])
+    assert cohelm("schema").err == ""
+    monkeypatch.setattr(jit, "_unkept", ["Read-only file system", "and again"])
+    said = cohelm("schema", "--nonsense").err
+    assert "not kept (Read-only file system), so every start takes a minute: give COHE" in said
+
+
 def test_a_successful_drive_reports_no_failure():
     assert failures(SOUND) == []
 

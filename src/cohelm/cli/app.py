@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import io
+import logging
 import os
 import re
 import signal
@@ -129,6 +130,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that has no m² shows m?
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # of a home that it can not write to
     patient()
     try:
         try:
@@ -167,6 +169,17 @@ def main() -> None:
         sys.exit(1)
     finally:
         settled()
+        _say_unkept()
+
+
+def _say_unkept() -> None:
+    """What is slow at each start has its reason."""
+    jit = sys.modules.get("cohelm.core.jit")
+    if jit is not None and (why := jit.unkept()):
+        say(
+            f"[yellow]warning:[/yellow] what was compiled is not kept ({plain(why)}), so every "
+            "start takes a minute: give COHELM_CACHE_DIR a folder that you may write to"
+        )
 
 
 def _open_standard_streams() -> None:

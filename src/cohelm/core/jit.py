@@ -118,9 +118,18 @@ def _cache_folder(room: str) -> str:
         others = sorted(root.iterdir(), key=lambda p: p.stat().st_mtime, reverse=True)
         for old in others[_KEPT_CACHES:]:
             shutil.rmtree(old, ignore_errors=True)
-    except (OSError, RuntimeError):
+    except (OSError, RuntimeError) as error:
+        _unkept.append(getattr(error, "strerror", None) or str(error))
         return ""  # a read-only home, or none: every start compiles anew
     return str(folder)
+
+
+_unkept: list[str] = []
+
+
+def unkept() -> str:
+    """Why what is compiled here is not kept for the next start; empty: it is."""
+    return next(iter(_unkept), "")
 
 
 def _room(function: Callable[..., Any]) -> str:
