@@ -1,5 +1,6 @@
 """`cohelm calibrate`; the simulated robot drives in real time."""
 
+import io
 import json
 import signal
 import subprocess
@@ -18,6 +19,17 @@ def test_a_load_without_a_run_before_is_refused_before_anything_moves(cohelm):
     assert said.code == 2
     assert "needs a run without it first" in said.err
     assert not Path("out").exists()
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_what_was_measured_is_not_overwritten_but_where_it_is_not_whole(cohelm, monkeypatch, whole):
+    monkeypatch.setattr(sys, "stdin", io.StringIO("n\n"))
+    Path("out").mkdir()
+    Path("out/calibration.json").write_text(json.dumps({"robot": "cart", "whole": whole}))
+    said = cohelm("calibrate", "sally", "-o", "out")
+    assert said.code == 2
+    assert ("out holds what was measured of cart already: choose another" in said.err) is whole
+    assert ("nothing was driven" in said.err) is not whole
 
 
 def test_an_unwritable_output_is_reported_before_anything_moves(cohelm):

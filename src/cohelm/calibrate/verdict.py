@@ -138,6 +138,15 @@ def earlier_run(file: Path, robot: str) -> tuple[list[Comparison], dict[str, flo
     return found, odometry
 
 
+def whole_run(file: Path) -> str:
+    """The robot that was measured in a run that came to its end; empty: the file holds none."""
+    try:
+        read: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        return str(read["robot"]) if read["whole"] else ""
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
+
+
 def with_load(found: list[Comparison], earlier: list[Comparison]) -> list[Comparison]:
     """The worse of two runs for what a load changes; the rest is of the run without it."""
     loaded = {one.key: one for one in found}

@@ -62,7 +62,14 @@ def calibrate(
     from cohelm.calibrate.response import response
     from cohelm.calibrate.rewrite import rewritten
     from cohelm.calibrate.ride import PERIOD, ride
-    from cohelm.calibrate.verdict import as_dict, earlier_run, findings, odometry_noise, with_load
+    from cohelm.calibrate.verdict import (
+        as_dict,
+        earlier_run,
+        findings,
+        odometry_noise,
+        whole_run,
+        with_load,
+    )
     from cohelm.core.errors import CohelmError
     from cohelm.core.files import check_folder
     from cohelm.drive.operate import DriveOptions, end_signals, robot_factory
@@ -77,6 +84,11 @@ def calibrate(
     model = load_robot(name)
     before = out / "calibration.json"
     earlier = earlier_run(before, model.name) if load else None
+    if measured := "" if load else whole_run(before):
+        raise CohelmError(
+            f"{out} holds what was measured of {measured} already: choose another folder with "
+            "--out, or add to it a run with a load (--load)"
+        )
     plan = excitation(model, floor)
     kind = "twin" if twin else "kinematic"
     named = name if driver is not None or ros2 else str(file)
