@@ -176,21 +176,23 @@ def test_a_folder_of_another_campaign_is_not_touched(cohelm, driven, tmp_path):
     assert sorted((f.name, f.stat().st_size) for f in (tmp_path / "there").rglob("*")) == before
 
 
-def test_ctrl_c_keeps_finished_episodes_and_prints_how_to_continue(cohelm, tmp_path):
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])  # as a batch system's limit
+def test_ctrl_c_keeps_finished_episodes_and_prints_how_to_continue(cohelm, tmp_path, sent):
     command = [sys.executable, "-m", "cohelm", "campaign", "adversary", "--law", "none"]
     process = subprocess.Popen(
-        [*command, "--n", "300", "--jobs", "2", "--out", "there"],
+        [*command, "--n", "300", "--jobs", "2", "--out", "over there"],
         cwd=tmp_path, stderr=subprocess.PIPE, text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )  # fmt: skip
     until = time.monotonic() + 120.0
-    while not list(tmp_path.glob("there/rows/part-*.parquet")) and time.monotonic() < until:
+    while not list(tmp_path.glob("over there/rows/part-*.parquet")) and time.monotonic() < until:
         time.sleep(0.02)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(sent)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "interrupted" in err
-    assert "cohelm campaign there" in err
+    assert "cohelm campaign 'over there'\n" in err
     assert "Traceback" not in err
-    got = json.loads(cohelm("campaign", "there", "--json", "--jobs", "1").out)
+    assert "leaked" not in err
+    got = json.loads(cohelm("campaign", "over there", "--json", "--jobs", "1").out)
     assert got["episodes"] == 300

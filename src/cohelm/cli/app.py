@@ -264,6 +264,13 @@ def patient() -> None:
         signal.signal(signal.SIGINT, interrupted)
 
 
+def end_as_by_ctrl_c() -> None:
+    """Take SIGTERM as Ctrl-C too: a batch system sends it at the end of the time that it gives."""
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGALRM, interrupted)
+        signal.signal(signal.SIGTERM, interrupted)
+
+
 def settled() -> None:
     """The command is over: drop an interrupt that was put off, as nothing could handle it."""
     signal.setitimer(signal.ITIMER_REAL, 0.0)

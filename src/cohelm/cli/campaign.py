@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cohelm.cli.app import app, examples, idle_together
-from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, progress, say
+from cohelm.cli.app import app, end_as_by_ctrl_c, examples, idle_together
+from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, progress, say, typed
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
 
@@ -124,6 +124,7 @@ def campaign(
         jobs = runner.processors() if jobs is None else jobs
         runner.check(plan, jobs)  # problems are reported before a folder is made
         folder = folder or single.fresh(f"campaign-{plan.suite}")
+        end_as_by_ctrl_c()
         try:
             made, rows = runner.run(plan, folder, jobs, cluster, bar)
             found = report.outcome(made, plan.laws, rows, store.origin(folder))
@@ -131,7 +132,7 @@ def campaign(
         except KeyboardInterrupt:
             say(
                 "[yellow]interrupted[/yellow]; finished episodes are kept, continue with: "
-                f"cohelm campaign {plain(str(folder))}"
+                f"cohelm campaign {plain(typed(folder))}"
             )
             raise
     failed = list(report.faults(found))

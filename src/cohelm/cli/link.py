@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cohelm.cli.app import CommandLine, app, examples, idle_beside, idle_without
-from cohelm.cli.output import Json, plain, print_json, say
+from cohelm.cli.output import Json, plain, print_json, say, typed
 
 pair = CommandLine(
     help="Pair stations with robots: keys that allow to drive.", no_args_is_help=True
@@ -42,7 +42,7 @@ def new(
     path = out or Path(f"{station}.pair")
     own = keys.pair(station, path)
     say(f"robot {plain(own.name)} accepts {plain(station)} from its next start on; on the station:")
-    print(f"cohelm pair install {path}")
+    print(f"cohelm pair install {typed(path)}")
     say(f"the robot shows this certificate: {keys.fingerprint(own.certificate)}")
 
 
@@ -62,7 +62,7 @@ def install(
     print(f"cohelm station --robot HOST --name {name}")
     shown = keys.fingerprint(keys.station(name).trusted[0])
     say(f"paired with robot {plain(name)}, which shows this certificate: {shown}")
-    say(f"now delete the file: rm {plain(str(file))}")
+    say(f"now delete the file: rm {plain(typed(file))}")
 
 
 @pair.command(name="list", epilog=examples("cohelm pair list", "cohelm pair list --json"))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cohelm.cli.app import app, examples
-from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, progress, say
+from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, progress, say, typed
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_folder
 
@@ -150,10 +150,10 @@ def map_(
                     topics=topics, localise=localise,
                 )  # fmt: skip
         except mapping.Interrupted:
-            again = f"{record}" if earlier else f"{record} --resume"
+            again = typed(record) if earlier else f"{typed(record)} --resume"
             say(
                 "[yellow]interrupted[/yellow]; the map so far is kept, continue with: "
-                f"cohelm map {plain(again)} --out {plain(str(folder))}"
+                f"cohelm map {plain(again)} --out {plain(typed(folder))}"
             )
             raise
     if not result.record_whole:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
 import threading
 import time
@@ -103,6 +104,11 @@ def print_json(value: Mapping[str, Any]) -> None:
 def say(text: str) -> None:
     """Print a line on stderr."""
     console(stderr=True).print(text)
+
+
+def typed(path: str | Path) -> str:
+    """A path as it is typed into a shell."""
+    return shlex.quote(str(path))
 
 
 def plain(text: str) -> str:

@@ -19,6 +19,7 @@ from cohelm.cli.output import (
     print_table,
     progress,
     say,
+    typed,
 )
 
 
@@ -76,8 +77,8 @@ def run(
             metrics = single.recorded(setup, folder, bar)
         except KeyboardInterrupt:
             if (folder / single.RECORD).exists():
-                left = f"; see what was run: cohelm replay {folder / single.RECORD}"
-                say(f"[yellow]interrupted[/yellow]{plain(left)}")
+                left = f"see what was run: cohelm replay {typed(folder / single.RECORD)}"
+                say(f"[yellow]interrupted[/yellow]; {plain(left)}")
             raise
     if as_json:
         print_json({"scenario": loaded.name, "out": str(folder), **metrics.as_dict()})
