@@ -25,7 +25,9 @@ from cohelm.record.read import IncompleteRecord
 from cohelm.record.ros2 import header, laser_scan
 from cohelm.robot.port import Encoded, Scan
 from cohelm.robot.sensors import LidarModel
+from cohelm.scenario import build, load
 from cohelm.station.robot_link import News
+from cohelm.study import single
 from tests.drive.faults import CORRIDOR
 from tests.ports.adapters import sally
 
@@ -160,6 +162,17 @@ def test_the_cameras_pictures_are_shown_from_where_they_were_taken(driven, tmp_p
         assert picture.jpeg == b"picture %d" % k
         assert picture.pose.x == pytest.approx(0.05 * k, abs=0.051)
     assert math.isnan(Playback(driven[0]).first()[0].camera[0])
+
+
+def test_a_run_whose_scenario_is_damaged_in_its_record_is_refused_as_that(tmp_path):
+    file = tmp_path / "record.mcap"
+    single.recorded(build.setup(load.scenario("minimal")), tmp_path, lambda what, share: None)
+    whole = file.read_bytes()
+    assert whole.count(b"bumpers: []") == 1
+    file.write_bytes(whole.replace(b"bumpers: []", b"bumpers: [["))
+    said = r"the scenario in .*record.mcap can not be read: .*YAML"
+    with pytest.warns(IncompleteRecord), pytest.raises(CohelmError, match=said):
+        Playback(file)
 
 
 def test_scans_of_two_lidars_are_sent_once_each():

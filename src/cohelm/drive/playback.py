@@ -218,7 +218,7 @@ def _site(path: Path, found: RecordedPeriods) -> Scenario | None:
     """The scenario in a record; None where that of a drive can not be read."""
     try:
         return load.parse(found.scenario, Scenario, str(path))
-    except CohelmError:
+    except CohelmError as error:
         if found.kind == "run":  # its robot is described nowhere else
-            raise
+            raise CohelmError(f"the scenario in {path} can not be read: {error}") from error
         return None
