@@ -354,6 +354,17 @@ def test_invalid_marks_are_refused_in_one_sentence(folder, tmp_path, cohelm, opt
 
 
 def test_a_damaged_mapping_is_reported(folder, tmp_path):
+    with np.load(folder / "survey.npz") as file:
+        whole = dict(file)
+    for name, spoil in (
+        ("across", lambda a: a[:-5]), ("points", lambda a: a * math.nan), ("size", lambda a: -a),
+        ("points", lambda a: np.zeros((3, 3, 3))), ("poses", lambda a: a[:-1]),
+        ("joint", lambda a: np.eye(2)), ("scans", lambda a: a + 1e6), ("links", lambda a: a + 1e6),
+    ):  # fmt: skip
+        spoiled = {f"survey_{name}": spoil(whole[f"survey_{name}"])}
+        np.savez(tmp_path / "survey.npz", allow_pickle=False, **(whole | spoiled))
+        with pytest.raises(CohelmError, match="is damaged: map the record again"):
+            MappingSession.read(tmp_path)
     for damaged in (b"", b"PK", (folder / "survey.npz").read_bytes()[:2000]):
         (tmp_path / "survey.npz").write_bytes(damaged)
         with pytest.raises(CohelmError, match="is damaged: map the record again"):

@@ -177,6 +177,8 @@ class Mapper:
         made = cls(lidar)
         made._graph.restore(state)
         made._scans = [(int(k), Pose(*pose)) for k, *pose in state["scans"].tolist()]
+        if any(k >= len(made._graph) for k, _ in made._scans) or state["joint"].shape != (5, 5):
+            raise ValueError("scans at places that there are not, or no covariance")
         made._pose, made._joint = Pose(*state["pose"].tolist()), state["joint"]
         made._wheels = OdometryErrors(*state["wheels"].tolist())
         made._odometry = Pose(*state["odometry"].tolist()) if len(state["odometry"]) else None

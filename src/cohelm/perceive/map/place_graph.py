@@ -312,7 +312,18 @@ class PlaceGraph:
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from a `state`."""
+        """Continue from a `state`. ValueError where its arrays do not belong together: compiled
+        code would read past the end of one."""
+        n, size, links = len(state["scan"]), state["size"], state["links"]
+        shapes = {
+            "size": (n,), "points": (int(size.sum()), 2), "across": (int(size.sum()), 2),
+            "poses": (n, 3), "ways": (n,), "links": (len(links), 15),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            if state[name].shape != shape or not np.isfinite(state[name]).all():
+                raise ValueError(f"{name} is not {shape}")
+        if (size < 0).any() or not ((links[:, :2] >= 0) & (links[:, :2] < n)).all():
+            raise ValueError("places that there are not")
         ends = np.cumsum(state["size"])[:-1]
         self.places = [
             Place(int(scan), points, across) for scan, points, across in zip(
