@@ -145,9 +145,14 @@ def test_a_damaged_part_file_is_named(tmp_path):
     with Store(tmp_path, PLAN) as s:
         s.add([row(0)])
     part = tmp_path / "rows" / "part-000001.parquet"
-    part.write_bytes(part.read_bytes()[:-20])
-    with pytest.raises(CohelmError, match=r"part-000001\.parquet: is not a whole Parquet"):
-        read_rows(tmp_path)
+    table = store.pq.read_table(part)
+    no_text = store.pa.array([b"\xff"], store.pa.binary()).view(store.pa.string())
+    spoiled = table.set_column(0, table.schema.names[0], no_text)
+    for damage in (lambda: store.pq.write_table(spoiled, part),
+                   lambda: part.write_bytes(part.read_bytes()[:-20])):  # fmt: skip
+        damage()
+        with pytest.raises(CohelmError, match=r"part-000001\.parquet: is not a whole Parquet"):
+            read_rows(tmp_path)
 
 
 def test_a_file_in_place_of_the_folder_is_reported(tmp_path):

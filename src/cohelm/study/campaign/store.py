@@ -154,6 +154,7 @@ def read_rows(folder: Path) -> dict[Key, EpisodeResult]:
     for part in sorted((folder / ROWS).glob("part-*.parquet")):
         try:
             table = pq.read_table(part)
+            columns = [column.to_pylist() for column in table.columns]
         except (OSError, ValueError) as error:
             raise CohelmError(
                 f"{part}: is not a whole Parquet file ({str(error).splitlines()[0]}); remove it, "
@@ -163,7 +164,7 @@ def read_rows(folder: Path) -> dict[Key, EpisodeResult]:
             raise CohelmError(
                 f"{part}: has other columns than this version's; choose another --out"
             )
-        for values in zip(*(column.to_pylist() for column in table.columns), strict=True):
+        for values in zip(*columns, strict=True):
             row = EpisodeResult(*values)
             rows.setdefault((row.law, row.episode), row)
     return rows
