@@ -20,6 +20,7 @@ _FARTHEST = 2.0  # cap of the distances to walls [m]
 _REACH = 0.6  # surfaces are found from as far as this [m]
 _SIDE = 0.2  # spacing of the places for the search [m]
 _ROOM = 0.2  # and their least distance to a wall [m]
+_LOOK = "look at the thresholds, negate and mode in its YAML file, or map it again"
 MOST_BORDER = 500_000
 """Limit of occupied cells beside free ones: 12 km of wall, seen from both sides, at 5 cm. As many
 take some seconds and a GB; a noisy map, in which every other cell is one, would take hours."""
@@ -49,9 +50,9 @@ def map_from_occupancy(
     Raises CohelmError where nothing is occupied, nothing free, or more than MOST_BORDER cells are
     on a border."""
     if not occupied.any():
-        raise CohelmError("the map has no occupied cell, so nothing to localise by: map it again")
+        raise CohelmError(f"the map has no occupied cell, so nothing to localise by: {_LOOK}")
     if not free.any():
-        raise CohelmError("the map has no free cell, so nowhere to be: map it again")
+        raise CohelmError(f"the map has no free cell, so nowhere to be: {_LOOK}")
     border = occupied & ~scipy.ndimage.binary_erosion(
         occupied, np.ones((3, 3), dtype=np.int64), border_value=1
     )
