@@ -20,7 +20,9 @@ def main(path: str) -> pd.DataFrame:
     table = pd.DataFrame(record.table).set_index("t")
     table = table[table["verdict"] >= 0]  # -1: nothing was decided, the robot stood
     table["verdict"] = table["verdict"].map(lambda number: cohelm.Verdict(number).name)
-    near = table["clearance_seen"].where(table["clearance_seen"] < math.inf)  # inf: nothing near
+    # a run knows the clearance itself, and a drive what its sensors see; inf: nothing near
+    gap = table["clearance" if record.kind == "run" else "clearance_seen"]
+    near = gap.where(gap < math.inf)
     print(near.groupby(table["verdict"]).describe()[["count", "min", "mean"]])
     for when, what in record.events[:10]:
         print(f"{when:8.2f} s  {what}")

@@ -73,6 +73,7 @@ def test_a_record_goes_into_pandas(tmp_path, run):
         said = run("record_to_pandas.py", str(tmp_path / "run.mcap"))
     assert "UNTOUCHED" in said
     assert " inf" not in said
+    assert "NaN" not in said
     assert not [one for one in told if one.category is RuntimeWarning]  # of infinity less itself
 
 
