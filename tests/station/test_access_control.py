@@ -217,6 +217,13 @@ def test_a_port_in_use_is_reported_with_the_cure(open_server: Server) -> None:
         Server(open_server.station.connect, "127.0.0.1", open_server.port)
 
 
+@pytest.mark.parametrize("host", ["192.0.2.1", "robot.invalid"])
+def test_a_host_that_is_not_this_machine_is_reported_with_the_cure(bare: Bare, host: str) -> None:
+    """No port helps there."""
+    with pytest.raises(CohelmError, match="with --host an address of this machine"):
+        Server(bare.connect, host, 0)
+
+
 def test_the_tls_certificate_is_kept(tmp_path: Path, bare: Bare) -> None:
     path, key, shown = certificate(tmp_path, "127.0.0.1")
     assert certificate(tmp_path, "localhost")[2] == shown

@@ -35,7 +35,7 @@ DONE_WITHIN = 20.0
 LARGEST_MESSAGE = 16_384
 """Largest message from a page [B]."""
 _BACKLOG = 128
-_CURE = "choose another with --port (0 takes a free one)"
+_CURE = "choose another with --port (0 takes a free one), or with --host an address of this machine"
 _log = logging.getLogger("cohelm.station")
 
 
