@@ -157,11 +157,19 @@ def test_a_reinstalled_robot_must_be_paired_again(tmp_path, monkeypatch, moved):
     assert keys.install(tmp_path / "one.pair") == "sally"
 
 
-def test_damaged_certificates_are_reported(tmp_path, home):
+@pytest.mark.parametrize("name", ["robot.pem", "robot.key", "stations/anna.pem"])
+@pytest.mark.parametrize("left", ["damaged", ""])
+def test_a_damaged_file_is_named_and_what_is_said_to_mend_it_does(tmp_path, home, name, left):
+    """As by a power cut; empty, too."""
     keys.pair("anna", tmp_path / "anna.pair")
-    (home / "robot" / "robot.pem").write_text("damaged")
-    with pytest.raises(CohelmError, match="pair again"):
+    file = home / "robot" / name
+    file.write_text(left)
+    with pytest.raises(CohelmError, match=rf"{file} is damaged: delete it,? and pair again"):
         keys.robot()
+    file.unlink()
+    keys.robot()
+    keys.pair("bert", tmp_path / "bert.pair")
+    assert "bert" in [name for name, _ in keys.stations()]
 
 
 def test_an_unwritable_key_folder_is_reported_with_the_cure(tmp_path, monkeypatch):

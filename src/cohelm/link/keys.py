@@ -104,7 +104,7 @@ def common_name(certificate: bytes) -> str:
 def robot(name: str | None = None) -> Keys:
     """The keys of this machine's robot; made if missing, with `name` or the machine's name."""
     folder = home() / "robot"
-    if not (folder / "robot.key").exists():
+    if not ((folder / "robot.key").exists() and (folder / "robot.pem").exists()):
         certificate, key = made(_checked_name(name or _host()), "robot")
         write(folder / "robot.pem", certificate)
         write(folder / "robot.key", key)  # last: it marks the folder as complete
@@ -186,14 +186,14 @@ def of_station(folder: Path) -> Keys:
 def stations() -> list[tuple[str, str]]:
     """Name and fingerprint of each station that the robot of this machine trusts."""
     folder = home() / "robot" / "stations"
-    return [(path.stem, fingerprint(read(path))) for path in sorted(folder.glob("*.pem"))]
+    return [(path.stem, fingerprint(_certificate(path))) for path in sorted(folder.glob("*.pem"))]
 
 
 def robots() -> list[tuple[str, str]]:
     """Name and fingerprint of each robot this station is paired with."""
     folder = home() / "station"
     paths = sorted(folder.glob("*/robot.pem"))
-    return [(path.parent.name, fingerprint(read(path))) for path in paths]
+    return [(path.parent.name, fingerprint(_certificate(path))) for path in paths]
 
 
 def unpair(name: str) -> None:
@@ -237,11 +237,11 @@ def _host() -> str:
     return re.sub(r"[^A-Za-z0-9._-]", "-", os.uname().nodename).lstrip("._-")[:32] or "robot"
 
 
-def _loaded(certificate: bytes) -> x509.Certificate:
+def _loaded(certificate: bytes, called: str = "a certificate") -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(certificate)
     except ValueError:
-        raise CohelmError("a certificate is damaged: delete it and pair again") from None
+        raise CohelmError(f"{called} is damaged: delete it and pair again") from None
 
 
 def write(path: Path, content: bytes, fresh: bool = False) -> None:
@@ -274,9 +274,16 @@ def read(path: Path) -> bytes:
 
 
 def _checked(path: Path) -> bytes:
-    """Content of a file that no other user can have written."""
+    """A certificate that no other user can have written."""
     guarded(path, within=home())
-    return read(path)
+    return _certificate(path)
+
+
+def _certificate(path: Path) -> bytes:
+    """Content of a file that holds one."""
+    content = read(path)
+    _loaded(content, f"the certificate {path}")
+    return content
 
 
 def _secret(path: Path) -> bytes:
