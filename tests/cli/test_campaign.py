@@ -149,6 +149,7 @@ def test_a_replayed_row_equals_the_row_of_the_campaign(cohelm, driven, tmp_path)
         (("campaign", "random", "--compare", "guard,"), ["name each law between the commas"]),
         (("campaign", "random", "--cluster", ""), ["--cluster is empty", "leave it out"]),
         (("campaign", "."), ["holds no campaign"]),
+        (("campaign", "out/rooms"), ["out/rooms: there is no such folder"]),
         (("campaign", ".", "--replay", "1"), ["holds no campaign"]),
         (("campaign", "random", "--replay", "1"), ["random", "holds no campaign"]),
     ],

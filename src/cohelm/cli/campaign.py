@@ -162,6 +162,8 @@ def _planned(
         plan = runner.planned(folder)
         _check_own(folder, (law, compare, n, seed, data, plant, robot, out))
         return folder, plan
+    if "/" in suite:
+        raise CohelmError(f"{suite}: there is no such folder; give a suite or a campaign's folder")
     if law and compare:
         raise CohelmError("give either --law or --compare, not both")
     chosen = compare if compare is not None else "guard" if law is None else law
