@@ -187,8 +187,7 @@ def _again(folder: Path, which: str, out: Path | None, as_json: bool) -> None:
         from cohelm.study.campaign import replay_episode
         from cohelm.study.metrics import plain as values
 
-        found = replay_episode.again(folder, which)
-        there = out or folder / "episodes" / f"{found.law}-{found.row.episode}"
+        found, there = replay_episode.again(folder, which, out)
         replay_episode.record(found, there)
     if not found.same:
         say(

@@ -38,10 +38,12 @@ class Again(NamedTuple):
     """Whether the row equals the campaign's, to the last digit."""
 
 
-def again(folder: Path, which: str) -> Again:
-    """The episode that `which` names in a campaign's folder: NUMBER, or LAW/NUMBER.
+def again(folder: Path, which: str, out: Path | None = None) -> tuple[Again, Path]:
+    """The episode that `which` names in a campaign's folder, NUMBER or LAW/NUMBER, and the folder
+    for `record`: `out`, or one of its own in the campaign's.
 
-    Raises CohelmError where there is no such row, or it fails when it is driven again.
+    Raises CohelmError where there is no such row, or it fails when it is driven again, or has been
+    recorded there already.
     """
     plan = planned(folder)
     law, _, number = which.rpartition("/")
@@ -53,12 +55,23 @@ def again(folder: Path, which: str) -> Again:
             f"--replay {which}: there is no such row; write NUMBER or LAW/NUMBER, of the laws "
             f"{', '.join(plan.laws)} and {len(rows)} rows"
         )
+    to = out or folder / "episodes" / f"{law}-{row.episode}"
+    _check_new(to)
     case = plan.prepared().case(row.episode)
     try:
-        return drive(case, row)
+        return drive(case, row), to
     except FAILS as error:
         said = f"{law}/{row.episode} fails when it is driven again: {fault_of(error)}"
         raise CohelmError(said) from error
+
+
+def _check_new(folder: Path) -> None:
+    there = [name for name in (RECORD, ROW, PICTURE, STRIP) if (folder / name).exists()]
+    if there:
+        raise CohelmError(
+            f"{folder} holds {', '.join(there)} already, and a replay never overwrites: choose "
+            "another folder with --out"
+        )
 
 
 def drive(case: Episode, row: EpisodeResult) -> Again:
@@ -92,12 +105,7 @@ def record(found: Again, folder: Path) -> None:
     from cohelm.study.campaign.pictures import picture, strip  # matplotlib takes a second to import
 
     make_folder(folder)
-    there = [name for name in (RECORD, ROW, PICTURE, STRIP) if (folder / name).exists()]
-    if there:
-        raise CohelmError(
-            f"{folder} holds {', '.join(there)} already, and a replay never overwrites: choose "
-            "another folder with --out"
-        )
+    _check_new(folder)
     setup = found.case.setup
     with Recorder(folder / RECORD, scene(setup)) as recorder:
         recorder.write(found.trace)
