@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.flat import flat, made
-from cohelm.core.types import CENTRED, Pose, Stick, Twist
+from cohelm.core.types import CENTRED, Pose, Stick, Twist, disc
 from cohelm.law.govern import CourseClock
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
@@ -201,6 +201,26 @@ def test_a_robot_whose_commands_are_refused_without_an_obstacle_backs_off():
     assert pilot.state.left == NO_MOVE
     refused(pilot, NOTHING_NEAR, 0.7)
     assert pilot.planner(pilot.task(*here, NOTHING_NEAR)).move == RecoveryMove(0.3, 0.0, 0.0)
+
+
+def test_an_evasion_that_monitors_hold_back_is_not_chosen_for_a_while():
+    """In a corridor somebody comes: it backs. What monitors remember behind it no obstacle says."""
+    walls = np.array([[-9.0, 0.6, 9.0, 0.6], [-9.0, -0.6, 9.0, -0.6]])
+    comes = surroundings(np.array([disc(1.6, 0.0, 0.3, 0.4, -0.5, 0.0)]), np.array([0.5]), walls)
+    pilot, at_rest = Pilot(through(STRAIGHT, 0.5), SETTINGS), Twist(0.0, 0.0)
+    wanted = []
+    for k in range(round(4.0 / DT)):
+        wanted.append(pilot.step(k * DT, Pose(0.0, 0.0, 0.0), at_rest, CENTRED, comes).tracking_v)
+        pilot.applied(at_rest)
+    backs = np.array(wanted) < 0.0
+    assert backs[: round(0.4 / DT)].all()
+    assert not backs[round(0.55 / DT) : round(3.3 / DT)].any()
+    assert backs[round(3.6 / DT)]  # it tries again
+    pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
+    for k in range(round(2.0 / DT)):
+        made = pilot.step(k * DT, Pose(0.0, 0.0, 0.0), at_rest, CENTRED, comes)
+        pilot.applied(Twist(made.safe_v, made.safe_omega))
+        assert made.tracking_v < 0.0
 
 
 def test_a_robot_that_requests_nothing_is_not_refused():

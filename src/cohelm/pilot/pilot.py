@@ -31,8 +31,10 @@ from cohelm.pilot.step import (
 from cohelm.plan.course import Course, course, route, row_on_route
 from cohelm.plan.evasion.movers import empty_mover_history
 from cohelm.plan.path_planner import PathParams
-from cohelm.plan.recovery import kind
+from cohelm.plan.recovery import begins, kind
 
+_BARS = 3.0
+"""A kind of motion that monitors hold back is not chosen for an evasion for so long [s]."""
 _PAUSE = 1.0
 """A pilot that was not asked for longer begins anew: the robot may be elsewhere [s]."""
 NOTHING_NEAR = surroundings()
@@ -73,6 +75,10 @@ class Pilot:
         """How long gate and monitors have refused all commands, by `applied` [s]."""
         self._refused = 0
         """Kinds of recovery moves that they refused."""
+        self._held_back = 0.0
+        """How long they have held back an evasion [s]."""
+        self._barred: dict[int, float] = {}
+        """Until when each kind of motion is barred [s]."""
         self._now = -math.inf
         self._taken = 0.0
         self._line = _contiguous(self.planner.route.line)
@@ -126,6 +132,8 @@ class Pilot:
         pass nothing is given up."""
         safe, self._safe = self._safe, None
         left = self.state.left
+        if safe is not None:
+            self._bar(safe, command)
         if safe is None or not still(command):
             self.refused_for = 0.0
             self._refused = 0 if left == NO_MOVE else self._refused
@@ -136,6 +144,23 @@ class Pilot:
         if left != NO_MOVE and self.refused_for > PATIENCE:
             self._refused |= kind(left)
             self.state = self.state._replace(left=NO_MOVE)
+
+    def _bar(self, safe: Twist, passed: Twist) -> None:
+        """Bar the kind of motion of which monitors have passed less than half for `PATIENCE`.
+
+        They know what no obstacle says: a thing that left the view is remembered by them for a
+        minute. An evasion that backs towards it would stand there and try.
+        """
+        evasion, now = self.state.evasion, self.state.time
+        goes, asked, got = evasion.v, safe.v, passed.v
+        if goes == 0.0:
+            goes, asked, got = evasion.omega, safe.omega, passed.omega
+        held = evasion.on and goes * asked > 0.0 and goes * got < 0.5 * goes * asked
+        self._held_back = self._held_back + self.settings.rules.dt if held else 0.0
+        if self._held_back > PATIENCE:
+            self._barred[begins(evasion.v, evasion.omega)] = now + _BARS
+        barred = sum(one for one, until in self._barred.items() if now < until)
+        self.state = self.state._replace(barred=barred)
 
     def reshape(self, outline: Floats) -> None:
         """Use another outline from the next step on, (k, 2), as in the settings."""

@@ -90,6 +90,8 @@ class PilotState(NamedTuple):
     """Recovery moves begun since then."""
     awaits: bool = False
     """Whether it stands until the next plan, which continues a sequence of recovery moves."""
+    barred: int = 0
+    """Kinds of motion, see `plan.recovery`, that no evasion chooses: monitors hold them back."""
 
 
 START = PilotState(0, 0.0, CourseClock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
@@ -171,7 +173,7 @@ def pilot_step(
         evasion = evade(
             state.evasion, pose_ahead, twist_ahead, obstacles_ahead, course, state.clock, s.outline,
             s.limits, s.gains, s.rules, s.pace, s.evasion, mover_history,
-            obstacles.velocity_error,
+            obstacles.velocity_error, state.barred,
         )  # fmt: skip
     clock, target = _reference(
         state, pose_ahead, course, operator_leads or evasion.on, recovering, s, dt
@@ -220,7 +222,17 @@ def pilot_step(
     )
     moves = 0 if left == NO_MOVE and clock.rate > _PROGRESS_RATE else state.moves
     next_state = PilotState(
-        state.k + 1, state.time + dt, clock, left, row, held, refused, evasion, moves, awaits
+        state.k + 1,
+        state.time + dt,
+        clock,
+        left,
+        row,
+        held,
+        refused,
+        evasion,
+        moves,
+        awaits,
+        state.barred,
     )
     return next_state, Decision(
         v, omega, step.tracking_v, step.tracking_omega, step.operator_v, step.operator_omega,

@@ -37,10 +37,16 @@ BACKWARDS, FORWARDS, LEFT, RIGHT = 1, 2, 4, 8
 @jit
 def kind(remaining: RecoveryMove) -> int:
     """The kind of the rest of a move; 0 when it is over."""
-    if remaining.distance != 0.0:
-        return FORWARDS if remaining.distance > 0.0 else BACKWARDS
-    if remaining.turn != 0.0:
-        return LEFT if remaining.turn > 0.0 else RIGHT
+    return begins(remaining.distance, remaining.turn)
+
+
+@jit
+def begins(along: float, turn: float) -> int:
+    """The kind of a motion that goes along, or turns on the spot; 0: it stands."""
+    if along != 0.0:
+        return FORWARDS if along > 0.0 else BACKWARDS
+    if turn != 0.0:
+        return LEFT if turn > 0.0 else RIGHT
     return 0
 
 

@@ -31,6 +31,7 @@ from cohelm.plan.evasion.movers import relevant_movers, updated_history
 from cohelm.plan.evasion.params import STEP, Evasion, EvasionParams
 from cohelm.plan.evasion.predicted_motion import PredictedMotion, motion_cost, roll_out_piece
 from cohelm.plan.evasion.risk import clearance_at, spare_at, trajectories
+from cohelm.plan.recovery import begins
 from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
@@ -43,13 +44,14 @@ _COST_GAP = 0.4  # a motion worse than the best by this is abandoned [m]
 def evade(
     last: Evasion, pose: Pose, twist: Twist, obstacles: Surroundings, course: Course,
     clock: CourseClock, outline: Floats, limits: Limits, gains: Gains, rules: Rules,
-    pace: PaceParams, e: EvasionParams, history: Floats, velocity_error: Floats,
+    pace: PaceParams, e: EvasionParams, history: Floats, velocity_error: Floats, barred: int = 0,
 ) -> Evasion:  # fmt: skip
     """The evasion for the next `e.period`.
 
     pose, twist: when the next command takes effect; obstacles: as of then. history: from
     `empty_mover_history`, written into. velocity_error: (n,), that of the discs as they were seen,
-    before they were predicted to then [m/s].
+    before they were predicted to then [m/s]. barred: kinds of motion that are not chosen, see
+    `plan.recovery`.
     """
     if last.left > 0:
         return Evasion(
@@ -67,7 +69,7 @@ def evade(
     ):  # fmt: skip
         return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, _steps_per_period(e, rules) - 1)
     context = context_at(ahead, movers, obstacles, pose, course, clock, outline, reach, limits, e)
-    return _cheapest(last, context, pose, twist, obstacles, limits, rules, e)
+    return _cheapest(last, context, pose, twist, obstacles, limits, rules, e, barred)
 
 
 @jit
@@ -102,15 +104,18 @@ def _path_is_clear(
 @jit
 def _cheapest(
     last: Evasion, context: EvasionContext, pose: Pose, twist: Twist, obstacles: Surroundings,
-    limits: Limits, rules: Rules, e: EvasionParams,
+    limits: Limits, rules: Rules, e: EvasionParams, barred: int,
 ) -> Evasion:  # fmt: skip
-    """The cheapest motion whose first step the filter passes.
+    """The cheapest motion whose first step the filter passes, without barred ones.
 
     In order of their lower bounds; motions that can not come near the best so far are skipped.
     """
     motions, firsts = candidates(last, limits, e)
     extras = extra_costs(motions, last.on, e)
     bounds = lower_bounds(context, pose, twist, motions, firsts, last.on, limits, e) + extras
+    for i in range(len(motions)):
+        if (begins(motions[i, 0], motions[i, 1]) | begins(motions[i, 2], 0.0)) & barred:
+            bounds[i] = math.inf
     costs = np.full(len(motions), math.inf)
     start = PredictedMotion(pose, twist, 0.0, 0.0, -1.0)
     first_motions: list[PredictedMotion] = [start] * len(motions)
