@@ -216,6 +216,10 @@ def test_an_evasion_that_monitors_hold_back_is_not_chosen_for_a_while():
     assert backs[: round(0.4 / DT)].all()
     assert not backs[round(0.55 / DT) : round(3.3 / DT)].any()
     assert backs[round(3.6 / DT)]  # it tries again
+    assert pilot.state.barred != 0
+    pilot.step(6.0, Pose(0.0, 0.0, 0.0), at_rest, CENTRED, comes)
+    pilot.applied(at_rest)
+    assert pilot.state.barred == 0  # after a pause it may be elsewhere
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
     for k in range(round(2.0 / DT)):
         made = pilot.step(k * DT, Pose(0.0, 0.0, 0.0), at_rest, CENTRED, comes)

@@ -1,7 +1,6 @@
 """Driving in a browser: keyboard, gamepad, touch."""
 
 import itertools
-import time
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +12,10 @@ from cohelm.link.messages import RequestKind
 from cohelm.station.serve import Server
 from tests.few import first
 from tests.link.ends import STATUS
+from tests.patience import OwnTime
 from tests.station.bare import Bare
 from tests.station.person import (
     LEFT,
-    PATIENCE,
     RIGHT,
     SOON,
     STILL,
@@ -448,10 +447,10 @@ def test_stop_stops_by_a_second_finger_while_a_thumb_is_on_a_pad(
             ("touchStart", points[:1]), ("touchStart", points), ("touchEnd", points[1:]),
         ):  # fmt: skip
             touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": fingers})
-        within = time.monotonic() + PATIENCE
-        while RequestKind.STOP not in robot.requests:
-            assert time.monotonic() < within
-            page.wait_for_timeout(50)
+        with OwnTime() as own:
+            while RequestKind.STOP not in robot.requests:
+                assert own.now() < 5.0
+                page.wait_for_timeout(50)
         touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
 

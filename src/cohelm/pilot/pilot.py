@@ -126,6 +126,7 @@ class Pilot:
         clock = here if here.tau > s.clock.tau else s.clock._replace(waited=0.0)
         self.state = START._replace(k=s.k, time=s.time, clock=clock, row=s.row)
         self.refused_for, self._refused = 0.0, 0
+        self._held_back, self._barred = 0.0, {}
 
     def applied(self, command: Twist) -> None:
         """The command that gate and monitors passed in this period. A recovery move of which they
@@ -160,7 +161,8 @@ class Pilot:
         if self._held_back > PATIENCE:
             self._barred[begins(evasion.v, evasion.omega)] = now + _BARS
         barred = sum(one for one, until in self._barred.items() if now < until)
-        self.state = self.state._replace(barred=barred)
+        if barred != self.state.barred:
+            self.state = self.state._replace(barred=barred)
 
     def reshape(self, outline: Floats) -> None:
         """Use another outline from the next step on, (k, 2), as in the settings."""

@@ -222,18 +222,9 @@ def pilot_step(
     )
     moves = 0 if left == NO_MOVE and clock.rate > _PROGRESS_RATE else state.moves
     next_state = PilotState(
-        state.k + 1,
-        state.time + dt,
-        clock,
-        left,
-        row,
-        held,
-        refused,
-        evasion,
-        moves,
-        awaits,
+        state.k + 1, state.time + dt, clock, left, row, held, refused, evasion, moves, awaits,
         state.barred,
-    )
+    )  # fmt: skip
     return next_state, Decision(
         v, omega, step.tracking_v, step.tracking_omega, step.operator_v, step.operator_omega,
         step.nominal_v, step.nominal_omega, step.avoid_v, step.avoid_omega,

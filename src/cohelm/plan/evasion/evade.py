@@ -44,7 +44,7 @@ _COST_GAP = 0.4  # a motion worse than the best by this is abandoned [m]
 def evade(
     last: Evasion, pose: Pose, twist: Twist, obstacles: Surroundings, course: Course,
     clock: CourseClock, outline: Floats, limits: Limits, gains: Gains, rules: Rules,
-    pace: PaceParams, e: EvasionParams, history: Floats, velocity_error: Floats, barred: int = 0,
+    pace: PaceParams, e: EvasionParams, history: Floats, velocity_error: Floats, barred: int,
 ) -> Evasion:  # fmt: skip
     """The evasion for the next `e.period`.
 
