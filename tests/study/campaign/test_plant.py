@@ -146,6 +146,7 @@ def test_visibility_before_a_contact_is_computed_from_the_true_scene():
     touch = first_touch(setup, setup.twin, rows, discs, 3.0)
     assert touch.seen == pytest.approx(0.5)
     assert touch.share == pytest.approx(25 / 31)
+    assert touch.needed == pytest.approx(0.225 + 0.2 + 0.05 + 0.25)  # sweep, scans, wheels, brakes
     assert (touch.speed, touch.driven) == (0.4, 0.5)
     discs[-1, 0, 2:4] = 0.0  # the twin's movers stop dead as they bump
     assert first_touch(setup, setup.twin, rows, discs, 3.0) == touch

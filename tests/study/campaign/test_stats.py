@@ -74,17 +74,22 @@ def test_the_score_is_the_mean_over_all_episodes_failures_counting_nothing():
 def test_moving_contacts_with_what_was_out_of_view_are_counted_apart():
     rows = [
         row(contacts_moving=1, contact_seen_s=0.0),
-        row(contacts_moving=2, contact_seen_s=0.4),
+        row(contacts_moving=2, contact_seen_s=0.4, contact_needed_s=1.0),
+        row(contacts_moving=1, contact_seen_s=1.2, contact_needed_s=1.0),  # it was seen in time
         row(contacts_standing=1, contact_seen_s=0.0),  # the robot stood
         row(),
     ]
     found = summary("guard", rows, goals=True)
     assert found.unseen is not None
-    assert (found.moving.count, found.unseen.count, found.unseen.of) == (2, 1, 4)
+    assert found.late is not None
+    assert (found.moving.count, found.unseen.count, found.unseen.of) == (3, 1, 5)
+    assert (found.late.count, found.late.of) == (1, 5)
     assert found.as_dict()["contacts_moving_unseen"] == 1
+    assert found.as_dict()["contacts_moving_late"] == 1
     told = summary("guard", [row(contacts_moving=1)], goals=True)  # knows all, sees nothing
     assert told.unseen is None
     assert told.as_dict()["contacts_moving_unseen"] is None
+    assert told.as_dict()["contacts_moving_late"] is None
 
 
 def test_the_json_has_the_keys_that_are_promised():

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.frames import compose, placed
-from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
+from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
+from cohelm.perceive.track.params import TrackerParams
+from cohelm.robot.achievable import braking_time
 from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.robot.sensors import Lidar
 from cohelm.sim.lidar import sight
@@ -24,12 +26,13 @@ class Touch(NamedTuple):
     """See the columns of `Row` that begin with contact_."""
 
     seen: float
+    needed: float
     share: float
     speed: float
     driven: float
 
 
-NOTHING_TOUCHED = Touch(math.nan, math.nan, math.nan, math.nan)
+NOTHING_TOUCHED = Touch(math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 def first_touch(
@@ -48,7 +51,7 @@ def first_touch(
     driven = abs(float(rows["applied_v"][k])) + turn
     first = twin.robot.lidar
     if first is None:
-        return Touch(0.0, 0.0, speed, driven)
+        return Touch(0.0, 0.0, 0.0, speed, driven)
     place = (0.0, 0.0) if disc is not None else _place(pose, setup.outline, walls[which - len(at)])
     lidars, every = [one.lidar() for one in twin.robot.lidars], 1.0 / (first.rate_hz * setup.dt)
     steps = [k - round(j * every) for j in range(int(k / every) + 1)]
@@ -57,7 +60,21 @@ def first_touch(
         for j in steps
     ]
     unbroken = view.index(False) if False in view else len(view)
-    return Touch(unbroken * every * setup.dt, float(np.mean(view)), speed, driven)
+    came = rows[steps[min(unbroken, len(steps) - 1)]]
+    needed = _notices(twin) + braking_time(
+        Twist(float(came["applied_v"]), float(came["applied_omega"])), setup.limits
+    )
+    return Touch(unbroken * every * setup.dt, needed, float(np.mean(view)), speed, driven)
+
+
+def _notices(twin: Twinned) -> float:
+    """How long it takes at most until what comes into view makes the robot brake [s]: the scans
+    that must show that it moves, the first of them a period away, and the delays of LiDAR and
+    wheels."""
+    robot = twin.robot
+    first = robot.lidars[0]
+    more = (TrackerParams().proof - 1) / first.rate_hz
+    return robot.scan_age + more + robot.delay_s
 
 
 def _in_view(

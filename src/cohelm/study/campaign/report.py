@@ -89,6 +89,7 @@ def table(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         ("stuck: no fall, no contact, not arrived", lambda s: _share(s.stuck)),
         ("with a moving contact", lambda s: _share(s.moving)),
         ("... with what was out of view at that moment", lambda s: _share(s.unseen)),
+        ("... with what came into view too late to stop", lambda s: _share(s.late)),
         ("with a standing contact: walked into", lambda s: _share(s.standing)),
         ("with a departing contact: moved on into it", lambda s: _share(s.departing)),
         ("touched, of any kind", lambda s: _share(s.touched)),

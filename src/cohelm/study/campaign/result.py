@@ -89,8 +89,11 @@ class EpisodeResult(NamedTuple):
     """Of the first contact on the twin's own sensors, a moving one before a standing one: for how
     long what was touched had been in the LiDAR's view without a break, at five beams a scan, when
     it came to it; NaN: none."""
+    contact_needed_s: float
+    """How long the robot takes at most to notice what comes into view, and to stop, as fast as it
+    was when that did."""
     contact_seen_share: float
-    """And in which share of all scans before."""
+    """In which share of all scans before it had been in view."""
     contact_speed_mps: float
     """How fast that was itself going a control period before."""
     contact_driven_mps: float

@@ -150,6 +150,7 @@ def _row(
         stops=acted.stops,
         stopped_by=acted.why,
         contact_seen_s=touched.seen,
+        contact_needed_s=touched.needed,
         contact_seen_share=touched.share,
         contact_speed_mps=touched.speed,
         contact_driven_mps=touched.driven,

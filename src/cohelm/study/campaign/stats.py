@@ -83,6 +83,9 @@ class Summary(NamedTuple):
     unseen: Share | None
     """Those of them whose first one was with something that no LiDAR had in view at that moment;
     None without a LiDAR, or where there is none."""
+    late: Share | None
+    """Those whose first one was with something that came into view too late to notice it and
+    stop."""
     standing: Share
     """Episodes in which it was walked into."""
     departing: Share
@@ -113,6 +116,7 @@ class Summary(NamedTuple):
                 **_counted("success", self.success),
                 **_counted("contacts_moving", self.moving),
                 "contacts_moving_unseen": self.unseen and self.unseen.count,
+                "contacts_moving_late": self.late and self.late.count,
                 **_counted("contacts_standing", self.standing),
                 **_counted("contacts_departing", self.departing),
                 **_counted("falls", self.fell),
@@ -166,8 +170,8 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
         not (row.arrived or row.falls or row.contacts_moving + row.contacts_standing)
         for row in wanting
     )
-    moved = [row.contact_seen_s for row in sound if row.contacts_moving > 0]
-    seen = [seconds for seconds in moved if math.isfinite(seconds)]
+    moved = [row for row in sound if row.contacts_moving > 0]
+    seen = [row for row in moved if math.isfinite(row.contact_seen_s)]
     scored = any(math.isfinite(row.score) for row in sound)
     scores = [0.0 if row.fault else row.score for row in rows]
     return Summary(
@@ -176,8 +180,11 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
         n - driven,
         share(sum(row.arrived for row in sound), of) if goals else None,
         share(sum(_succeeded(row) for row in sound), of) if goals else None,
-        share(sum(row.contacts_moving > 0 for row in sound), driven),
-        share(sum(seconds == 0.0 for seconds in seen), driven) if seen else None,
+        share(len(moved), driven),
+        share(sum(row.contact_seen_s == 0.0 for row in seen), driven) if seen else None,
+        share(sum(0.0 < row.contact_seen_s < row.contact_needed_s for row in seen), driven)
+        if seen
+        else None,
         share(sum(row.contacts_standing > 0 for row in sound), driven),
         share(sum(row.contacts_departing > 0 for row in sound), driven),
         share(sum(row.contacts_moving + row.contacts_standing > 0 for row in sound), driven),
