@@ -112,3 +112,25 @@ def test_a_mover_behind_a_post_is_predicted_on_its_course(radius, speed):
     v, later = errors(where, (0.0, speed), radius, last, post)
     assert v < 0.25
     assert later < 0.25
+
+
+@pytest.mark.parametrize(
+    ("radius", "speed", "edge"),
+    [
+        (0.5, 1.4, 128.0), (0.4, -0.8, 135.0),
+        *(pytest.param(r, v, e, marks=pytest.mark.slow)
+          for r in (0.25, 0.4, 0.5) for v in (0.8, -0.8, 1.4) for e in (128.0, -128.0, 135.0)),
+    ],
+)  # fmt: skip
+def test_a_mover_that_the_edge_of_the_view_cuts_is_known_whole(radius, speed, edge):
+    """It comes or goes along that edge, and was never all in view."""
+    away, bearing = 3.6 if speed > 0.0 else 1.6, math.radians(edge)
+
+    def where(t):
+        far = away - speed * t
+        return LIDAR.mount_x_m + far * math.cos(bearing), far * math.sin(bearing)
+
+    velocity = -speed * math.cos(bearing), -speed * math.sin(bearing)
+    v, later = errors(where, velocity, radius, 1.5)
+    assert v < 0.1
+    assert later < 0.1

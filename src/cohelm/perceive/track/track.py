@@ -169,7 +169,8 @@ def no_tracks() -> Floats:
 # as well be that of a larger disc, and a mover that sets off would be detected late.
 
 
-_RADIUS_SIGMA = 0.15  # prior standard deviation of a radius [m]
+_RADIUS_SIGMA = 0.5  # prior standard deviation of a radius: the visible part says little [m]
+_WIDEST = 0.7  # larger radii are of no disc, but of a flat side [m]
 _GATE = 0.6  # a cluster farther than this from a track is not taken for it [m]
 _INCONSISTENT = 13.8  # 99.9 % quantile of chi squared with two degrees of freedom
 
@@ -279,7 +280,7 @@ def _is_round(fit: Fit, points: Floats, sweep: DeskewedScan) -> bool:
     """Whether the points are the near rim of the disc fitted to them."""
     ux, uy = fit.x - sweep.sensor.x, fit.y - sweep.sensor.y
     mx, my = points[:, 0].mean() - sweep.sensor.x, points[:, 1].mean() - sweep.sensor.y
-    return fit.good and mx * mx + my * my < ux * ux + uy * uy
+    return fit.good and fit.radius < _WIDEST and mx * mx + my * my < ux * ux + uy * uy
 
 
 @jit
@@ -299,8 +300,8 @@ def _update_by_rim(
 ) -> bool:  # fmt: skip
     """Update a mover by a rim fit; returns whether the fit is good."""
     x, y = _position_at(track, cluster)
-    occluded = cluster[OCCLUDED] > 0.0
-    if occluded and not _is_rim(track, cluster):
+    occluded, known = cluster[OCCLUDED] > 0.0, _radius_known(track)
+    if occluded and known and not _is_rim(track, cluster):
         return False
     noise = lidar.noise * lidar.noise
     fit = _fitted_disc(track, points, x, y, noise)
@@ -311,8 +312,7 @@ def _update_by_rim(
     if not _is_round(fit, points, sweep):
         return False
     _correct(track, fit.x - x, fit.y - y, fit.variance, max_acceleration)
-    if not occluded:
-        track[RADIUS], track[RR] = fit.radius, fit.radius_variance
+    track[RADIUS], track[RR] = fit.radius, fit.radius_variance
     return True
 
 
