@@ -52,6 +52,17 @@ NOT_READY_TO_COMPILE = """
 import sys
 assert not {"numba.np.linalg", "scipy.linalg"} & set(sys.modules)
 """
+READ_ONLY = """
+import errno, os, sys
+def refused(event, args):
+    writes = event in ("os.utime", "os.mkdir", "os.rename", "os.remove") or (
+        event == "open" and args[2] & (os.O_WRONLY | os.O_RDWR))
+    if writes and str(args[0]).startswith(os.environ["COHELM_CACHE_DIR"]):
+        raise OSError(errno.EROFS, "Read-only file system")
+sys.addaudithook(refused)
+"""
+"""The cache, even to root."""
+KEPT = "from cohelm.core.jit import unkept; assert unkept() == {!r}, unkept()"
 
 
 @pytest.fixture
@@ -114,6 +125,20 @@ def test_where_no_cache_can_be_written_the_law_still_runs(checkout):
     why = "\nfrom cohelm.core.jit import unkept\nassert unkept() == 'No such file or directory'"
     speed = answer(checkout, TRACK + why, **places, PYTHONDONTWRITEBYTECODE="1")
     assert speed == pytest.approx(0.5 + 0.9)
+
+
+def test_a_filled_cache_that_is_read_only_is_used(checkout, tmp_path):
+    """As in a container's image, or another person's; what is not in it is compiled at each start,
+    which is said."""
+    cache = tmp_path / "cache"
+    here = answer(checkout, STEP, COHELM_CACHE_DIR=str(cache))
+    found = READ_ONLY + STEP + NOT_READY_TO_COMPILE + KEPT.format("")
+    assert answer(checkout, found, COHELM_CACHE_DIR=str(cache)) == here
+    for path in cache.rglob("*.nb?"):
+        path.unlink()
+    empty = READ_ONLY + STEP + KEPT.format("Read-only file system")
+    assert answer(checkout, empty, COHELM_CACHE_DIR=str(cache)) == here
+    assert not list(cache.rglob("*.nb?"))
 
 
 def test_only_the_newest_caches_are_kept(tmp_path, monkeypatch):

@@ -161,7 +161,7 @@ def main() -> None:
         # Nothing more can be written there, and Python must not try again when it ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         if not isinstance(error, BrokenPipeError):  # that one is `cohelm ... | head`
-            where = str(error.filename or "what is printed, or compiled code (COHELM_CACHE_DIR),")
+            where = str(error.filename or "what is printed")
             full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
             mend = "free some space" if full else "choose a place you may write to"
             problem = f"{where} can not be written ({error.strerror}): {mend}"

@@ -25,6 +25,7 @@ import re
 import shutil
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -33,7 +34,12 @@ import numba
 import numpy as np
 from numba.core import config
 from numba.core.bytecode import FunctionIdentity
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    UserProvidedCacheLocator,
+)
 from numba.core.environment import Environment
 from numba.core.runtime.nrt import rtsys
 from numba.cpython import hashing as hashing  # the names that compiled code knows its secrets by
@@ -114,13 +120,14 @@ def _cache_folder(room: str) -> str:
         root = _root() / (room or "elsewhere")
         folder = root / _fingerprint(room)
         folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError) as error:
+        _unkept.append(getattr(error, "strerror", None) or str(error))
+        return ""  # a read-only home, or none: every start compiles anew
+    with suppress(OSError):  # one that may be read only is used as it is
         os.utime(folder)
         others = sorted(root.iterdir(), key=lambda p: p.stat().st_mtime, reverse=True)
         for old in others[_KEPT_CACHES:]:
             shutil.rmtree(old, ignore_errors=True)
-    except (OSError, RuntimeError) as error:
-        _unkept.append(getattr(error, "strerror", None) or str(error))
-        return ""  # a read-only home, or none: every start compiles anew
     return str(folder)
 
 
@@ -184,6 +191,17 @@ class Files(IndexDataCacheFile):
             return _Unpickler(file).load()
 
 
+class _Locator(UserProvidedCacheLocator):
+    def ensure_cache_path(self) -> None:
+        """Make the folder. numba takes none that it can not write to, though it be full."""
+        with suppress(OSError):
+            Path(self.get_cache_path()).mkdir(parents=True, exist_ok=True)
+
+
+class _Impl(CompileResultCacheImpl):
+    _locator_classes = [_Locator]  # noqa: RUF012  numba's name
+
+
 class Cache(FunctionCache):
     """The cached code of one function.
 
@@ -191,6 +209,16 @@ class Cache(FunctionCache):
     scipy's linear algebra, a third of a second in each process. What is compiled already needs its
     memory management only; who compiles gets ready all the same.
     """
+
+    _impl_class = _Impl
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the code for a signature, where that can be written."""
+        own: Any = super()
+        try:
+            own.save_overload(sig, data)
+        except OSError as error:
+            _unkept.append(error.strerror or str(error))
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The code for a signature; None where there is none, or it can not be read."""
