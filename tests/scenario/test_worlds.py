@@ -359,6 +359,22 @@ def test_dark_is_occupied_bright_is_free_and_the_first_row_is_on_top(tmp_path, n
     assert (found.resolution, found.origin) == (0.5, Pose(1.0, 2.0, 0.0))
 
 
+@pytest.mark.parametrize("comment", [b"", b"# by GIMP\r\n"])
+def test_an_image_whose_header_has_the_line_ends_of_windows_is_read_from_its_first_pixel(
+    tmp_path, comment
+):
+    path = write_map(tmp_path)
+    (tmp_path / "m.pgm").write_bytes(b"P5\r\n" + comment + b"3 2\r\n255\r\n" + SHADES.tobytes())
+    expected = [[FREE, FREE, OCCUPIED], [OCCUPIED, UNKNOWN, UNKNOWN]]
+    np.testing.assert_array_equal(read_map(path).cells, expected)
+
+
+def test_a_pixel_that_looks_like_a_line_end_is_one(tmp_path):
+    path = write_map(tmp_path)
+    (tmp_path / "m.pgm").write_bytes(b"P5 1 2 255\r\n\xff")
+    np.testing.assert_array_equal(read_map(path).cells, [[FREE], [OCCUPIED]])
+
+
 def test_negate_turns_dark_and_bright_around(tmp_path):
     found = read_map(write_map(tmp_path, negate=1))
     np.testing.assert_array_equal(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import math
+import re
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, BinaryIO, Literal, Self
 
 import numpy as np
 import yaml
@@ -27,6 +29,8 @@ FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Values of a cell, as in nav_msgs/OccupancyGrid; scale and raw maps have 1 ... 99 as well."""
 
 _ABSOLUTE = 2
+_HEADER = re.compile(rb"P5" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)" + rb"\r(?=\n)")
+"""Of a PGM whose header ends in CRLF: width, height, most."""
 _FINEST, _COARSEST = 1e-4, 100.0  # sides of a cell [m]
 _FARTHEST = 1e9  # of an origin: coordinates of a state's survey are there too [m]
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -210,6 +214,20 @@ def write_map(folder: Path, made: OccupancyMap) -> None:
     (folder / "map.yaml").write_text(yaml.safe_dump(about, sort_keys=False), encoding="utf-8")
 
 
+def _without_cr(file: BinaryIO) -> BinaryIO:
+    """A PGM image without the CR before its pixels, as programs on Windows write it: of CRLF, the
+    second would be taken for the first pixel. Any other image as it is."""
+    header = _HEADER.match(file.read(4096))
+    file.seek(0)
+    if header is None:
+        return file
+    width, height = int(header[1]), int(header[2])
+    data = file.read(header.end() + 1 + min(width * height, MOST_CELLS))
+    if len(data) <= header.end() + width * height:  # the LF is its first pixel
+        return io.BytesIO(data)
+    return io.BytesIO(data[: header.end() - 1] + data[header.end() :])
+
+
 def _pixels(path: Path, named_in: str) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Lightness in [0, 1], the mean of the colours, and where the image is opaque."""
     try:
@@ -217,7 +235,7 @@ def _pixels(path: Path, named_in: str) -> tuple[NDArray[np.float32], NDArray[np.
         with warnings.catch_warnings():
             # the limit below is lower than the one that is warned of
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path) as image:
+            with path.open("rb") as file, Image.open(_without_cr(file)) as image:
                 width, height = image.size
                 if width * height > MOST_CELLS:
                     raise CohelmError(
