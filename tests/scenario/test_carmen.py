@@ -140,6 +140,34 @@ def test_a_log_with_invalid_logger_times_is_read_by_its_sender_times(tmp_path, g
     assert made.odometry[79].pose.x == pytest.approx(7.9)
 
 
+def test_a_line_whose_time_is_none_is_left_out(tmp_path):
+    """It would be the last of the drive."""
+    lines = [stamped(5.0 + k, 0.0, (0.1 * k, 0.0, 0.0)) for k in range(80)]
+    lines[40] = stamped(1e18, 0.0, (4.0, 0.0, 0.0))
+    lines[50] = stamped(55.0 - 7200.0, 0.0, (5.0, 0.0, 0.0))
+    lines[75:] = [stamped(4000.0 + k, 0.0, (0.1 * k, 0.0, 0.0)) for k in range(75, 80)]  # a pause
+    made = read_log(written(tmp_path, *lines, "ODOM 9 0 0 0 0 0 1e18 h 1e18"))
+    assert len(made.scans) == len(made.odometry) == 78
+    assert made.scans[-1].stamp == made.odometry[-1].stamp == 4079.0
+    assert made.scans[0].stamp == made.odometry[0].stamp == 5.0
+
+
+def around(unit, backwards=1.0):
+    """A drive along a quarter of a circle, its heading in some unit."""
+    turns = [0.02 * k for k in range(80)]
+    poses = [(3.0 * math.sin(a), 3.0 - 3.0 * math.cos(a), unit * a) for a in turns]
+    if backwards < 0.0:
+        poses = [(-x, -y, psi) for x, y, psi in poses]
+    return [flaser(5.0 + k, pose=pose) for k, pose in enumerate(poses)]
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_headings_in_degrees_are_reported(tmp_path, direction):
+    assert len(read_log(written(tmp_path, *around(1.0, direction))).scans) == 80
+    with pytest.raises(CohelmError, match=r"a\.log: headings are in radians, got up to 90\.5"):
+        read_log(written(tmp_path, *around(180.0 / math.pi, direction)))
+
+
 def test_a_log_without_valid_times_is_read_in_its_order(tmp_path):
     lines = [stamped(k % 2, 0.0, (0.1 * k, 0.0, 0.0)) for k in range(406)]
     made = read_log(written(tmp_path, *lines))

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from pydantic import ValidationError
+from scipy.ndimage import median_filter
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between
@@ -32,6 +33,10 @@ _FAR = 80.0  # SICK scanners report 81.83 m or so where nothing came back [m]
 _FARTHEST = 100.0  # no scanner of these logs measures farther [m]
 _FEW = 10  # values that a scanner has at most for no return
 _TURN = 2.0 * math.pi * 1.01  # a full turn, with the rounding of the step [rad]
+_ASTRAY = 60.0  # a time farther from those of the lines around it is none [s]
+_AROUND = 11  # lines
+_STEP = 0.1  # of the robot's way, in which its heading shows [m]
+_ALONG, _ASKEW = 0.75, 0.5  # mean cosine of twice its angle to the heading: that is right; not
 _FINEST = 1e-5  # between two beams [rad]
 _MOST_BEAMS = 100_000
 
@@ -67,9 +72,10 @@ def read_log(path: Path | str) -> RecordedDrive:
     """A drive from a CARMEN log, plain or gzip.
 
     Scans of another number of beams than most, and lines that are cut short or hold no numbers,
-    are left out. Time is when a line was written down, or when it was sent; where neither goes on
-    from scan to scan, but each scan has its pose in its line, they count as ten a second, in their
-    order. Raises CohelmError where there is no such file, no scan with a pose in it, or no time.
+    or have a time a minute from those around them, are left out. Time is when a line was written
+    down, or when it was sent; where neither goes on from scan to scan, but each scan has its pose
+    in its line, they count as ten a second, in their order. Raises CohelmError where there is no
+    such file, no scan with a pose in it, no time, or headings in degrees.
     """
     data = io.BytesIO(contents(path, "a CARMEN log", _LARGEST))
     lines: list[_Line] = []
@@ -87,6 +93,7 @@ def read_log(path: Path | str) -> RecordedDrive:
             f"{path}: holds no scan of a CARMEN log with its odometry (FLASER, or ROBOTLASER1, or "
             "RAWLASER1 beside ODOM): give such a log"
         )
+    _check_in_radians(path, np.array([one.pose[:3] for one in lines if one.pose is not None]))
     _check_in_metres(path, np.concatenate([one.scan[0] for one in scans if one.scan is not None]))
     stamps = _stamps(lines)
     if stamps is None:
@@ -145,7 +152,11 @@ def _stamps(lines: list[_Line]) -> list[float] | None:
     scans = [one for one in lines if one.scan is not None]
     for clock in ([one.logged for one in lines], [one.sent for one in lines]):
         if _goes_on([t for t, one in zip(clock, lines, strict=True) if one.scan is not None]):
-            return clock
+            times = np.array(clock)
+            known = np.flatnonzero(np.isfinite(times))
+            usual = median_filter(times[known], _AROUND, mode="mirror")
+            times[known[np.abs(times[known] - usual) > _ASTRAY]] = math.nan
+            return times.tolist()
     if any(one.pose is None for one in scans):
         return None
     count = 0
@@ -208,6 +219,28 @@ def _check_in_metres(path: Path | str, ranges: Floats) -> None:
         raise CohelmError(
             f"{path}: ranges are in metres, got {np.median(measured):g} in the median: divide "
             "centimetres by 100, millimetres by 1000"
+        )
+
+
+def _check_in_radians(path: Path | str, poses: Floats) -> None:
+    """CohelmError where the robot drives along its headings only if they are degrees."""
+    kept = [0]
+    for k, (x, y) in enumerate(poses[:, :2]):
+        if math.hypot(x - poses[kept[-1], 0], y - poses[kept[-1], 1]) >= _STEP:
+            kept.append(k)
+    course = np.arctan2(*np.diff(poses[kept, :2], axis=0).T[::-1])
+    heading = poses[kept[1:], 2]
+    if not len(course):
+        return
+
+    def along(heading: Floats) -> float:
+        """1: forwards or backwards along it; 0: any way."""
+        return float(np.cos(2.0 * (course - heading)).mean())
+
+    if along(np.radians(heading)) > _ALONG and along(heading) < _ASKEW:
+        raise CohelmError(
+            f"{path}: headings are in radians, got up to {np.abs(poses[:, 2]).max():g}: multiply "
+            "degrees by 0.0174533"
         )
 
 
