@@ -98,7 +98,7 @@ def test_scans_that_are_none_are_left_out_and_three_of_them_name_topic_and_cure(
     *_, third = hears(robot, *(wrong(laser(k), **fields) for k in range(4, 7)))
     (fault,) = third.health.faults
     assert fault.startswith("/scan ")
-    assert "fix" in fault or "ros2 topic echo /scan" in fault
+    assert "fix" in fault
 
 
 @pytest.mark.parametrize("off", [2.0, 0.0, -3.0])

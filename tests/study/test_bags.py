@@ -186,6 +186,22 @@ def test_a_pose_that_is_none_is_left_out_and_a_bag_without_any_refused(tmp_path)
         drive(bag(tmp_path / "none", 2, spoil=without(range(5))))
 
 
+def test_a_scan_that_is_none_is_left_out_and_a_bag_without_any_refused(tmp_path):
+    """As drivers send one while their motor starts."""
+
+    def without(scans):
+        def spoil(kind, k, message):
+            if kind == SCAN and k in scans:
+                object.__setattr__(message, "angle_increment", 0.0)
+
+        return spoil
+
+    found = drive(bag(tmp_path / "some", 2, spoil=without({0, 3})))
+    assert [round(scan.stamp, 6) for scan in found.scans] == [0.2, 0.4, 0.8]
+    with pytest.raises(CohelmError, match=r"none: /robot7/laser holds no scan: .*: fix its driver"):
+        drive(bag(tmp_path / "none", 2, spoil=without(range(5))))
+
+
 def test_a_bag_without_a_scan_says_so(tmp_path):
     with pytest.raises(CohelmError, match=r"holds no LaserScan, .* /tf_static, /wheels/odometry"):
         drive(bag(tmp_path / "own", 2, scans=()))

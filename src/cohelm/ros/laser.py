@@ -38,8 +38,8 @@ def layout(scan: Any, topic: str) -> Layout:
         or not 2 <= n <= _MOST_BEAMS
     ):
         raise CohelmError(
-            f"{topic} holds no scan: {n} ranges, {step:g} rad apart from {first:g} rad; look at it "
-            f"with ros2 topic echo {topic}"
+            f"{topic} holds no scan: {n} ranges, {step:g} rad apart from {first:g} rad: fix its "
+            "driver"
         )
     if abs(step) * (n - 1) > 2.0 * math.pi * 1.02:
         raise CohelmError(

@@ -15,7 +15,7 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros.laser import Ranges, lidar_model, taken
+from cohelm.ros.laser import Ranges, layout, lidar_model, taken
 from cohelm.ros.transforms import Mount, StaticTransforms, mount_of, yaw_of
 from cohelm.scenario.worlds.carmen import RecordedDrive
 from cohelm.scenario.worlds.file import faults
@@ -69,6 +69,7 @@ def _read(
     odometry: dict[float, Odometry] = {}
     seen: list[tuple[float, Any]] = []
     zero, psi, body = math.nan, 0.0, ""
+    wrong = f"{scans_from} is empty: record it"
     for connection, at, raw in reader.messages(connections=some):
         m: Any = reader.deserialize(raw, connection.msgtype)
         if connection.topic in _TRANSFORMS:
@@ -76,7 +77,11 @@ def _read(
             continue
         stamp = m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec or 1e-9 * at
         if connection.topic == scans_from:
-            seen.append((stamp, m))
+            try:
+                layout(m, scans_from)
+                seen.append((stamp, m))
+            except CohelmError as error:
+                wrong = str(error)
             continue
         place, heading, twist = m.pose.pose.position, yaw_of(m.pose.pose.orientation), m.twist.twist
         if not all(map(math.isfinite, (place.x, place.y, heading))):
@@ -88,7 +93,7 @@ def _read(
             stamp - zero, Pose(place.x, place.y, psi), Twist(twist.linear.x, twist.angular.z)
         )
     if not seen:
-        raise CohelmError(f"{path}: {scans_from} is empty: record it")
+        raise CohelmError(f"{path}: {wrong}")
     if not odometry:
         raise CohelmError(
             f"{path}: {odometry_from} is empty, or holds no pose that is a number (an orientation "
