@@ -16,7 +16,7 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.record.file import About, RecordWriter
 from cohelm.robot.port import Odometry
 from cohelm.scenario import load
-from cohelm.scenario.worlds.maps import FREE, OCCUPIED, read_map
+from cohelm.scenario.worlds.maps import FREE, OCCUPIED, OccupancyMap, read_map, write_map
 from cohelm.study import mapping
 from cohelm.study.map_files import shades
 from cohelm.study.mapping_session import MappingSession
@@ -155,6 +155,14 @@ def test_a_map_is_checked_and_drawn(cohelm, folder, tmp_path):
     assert said["places"] > 50
     assert said["open_m"] > 1.0
     assert (tmp_path / "c" / "check.png").exists()
+
+
+def test_a_map_without_walls_is_refused_by_its_name(cohelm, tmp_path):
+    cells = np.full((40, 40), FREE, dtype=np.int8)
+    write_map(tmp_path, OccupancyMap(cells, 0.05, Pose(0.0, 0.0, 0.0)))
+    done = cohelm("map", str(tmp_path / "map.yaml"), "--out", str(tmp_path / "c"))
+    assert done.code == 2
+    assert "map.yaml: the map has no occupied cell" in done.err.replace("\n", "")
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from cohelm.study import map_check
 from cohelm.study.map_check import MapCheck, checked, write
 
 CELL = 0.05
@@ -93,6 +94,17 @@ def test_a_map_without_a_free_place_is_refused():
     cells = room(5.0, 4.0)
     cells[cells == FREE] = UNKNOWN
     with pytest.raises(CohelmError, match="free"):
+        check(cells)
+
+
+def test_the_time_for_a_large_map_is_bounded(monkeypatch):
+    """By the places that are searched, which are counted before any is."""
+    cells = room(5.0, 4.0)
+    with monkeypatch.context() as small:
+        small.setattr(map_check, "_SEARCHED", 3_000)
+        assert 3 <= check(cells).places <= 8  # 25 for each of some 17 m2
+    monkeypatch.setattr(map_check, "_MOST_SEARCHED", 100)
+    with pytest.raises(CohelmError, match=r"places of the map are free, and 100 are the most"):
         check(cells)
 
 

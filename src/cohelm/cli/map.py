@@ -11,7 +11,7 @@ import typer
 
 from cohelm.cli.app import app, examples
 from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, progress, say, typed
-from cohelm.core.errors import CohelmError
+from cohelm.core.errors import CohelmError, naming
 from cohelm.core.files import check_folder
 
 if TYPE_CHECKING:
@@ -206,7 +206,8 @@ def _check(path: Path, robot: str, folder: Path, as_json: bool) -> None:
         raise CohelmError(f"{robot} has no LiDAR to localise with: name another with --robot")
     occupancy = read_map(path)
     with progress("starting") as bar:
-        check = map_check.checked(occupancy, lidar, bar)
+        with naming(path):
+            check = map_check.checked(occupancy, lidar, bar)
         map_check.write(folder, occupancy, check)
     if as_json:
         print_json({"map": str(path), "robot": robot, "out": str(folder), **asdict(check)})
@@ -222,6 +223,8 @@ def _check(path: Path, robot: str, folder: Path, as_json: bool) -> None:
         ("that look like another place", f"{len(check.alike)}"),
     )  # fmt: skip
     print_table(str(path), ("quantity", "value"), rows)
+    if check.places < map_check.PLACES:
+        say(f"at {map_check.PLACES} places at most; fewer where more than 8000 m2 are free")
     say(f"for the LiDAR of {robot}; where: {plain(str(folder / 'check.png'))}")
 
 

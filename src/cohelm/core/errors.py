@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
+from pathlib import Path
 
 
 class CohelmError(Exception):
@@ -13,6 +15,15 @@ class CohelmError(Exception):
     Traceback (most recent call last):
     cohelm.core.errors.CohelmError: period must be from 0.001 to 1 s, got 0
     """
+
+
+@contextmanager
+def naming(file: Path) -> Generator[None]:
+    """Name the file in what is wrong with what was read from it."""
+    try:
+        yield
+    except CohelmError as error:
+        raise CohelmError(f"{file}: {error}") from error
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cohelm.core.errors import CohelmError
+from cohelm.core.errors import CohelmError, naming
 from cohelm.core.plugins import plugin
 from cohelm.core.types import Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
@@ -167,4 +167,6 @@ def mapped(path: Path, start: Pose) -> LocalizationMap:
     A published map is in that frame already; a map of `cohelm map` is in the frame of the robot's
     first pose, here `start`. Raises CohelmError if the file can not be used.
     """
-    return read_map(path).placed(start).known()
+    occupancy = read_map(path).placed(start)
+    with naming(path):
+        return occupancy.known()

@@ -29,7 +29,10 @@ from cohelm.study.map_files import shades
 from cohelm.study.mapping_session import writing
 
 PLACES = 150
-"""Places at which a scan is simulated."""
+"""Places at which a scan is simulated, at most."""
+_SEARCHED = 30_000_000
+"""Places that are searched for them, all together: about a minute on one core."""
+_MOST_SEARCHED = 6_000_000  # for one of them: 240 000 m2 of free ground
 _SURE = (
     LocalizerParams().sure
 )  # a pose with a larger standard deviation is not reported as known [m]
@@ -77,13 +80,14 @@ def checked(
     occupancy: OccupancyMap, model: LidarModel, progress: Progress, *, places: int = PLACES,
     seed: int = 1,
 ) -> MapCheck:  # fmt: skip
-    """The check of a map for a LiDAR. places: at most so many, drawn by `seed` from all free ones.
+    """The check of a map for a LiDAR. places: at most so many, drawn by `seed` from all free ones;
+    fewer where more than 8000 m2 are free, so that the time is bounded.
 
     At each a scan is simulated on the map as drawn, with the LiDAR's noise, and matched with the
     map. Too few features: the standard deviation of the position, in its worst direction, is above
     the localizer's own limit. Alike: another place of the whole map, 1 m away or turned by 0.5 rad
     at least, where 95 % of the ranges are the same within 15 cm. Raises CohelmError for a map
-    without occupied or free cells.
+    without occupied or free cells, or with too many of these.
     """
     known, grid, lidar = occupancy.known(), occupancy.grid(), model.lidar()
     rng = np.random.default_rng(seed)
@@ -92,6 +96,12 @@ def checked(
             "the map has no free place 20 cm from what is occupied, so nothing to check: see its "
             "thresholds and resolution"
         )
+    if len(known.places) > _MOST_SEARCHED:
+        raise CohelmError(
+            f"{len(known.places)} places of the map are free, and {_MOST_SEARCHED} are the most to "
+            "check (20 cm apart, 240 000 m2): cut the map, or see its resolution"
+        )
+    places = min(places, _SEARCHED // len(known.places))
     chosen = rng.permutation(len(known.places))[:places]
     few: list[Pose] = []
     alike: list[Alike] = []
