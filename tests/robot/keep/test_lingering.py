@@ -169,6 +169,33 @@ def test_no_driver_keeps_the_gate_process_alive(make, lingers, capfd):
     assert ("the robot's driver does not end" in capfd.readouterr().err) == lingers
 
 
+class Waits(Still):
+    """One of its calls never returns."""
+
+    def __init__(self, model: cohelm.RobotModel, call: str) -> None:
+        super().__init__(model)
+        self.call, self.calls = call, 0
+
+    def waits(self, call: str) -> None:
+        self.calls += call == self.call
+        if self.calls > 3:
+            time.sleep(1000.0)
+
+    def read(self) -> cohelm.Readings:
+        self.waits("read")
+        return super().read()
+
+    def send(self, twist: cohelm.Twist) -> None:
+        self.waits("send")
+
+
+@pytest.mark.parametrize("call", ["read", "send"])
+def test_the_call_in_which_a_driver_hangs_is_named(call):
+    """Whatever the loop asked for: the gate process reads and sends by itself too."""
+    with pytest.raises(CohelmError, match=f"answer: {call} of the robot's driver waits; the robot"):
+        driven(AdaptedMaker(functools.partial(Waits, call=call), SALLY))
+
+
 class Prints(Still):
     def __init__(self, model: cohelm.RobotModel) -> None:
         super().__init__(model)

@@ -28,6 +28,10 @@ _FARTHEST, _FASTEST = 1e6, 1e3
 _NO_NUMBER = Odometry(math.nan, Pose(*3 * [math.nan]), Twist(math.nan, math.nan))
 
 
+def _ignore(_: Event | str) -> None:
+    """Nobody listens."""
+
+
 def rules(model: RobotModel, period: float, watchdog: float = 0.1) -> GateRules:
     """The gate's rules for a robot, and for a loop with this period [s]."""
     limits = model.bounds()
@@ -48,10 +52,11 @@ class LocalGatedRobot:
     def __init__(
         self, robot: RobotPort, rules: GateRules, recorder: Callable[[Event], None] | None = None,
         watched_by: tuple[Monitor, ...] | None = None,
-        viewer: Callable[[Event], None] | None = None,
+        viewer: Callable[[Event], None] | None = None, calling: Callable[[str], None] = _ignore,
     ) -> None:  # fmt: skip
-        """recorder, viewer: receive the gate's events. watched_by: by default `watch.monitors`."""
-        self._robot, self._rules = robot, rules
+        """recorder, viewer: receive the gate's events. watched_by: by default `watch.monitors`.
+        calling: told which call of the robot's driver begins, and with "" that it has ended."""
+        self._robot, self._rules, self._calling = robot, rules, calling
         self._monitors = monitors(robot.model, rules) if watched_by is None else watched_by
         self._fault = ""
         """Fault that the robot reports in its newest readings."""
@@ -94,7 +99,7 @@ class LocalGatedRobot:
     def read(self) -> Readings:
         """The newest of everything; a fault that the robot reports is latched."""
         begun = self._robot.now()
-        readings = _bounded_odometry(self._robot.read())
+        readings = _bounded_odometry(self._called("read"))
         faults = () if readings.health is None else readings.health.faults
         self._fault = f"the robot reports: {faults[0]}" if faults else ""
         if self._fault:
@@ -179,7 +184,7 @@ class LocalGatedRobot:
 
     def close(self) -> None:
         """Stop and close the robot."""
-        self._robot.stop()
+        self._called("stop")
         self._robot.close()
 
     def _strictest(self, restrictions: list[Restriction]) -> Restriction:
@@ -191,7 +196,7 @@ class LocalGatedRobot:
 
     def _apply(self, gate: Gate) -> None:
         if latched(gate.mode):  # before it is said, which may fail
-            self._robot.stop()
+            self._called("stop")
         self._set_gate(gate)
 
     def _send(self, gate: Gate, passed: Passed) -> Passed:
@@ -200,13 +205,20 @@ class LocalGatedRobot:
         if latched(gate.mode):
             return passed
         begun = self._robot.now()
-        tried = self._robot.send(passed.out)
+        tried = self._called("send", passed.out)
         self._check_wait("send", begun)
         if tried != passed.out:
             passed = Passed(tried, passed.reason or "the robot does not do more")
         if passed.reason and driving(gate.mode):
             self._log_once(f"{'refused' if refused else 'limited'}: {passed.reason}")
         return passed
+
+    def _called(self, call: str, *with_: Any) -> Any:
+        """What a call of the robot's driver returns."""
+        self._calling(call)
+        answer = getattr(self._robot, call)(*with_)
+        self._calling("")
+        return answer
 
     def _check_wait(self, call: str, begun: float) -> None:
         """Say of a call of the robot that used up the watchdog's time that it did: the watchdog
@@ -250,10 +262,6 @@ class LocalGatedRobot:
             after = odometry.stamp - self._latched_at
             self._publish(Event(odometry.stamp, "gate", f"stands, {after:.2f} s after"))
             self._latched_at = math.nan
-
-
-def _ignore(_: Event) -> None:
-    """No recorder."""
 
 
 def standing(twist: Twist) -> bool:

@@ -155,7 +155,7 @@ class RemoteGatedRobot:
         except OSError as error:
             raise self._gone() from error
         if not taken:
-            raise _silent()
+            raise self._silent()
         return self._answer(self._within)
 
     def _answer(self, within: float) -> Any:
@@ -166,7 +166,7 @@ class RemoteGatedRobot:
         try:
             while number != self._number:
                 if not self._line.wait(end - time.monotonic()):
-                    raise _silent()
+                    raise self._silent()
                 (number, answer, gate, theirs, then), _ = self._line.receive()
                 self._offset = theirs - then
                 if gate is not None:
@@ -176,6 +176,11 @@ class RemoteGatedRobot:
         if isinstance(answer, CohelmError):
             raise answer
         return answer
+
+    def _silent(self) -> CohelmError:
+        call = self._memory.called
+        why = f"{call} of the robot's driver waits" if call else "this computer is too slow"
+        return CohelmError(f"the gate process does not answer: {why}; the robot stops by itself")
 
     def _gone(self) -> CohelmError:
         how = how_ended(self._process, _LAST)
@@ -204,10 +209,3 @@ class RemoteGatedRobot:
 
 GatedRobot = LocalGatedRobot | RemoteGatedRobot
 """The robot as the loop has it: one thread calls it, and only `wait` takes time."""
-
-
-def _silent() -> CohelmError:
-    return CohelmError(
-        "the gate process does not answer (does a read, send or stop of its driver wait?); "
-        "the robot stops by itself"
-    )

@@ -69,8 +69,11 @@ def serve(
     lead_group()
     release = end_with_parent()  # nothing reaches the wheels before the loop knows of the robot
     try:
-        gated = LocalGatedRobot(make(), rules, RecordLine(record), viewer=RecordLine(live))
-        memory = shared(gated.model)
+        robot = make()
+        memory = shared(robot.model)
+        gated = LocalGatedRobot(
+            robot, rules, RecordLine(record), viewer=RecordLine(live), calling=memory.calling
+        )
         gated.read()
     except CohelmError as error:
         line.send(error)

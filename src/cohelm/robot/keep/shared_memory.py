@@ -1,4 +1,5 @@
-"""Shared memory for scans and frames from the gate process to the loop, without locks.
+"""Shared memory for scans and frames from the gate process to the loop, without locks; and for the
+call of the driver in which that process may hang.
 
 The gate process writes only when the loop requests readings, and the loop copies them before it
 requests again: so what is read is consistent, and a loop that hangs blocks no process.
@@ -20,6 +21,8 @@ from cohelm.robot.port import Readings, Scan
 
 _ALIGNED = 64  # bytes
 _NUMBER = 8  # bytes of a range
+CALLS = ("", "read", "send", "stop")
+"""Of a robot's driver; the first: none."""
 
 
 class Stored(NamedTuple):
@@ -41,6 +44,15 @@ class SharedMemory:
         ends = list(accumulate(map(_aligned, scans.values()), initial=0))
         self._at = dict(zip(scans, ends, strict=False))
         self._frame_at = ends[-1]
+
+    def calling(self, call: str) -> None:
+        """The driver is in this one of `CALLS` from now on."""
+        self._memory[-1] = CALLS.index(call)
+
+    @property
+    def called(self) -> str:
+        """The call that it is in."""
+        return CALLS[self._memory[-1]]
 
     def put(self, readings: Readings) -> Readings:
         """Store the arrays; returns the readings with `Stored` for each that has room."""
@@ -107,4 +119,4 @@ def _aligned(size: int) -> int:
 
 
 def _size(scans: dict[str, int], frame: int) -> int:
-    return max(sum(map(_aligned, scans.values())) + frame, 1)
+    return sum(map(_aligned, scans.values())) + frame + 1
