@@ -224,7 +224,7 @@ def _check(path: Path, robot: str, folder: Path, as_json: bool) -> None:
     )  # fmt: skip
     print_table(str(path), ("quantity", "value"), rows)
     if check.places < map_check.PLACES:
-        say(f"at {map_check.PLACES} places at most; fewer where more than 8000 m2 are free")
+        say(f"at {map_check.PLACES} places at most; fewer where more than 4000 m2 are free")
     say(f"for the LiDAR of {robot}; where: {plain(str(folder / 'check.png'))}")
 
 

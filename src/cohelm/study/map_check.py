@@ -30,8 +30,8 @@ from cohelm.study.mapping_session import writing
 
 PLACES = 150
 """Places at which a scan is simulated, at most."""
-_SEARCHED = 30_000_000
-"""Places that are searched for them, all together: about a minute on one core."""
+_SEARCHED = 15_000_000
+"""Places that are searched for them, all together: one or two minutes on one core."""
 _MOST_SEARCHED = 6_000_000  # for one of them: 240 000 m2 of free ground
 _SURE = (
     LocalizerParams().sure
@@ -81,7 +81,7 @@ def checked(
     seed: int = 1,
 ) -> MapCheck:  # fmt: skip
     """The check of a map for a LiDAR. places: at most so many, drawn by `seed` from all free ones;
-    fewer where more than 8000 m2 are free, so that the time is bounded.
+    fewer where more than 4000 m2 are free, so that the time is bounded.
 
     At each a scan is simulated on the map as drawn, with the LiDAR's noise, and matched with the
     map. Too few features: the standard deviation of the position, in its worst direction, is above
@@ -101,7 +101,7 @@ def checked(
             f"{len(known.places)} places of the map are free, and {_MOST_SEARCHED} are the most to "
             "check (20 cm apart, 240 000 m2): cut the map, or see its resolution"
         )
-    places = min(places, _SEARCHED // len(known.places))
+    places = min(places, max(_SEARCHED // len(known.places), 1))
     chosen = rng.permutation(len(known.places))[:places]
     few: list[Pose] = []
     alike: list[Alike] = []
