@@ -26,7 +26,7 @@ import numpy as np
 
 from cohelm.core.types import VX, VY, Pose, Twist
 from cohelm.law.guard.rules import Rules
-from cohelm.law.guard.step import prepared
+from cohelm.law.guard.step import guard
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.robot.kinematics import arc
 from cohelm.sim.run import run
@@ -79,7 +79,7 @@ def pressed(setup: Setup, rng: np.random.Generator) -> tuple[Pose, float]:
     """A tight spot that the operator has driven into, under the filter, and its clearance."""
     dt, limits, reach = setup.dt, setup.limits, float(np.hypot(*setup.outline.T).max())
     obstacles = surroundings(setup.obstacles.discs, None, setup.obstacles.walls)
-    guard = prepared(setup.outline, limits, Rules(dt=dt))
+    rules = Rules(dt=dt)
     while True:
         pose, twist, nominal, until = setup.start, Twist(0.0, 0.0), Twist(0.0, 0.0), 0.0
         for k in range(round(_LEADS / dt)):
@@ -88,7 +88,9 @@ def pressed(setup: Setup, rng: np.random.Generator) -> tuple[Pose, float]:
                 v = float(rng.choice([1.0, 1.0, 0.5, 0.0, -1.0])) * limits.speed
                 nominal = Twist(v, rng.uniform(-1.0, 1.0) * limits.yaw_rate)
                 until = t + rng.uniform(0.3, 3.0)
-            passed = guard(pose, twist, nominal, obstacles)
+            passed = guard(
+                pose, twist, nominal, obstacles, setup.outline, limits, rules, False
+            )  # fmt: skip
             twist = Twist(passed.v, passed.omega)
             pose = arc(pose, twist, dt)
             if t > _AT_LEAST and abs(twist.v) + abs(twist.omega) < 1e-3:

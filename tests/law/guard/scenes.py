@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Pose, Twist, disc
 from cohelm.law.guard.rules import Rules
-from cohelm.law.guard.step import Guarded, prepared
+from cohelm.law.guard.step import Guarded, guard
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.robot.achievable import achievable
 from cohelm.robot.limits import Limits
@@ -25,8 +25,8 @@ def guard_step(
     pose: Pose, before: Twist, nominal: Twist, around: Surroundings, outline: np.ndarray,
     limits: Limits, rules: Rules = RULES,
 ) -> Guarded:  # fmt: skip
-    """One step of the guard as it is called from Python."""
-    return prepared(outline, limits, rules)(pose, before, nominal, around)
+    """One step of the guard."""
+    return guard(pose, before, nominal, around, outline, limits, rules, False)
 
 
 sizes = st.floats(0.05, 0.6)

@@ -1,4 +1,4 @@
-"""What the guard is handed from Python is checked when it is made, and refused with the cure."""
+"""What the guard is handed is checked before, and refused with the cure."""
 
 import math
 
@@ -7,12 +7,12 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
-from cohelm.law.guard.rules import Rules
-from cohelm.law.guard.step import prepared
+from cohelm.law.guard.rules import Rules, checked_rules
 from cohelm.law.guard.surroundings import surroundings
+from cohelm.robot.footprint import convex_outline
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits
-from tests.law.guard.scenes import RULES, SALLY, SALLY_LIMITS
+from cohelm.robot.limits import Limits, checked_limits
+from tests.law.guard.scenes import RULES, SALLY, SALLY_LIMITS, guard_step
 
 AHEAD = surroundings(points=[[0.41, 0.0]])
 """A point 5 cm before the bow."""
@@ -30,10 +30,10 @@ AHEAD = surroundings(points=[[0.41, 0.0]])
     ids=["clockwise", "closed", "a corner within an edge", "lists", "float32"],
 )
 def test_no_order_of_the_corners_lets_the_robot_drive_into_what_is_ahead(corners):
-    step = prepared(corners, SALLY_LIMITS)
+    outline = convex_outline(corners)
     pose, twist = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)
     for _ in range(100):
-        got = step(pose, twist, Twist(1.0, 0.0), AHEAD)
+        got = guard_step(pose, twist, Twist(1.0, 0.0), AHEAD, outline, SALLY_LIMITS)
         twist = Twist(got.v, 0.0)
         pose = arc(pose, twist, RULES.dt)
         assert 0.41 - 0.36 - pose.x >= RULES.hard_margin / 2
@@ -58,20 +58,20 @@ def test_no_order_of_the_corners_lets_the_robot_drive_into_what_is_ahead(corners
 )
 def test_no_outline_passes_for_which_nothing_could_be_promised(corners, said):
     with pytest.raises(CohelmError, match=said):
-        prepared(corners, SALLY_LIMITS)
+        convex_outline(corners)
 
 
 @pytest.mark.parametrize("name", Limits._fields)
 @pytest.mark.parametrize("bad", [math.nan, 0.0, -1.0, -math.inf])
 def test_no_limit_passes_that_is_not_greater_than_0(name, bad):
     with pytest.raises(CohelmError, match=rf"limits\.{name} must be (greater than 0|a length)"):
-        prepared(SALLY, SALLY_LIMITS._replace(**{name: bad}))
+        checked_limits(SALLY_LIMITS._replace(**{name: bad}))
 
 
 @pytest.mark.parametrize("limits", [(1.0, 2.0), None, ("a",) * 7])
 def test_no_limits_pass_that_are_not_seven_numbers(limits):
     with pytest.raises(CohelmError, match="must be 7 numbers"):
-        prepared(SALLY, limits)
+        checked_limits(limits)
 
 
 @pytest.mark.parametrize(
@@ -89,4 +89,4 @@ def test_no_limits_pass_that_are_not_seven_numbers(limits):
 )
 def test_no_rule_passes_that_makes_no_sense(name, bad):
     with pytest.raises(CohelmError, match=f"rules.{name} must be"):
-        prepared(SALLY, SALLY_LIMITS, Rules()._replace(**{name: bad}))
+        checked_rules(Rules()._replace(**{name: bad}))

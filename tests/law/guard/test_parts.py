@@ -14,8 +14,7 @@ from cohelm.law.guard.approach import approach, approach_rows, max_rows
 from cohelm.law.guard.bounds import brake_steps, coasting, wheel_rows
 from cohelm.law.guard.certify import _near, _travelled, manoeuvre
 from cohelm.law.guard.project import NO_OBSTACLE
-from cohelm.law.guard.rules import Rules
-from cohelm.law.guard.step import NOTHING, circumscribed_radius, guard, prepared
+from cohelm.law.guard.step import NOTHING, circumscribed_radius
 from cohelm.law.guard.surroundings import is_static, surroundings
 from cohelm.law.verdict import INVALID, UNTOUCHED
 from cohelm.robot.limits import Limits, unlimited
@@ -255,22 +254,6 @@ def test_an_invalid_step_is_a_stop_and_claims_nothing(what, bad):
 def test_an_absurd_nominal_command_is_clipped_to_a_billion():
     got = guard_step(HERE, REST, Twist(1e300, -1e300), EMPTY, SALLY, unlimited(0.5))
     assert (got.v, got.omega) == (1e9, -1e9)
-
-
-def test_from_python_every_setting_gets_where_it_belongs():
-    """`prepared` is `guard`, whichever limit is the one that binds."""
-    rules = Rules(0.05, 0.04, 0.02, 0.6, 0.3)
-    bodies = (
-        ALL, ALL._replace(wheel_speed=math.inf, wheel_acceleration=math.inf),
-        ALL._replace(speed=0.7, yaw_rate=0.4), ALL._replace(acceleration=0.5),
-        ALL._replace(yaw_acceleration=0.6),
-    )  # fmt: skip
-    around = surroundings([disc(0.9, 0.1, 0.1)], [0.2], [[-1, -1, 1, -0.9]], [[0.2, 0.8]])
-    for nominal in (Twist(2.0, 1.0), Twist(-2.0, 3.0), Twist(0.1, -4.0), Twist(0.6, 0.1)):
-        for before in (REST, Twist(0.5, 0.3), Twist(-0.4, 0.9)):
-            for lim in bodies:
-                wanted = guard(HERE, before, nominal, around, SALLY, lim, rules, False)
-                assert prepared(SALLY, lim, rules)(HERE, before, nominal, around) == wanted
 
 
 @given(lengths, lengths, st.floats(0.05, 2.0))

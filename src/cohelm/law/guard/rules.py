@@ -1,16 +1,11 @@
-"""Parameters of the guard, and checks of its rules and outline."""
+"""Parameters of the guard, and a check of them."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import Floats
-from cohelm.robot.footprint import convex_outline
 
 
 class Rules(NamedTuple):
@@ -49,15 +44,3 @@ def checked_rules(rules: Rules) -> Rules:
             f"{made.deceleration_fraction:g}"
         )
     return made
-
-
-def checked_outline(corners: ArrayLike) -> Floats:
-    """As `convex_outline`, and a point robot too: one corner, possibly repeated."""
-    try:
-        given = np.array(corners, dtype=np.float64)
-    except (TypeError, ValueError):
-        return convex_outline(corners)
-    corners_only = given.ndim == 2 and given.shape[1] == 2 and len(given) > 0
-    if corners_only and np.isfinite(given).all() and (given == given[0]).all():
-        return given
-    return convex_outline(corners)

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cohelm.core.flat import numbers, read
 from cohelm.core.jit import jit
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.scalars import is_finite
@@ -18,10 +15,10 @@ from cohelm.law.guard.approach import approach_rows, max_rows
 from cohelm.law.guard.bounds import WHEEL_ROWS, braked, wheel_rows
 from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
 from cohelm.law.guard.project import project
-from cohelm.law.guard.rules import Rules, checked_outline, checked_rules
+from cohelm.law.guard.rules import Rules
 from cohelm.law.verdict import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED
 from cohelm.robot.achievable import achievable
-from cohelm.robot.limits import Limits, checked_limits
+from cohelm.robot.limits import Limits
 
 NOTHING = -1
 """`limiting` where no obstacle changed the nominal command; the wheels' own limits may have."""
@@ -143,49 +140,3 @@ def circumscribed_radius(outline: Floats) -> float:
     for i in range(outline.shape[0]):
         square = max(square, outline[i, 0] * outline[i, 0] + outline[i, 1] * outline[i, 1])
     return math.sqrt(square)
-
-
-GuardStep = Callable[[Pose, Twist, Twist, Surroundings], Guarded]
-"""The guard of one robot: pose, before, nominal, obstacles -> the command that it passes."""
-
-_RULES = Rules()
-
-
-class _GuardSettings(NamedTuple):
-    """What is constant between steps, beside the outline."""
-
-    limits: Limits
-    rules: Rules
-
-
-def prepared(outline: ArrayLike, limits: Limits, rules: Rules = _RULES) -> GuardStep:
-    """`guard` from Python, with the constant arguments bound.
-
-    Raises CohelmError for an outline, limits or rules that allow no guarantee. The function
-    returned never raises on numbers, and all it returns is finite but `clearance`, which is
-    infinite with no obstacle near.
-
-    Arguments are passed as plain numbers: numba takes 0.8 us to convert a named tuple.
-    """
-    corners, limits, rules = checked_outline(outline), checked_limits(limits), checked_rules(rules)
-    row = numbers(_GuardSettings(limits, rules))
-
-    def step(pose: Pose, before: Twist, nominal: Twist, obstacles: Surroundings) -> Guarded:
-        return Guarded._make(_flat(*pose, *before, *nominal, *obstacles, corners, row))
-
-    return step
-
-
-@jit
-def _flat(
-    x: float, y: float, psi: float, v0: float, omega0: float, v: float, omega: float,
-    discs: Floats, max_acceleration: Floats, velocity_error: Floats, segments: Floats,
-    points: Floats, outline: Floats, row: Floats,
-) -> tuple[float, float, int, float, float, int]:  # fmt: skip
-    s = read(_GuardSettings, row, 0)
-    g = guard(
-        Pose(x, y, psi), Twist(v0, omega0), Twist(v, omega),
-        Surroundings(discs, max_acceleration, velocity_error, segments, points), outline, s.limits,
-        s.rules, False,
-    )  # fmt: skip
-    return g.v, g.omega, g.verdict, g.change, g.clearance, g.limiting
