@@ -18,7 +18,6 @@ STANDING = Twist(0.0, 0.0)
 
 _APART = 1.5
 """Proposals may come so many periods apart on average: what is certified holds for one."""
-_SLOW = "a call of the robot's driver waits, or this computer is too slow"
 
 
 class GateRules(NamedTuple):
@@ -35,6 +34,8 @@ class GateRules(NamedTuple):
     """The loop's period: unused acceleration accumulates for this long at most."""
     jitter: float = 0.01
     """A proposal may come this early and still change the speed by a whole period's worth."""
+    slow: str = "a call of the robot's driver waits, or this computer is too slow"
+    """Why proposals come too seldom, if they do."""
 
 
 class Proposal(NamedTuple):
@@ -80,12 +81,9 @@ class Passed(NamedTuple):
     """Why it differs from the proposal; empty where it does not."""
 
 
-def propose(
-    gate: Gate, proposal: Proposal, now: float, rules: GateRules, slow: str = _SLOW
-) -> tuple[Gate, Passed]:
-    """Check a proposal; returns the new state and the command at the wheels. slow: why proposals
-    come too seldom, if they do."""
-    gate = _check_pace(_check_watchdog(gate, now, rules), now, rules, slow)
+def propose(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> tuple[Gate, Passed]:
+    """Check a proposal; returns the new state and the command at the wheels."""
+    gate = _check_pace(_check_watchdog(gate, now, rules), now, rules)
     wrong = _fault_in(proposal, now, rules)
     if wrong:
         gate = fault(gate._replace(refused=gate.refused + 1), wrong)
@@ -138,7 +136,7 @@ def fault(gate: Gate, reason: str) -> Gate:
     return gate._replace(mode=GateMode.FAULTED, reason=reason)
 
 
-def reset(gate: Gate, now: float, rules: GateRules, slow: str = _SLOW) -> tuple[Gate, str]:
+def reset(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, str]:
     """Clear a stop or fault, into IDLE; nothing moves by that. Returns why not, or "".
 
     Refused while the wheels still turn, and until valid proposals come again.
@@ -147,19 +145,17 @@ def reset(gate: Gate, now: float, rules: GateRules, slow: str = _SLOW) -> tuple[
         return gate, "there is nothing to reset"
     if gate.out != STANDING:
         return gate, "the robot is still braking"
-    why = _not_alive(gate, now, rules, slow)
+    why = _not_alive(gate, now, rules)
     return (gate, why) if why else (gate._replace(mode=GateMode.IDLE, reason=""), "")
 
 
-def drive(
-    gate: Gate, mode: GateMode, now: float, rules: GateRules, slow: str = _SLOW
-) -> tuple[Gate, str]:
+def drive(gate: Gate, mode: GateMode, now: float, rules: GateRules) -> tuple[Gate, str]:
     """Set the mode: AUTOMATIC, SHARED or IDLE. Returns why not, or ""."""
     if latched(gate.mode):
         return gate, f"reset first: {gate.reason}"
     if latched(mode):
         return gate, "stop and fault can not be chosen"
-    why = _not_alive(gate, now, rules, slow) if driving(mode) else ""
+    why = _not_alive(gate, now, rules) if driving(mode) else ""
     return (gate, why) if why else (gate._replace(mode=mode), "")
 
 
@@ -183,7 +179,7 @@ def silence(rules: GateRules) -> str:
     return f"no valid command for more than {1000.0 * rules.watchdog:.0f} ms"
 
 
-def _check_pace(gate: Gate, now: float, rules: GateRules, slow: str) -> Gate:
+def _check_pace(gate: Gate, now: float, rules: GateRules) -> Gate:
     """Check that proposals come as often as the period says. One that is late is caught up by the
     next ones; of a loop that is always late it adds up to the watchdog's time."""
     if not math.isfinite(now):
@@ -193,15 +189,15 @@ def _check_pace(gate: Gate, now: float, rules: GateRules, slow: str) -> Gate:
     if apart > rules.watchdog:  # silence, and the watchdog's
         behind = 0.0
     gate = gate._replace(asked=now, behind=behind)
-    why = _too_slow(gate, rules, slow)
+    why = _too_slow(gate, rules)
     return fault(gate, why) if why and driving(gate.mode) else gate
 
 
-def _too_slow(gate: Gate, rules: GateRules, slow: str) -> str:
+def _too_slow(gate: Gate, rules: GateRules) -> str:
     """Why a loop that lives may not drive; empty where it may."""
     if not gate.behind > rules.watchdog:
         return ""
-    return f"commands come too seldom, and not every {1000.0 * rules.period:.0f} ms: {slow}"
+    return f"commands come too seldom, and not every {1000.0 * rules.period:.0f} ms: {rules.slow}"
 
 
 def _fault_in(proposal: Proposal, now: float, rules: GateRules) -> str:
@@ -224,11 +220,11 @@ def _refusal_of(gate: Gate, proposal: Proposal, now: float, rules: GateRules) ->
     return ""
 
 
-def _not_alive(gate: Gate, now: float, rules: GateRules, slow: str) -> str:
+def _not_alive(gate: Gate, now: float, rules: GateRules) -> str:
     """Why the loop does not count as alive; empty where it does."""
     if not now - gate.last_proposal <= rules.watchdog:
         return "the loop sends no valid command"
-    return _too_slow(gate, rules, slow)
+    return _too_slow(gate, rules)
 
 
 def _approach(gate: Gate, goal: Twist, now: float, rules: GateRules) -> Gate:

@@ -128,7 +128,7 @@ class LocalGatedRobot:
         share = self.monitor_share = restriction.share
         if share < 1.0:
             proposal = proposal._replace(twist=Twist(share * twist.v, share * twist.omega))
-        gate, passed = gates.propose(self._gate, proposal, now, self._rules, self._slow)
+        gate, passed = gates.propose(self._gate, proposal, now, self._rules)
         if share < 1.0 and driving(gate.mode):
             passed = passed._replace(reason=restriction.reason)
         return self._send(gate, passed)
@@ -151,14 +151,14 @@ class LocalGatedRobot:
         again at once."""
         if self._fault and latched(self._gate.mode):
             return self._fault
-        gate, refusal = gates.reset(self._gate, self._robot.now(), self._rules, self._slow)
+        gate, refusal = gates.reset(self._gate, self._robot.now(), self._rules)
         self._apply(gate)
         return refusal
 
     def drive(self, mode: GateMode) -> str:
         """Set the gate's mode."""
         now = self._robot.now()
-        gate, refusal = gates.drive(self._gate, mode, now, self._rules, self._slow)
+        gate, refusal = gates.drive(self._gate, mode, now, self._rules)
         self._apply(gate)
         return refusal
 
@@ -225,11 +225,11 @@ class LocalGatedRobot:
         would know only that no command came. begun: when it was called [s]."""
         took = self._robot.now() - begun
         self._took[call] = max(took, _FADES * self._took[call])
+        self._rules = self._rules._replace(slow=self._slow())
         if driving(self._gate.mode) and took > self._rules.watchdog:
             why = f"{call} of the robot's driver took {took:.2f} s"
             self.fault(f"{gates.silence(self._rules)}: {why}")
 
-    @property
     def _slow(self) -> str:
         """What makes the loop late, if it is."""
         call, took = max(self._took.items(), key=lambda one: one[1])
