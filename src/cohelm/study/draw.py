@@ -20,7 +20,7 @@ from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 from cohelm.core.frames import placed
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, Pose, X, Y
 from cohelm.study.experiments import Run
-from cohelm.study.metrics import LEADS_BELOW, spans
+from cohelm.study.metrics import leads, spans
 
 # Okabe and Ito's colours, distinct with any kind of colour vision.
 ROBOT = "#0072B2"
@@ -176,14 +176,8 @@ def driven(axes: Axes, run: Run, color: str = ROBOT, width: float = 2.0, style: 
     """The path of the robot's centre, orange and wide where the person leads."""
     rows = run.trace.rows
     axes.plot(rows["x"][::_EVERY], rows["y"][::_EVERY], color=color, lw=width, ls=style, zorder=5)
-    for a, b in leads(run):
+    for a, b in spans(leads(rows)):
         axes.plot(rows["x"][a:b:_EVERY], rows["y"][a:b:_EVERY], color=PERSON, lw=5.0, zorder=5.5)
-
-
-def leads(run: Run) -> list[tuple[int, int]]:
-    """The steps in which the person leads, as (first, one past the last)."""
-    rows = run.trace.rows
-    return spans(np.minimum(rows["authority_x"], rows["authority_psi"]) < LEADS_BELOW)
 
 
 def robot(axes: Axes, run: Run, t: float, color: str = ROBOT, *, filled: bool = False) -> None:
@@ -209,9 +203,9 @@ def clock(axes: Axes, run: Run, times: Sequence[float]) -> None:
         )  # fmt: skip
 
 
-def in_time(axes: Axes, run: Run, values: Floats, color: str, width: float = 1.8) -> None:
+def in_time(axes: Axes, run: Run, values: Floats, color: str) -> None:
     """A line over the run's time [s]."""
-    axes.plot(run.trace.rows["t"][::_EVERY], values[::_EVERY], color=color, lw=width, zorder=4)
+    axes.plot(run.trace.rows["t"][::_EVERY], values[::_EVERY], color=color, lw=1.8, zorder=4)
     axes.set_xlim(0.0, max(float(run.trace.rows["t"][-1]), run.trace.dt))
     axes.set_xlabel("time [s]")
 

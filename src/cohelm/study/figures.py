@@ -71,10 +71,7 @@ def figure_run(run: Run) -> Figure:
     for text, below_top in zip(figure.texts, (0.14, 0.42), strict=True):
         text.set_y(1.0 - below_top / height)
     axes.set_position((0.07, (0.5 + 1.9 + 0.85) / height, 0.91, plan / height))
-    entries = [("reference", REFERENCE, "--"), ("driven", ROBOT, "-")]
-    if draw.leads(run):
-        entries.append(("the person leads", PERSON, "-"))
-    draw.key(axes, *entries)
+    draw.key(axes, *_lines(run))
     below = [
         figure.add_axes((0.075 + 0.325 * c, 0.5 / height, 0.255, 1.9 / height)) for c in range(3)
     ]
@@ -328,15 +325,18 @@ def _headed(axes: Axes, title: str, finding: str) -> None:
     axes.text(0.0, 1.07, finding, transform=axes.transAxes, fontsize=9, color=PALE)
 
 
+def _lines(run: Run) -> list[tuple[str, str, str]]:
+    """The entries of a key to its path."""
+    led = [("the person leads", PERSON, "-")] if run.metrics.human_windows_s else []
+    return [("reference", REFERENCE, "--"), ("driven", ROBOT, "-"), *led]
+
+
 def _path_figure(run: Run, finding: str, about: str) -> Figure:
     """The whole lab, and below it what happened at each obstacle."""
     figure = draw.sheet(finding, about, 9.0)
     axes = figure.add_axes((0.06, 0.45, 0.92, 0.46))
     panels.whole_lab(axes, run)
-    entries = [("reference", REFERENCE, "--"), ("driven", ROBOT, "-")]
-    if draw.leads(run):
-        entries.append(("the person leads", PERSON, "-"))
-    draw.key(axes, *entries, ("moving obstacle", MOVER, "-"))
+    draw.key(axes, *_lines(run), ("moving obstacle", MOVER, "-"))
     for column, names in enumerate(_CLOSE_UPS):
         panels.close_up(figure.add_axes((0.06 + 0.325 * column, 0.06, 0.27, 0.32)), run, names)
     return figure

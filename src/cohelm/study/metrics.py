@@ -106,7 +106,7 @@ def measure(trace: Trace) -> Metrics:
     """Score a run. The trace must hold at least one step."""
     r = trace.rows
     t = r["t"]
-    windows = spans(np.minimum(r["authority_x"], r["authority_psi"]) < LEADS_BELOW)
+    windows = spans(leads(r))
     stalls = spans((np.abs(r["applied_v"]) < STANDS_BELOW) & ((r["u_d"] > 0.0) | (r["rate"] < 1.0)))
     nearest = int(np.argmin(r["clearance"]))
     found = {name: _disc(trace, i) for i, name in enumerate(trace.names)}
@@ -139,6 +139,11 @@ def measure(trace: Trace) -> Metrics:
         return_s=[settling(trace, b, BACK_ON_PATH) for _, b in windows],
         min_supplied_energy=float(r["energy"].min()),
     )
+
+
+def leads(rows: NDArray[np.void]) -> NDArray[np.bool_]:
+    """The periods in which the person leads."""
+    return np.minimum(rows["authority_x"], rows["authority_psi"]) < LEADS_BELOW
 
 
 def settling(trace: Trace, first: int, below: float) -> float:

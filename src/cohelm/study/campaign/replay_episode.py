@@ -56,22 +56,18 @@ def again(folder: Path, which: str, out: Path | None = None) -> tuple[Again, Pat
             f"{', '.join(plan.laws)} and {len(rows)} rows"
         )
     to = out or folder / "episodes" / f"{law}-{row.episode}"
-    _check_new(to)
+    there = [name for name in (RECORD, ROW, PICTURE, STRIP) if (to / name).exists()]
+    if there:
+        raise CohelmError(
+            f"{to} holds {', '.join(there)} already, and a replay never overwrites: choose "
+            "another folder with --out"
+        )
     case = plan.prepared().case(row.episode)
     try:
         return drive(case, row), to
     except FAILS as error:
         said = f"{law}/{row.episode} fails when it is driven again: {fault_of(error)}"
         raise CohelmError(said) from error
-
-
-def _check_new(folder: Path) -> None:
-    there = [name for name in (RECORD, ROW, PICTURE, STRIP) if (folder / name).exists()]
-    if there:
-        raise CohelmError(
-            f"{folder} holds {', '.join(there)} already, and a replay never overwrites: choose "
-            "another folder with --out"
-        )
 
 
 def drive(case: Episode, row: EpisodeResult) -> Again:
@@ -100,12 +96,11 @@ def record(found: Again, folder: Path) -> None:
     """Write record, row and picture of an episode to a folder, which is made if need be; and where
     it made way, a strip of that.
 
-    Raises CohelmError where one of them is there already or can not be written.
+    Raises CohelmError where one of them can not be written.
     """
     from cohelm.study.campaign.pictures import picture, strip  # matplotlib takes a second to import
 
     make_folder(folder)
-    _check_new(folder)
     setup = found.case.setup
     with Recorder(folder / RECORD, scene(setup)) as recorder:
         recorder.write(found.trace)

@@ -22,7 +22,7 @@ from cohelm.study.campaign import laws
 from cohelm.study.campaign.contact_analysis import NOTHING_TOUCHED, Touch, first_touch
 from cohelm.study.campaign.episode import DT, Episode, EpisodeGoal, Interventions
 from cohelm.study.campaign.result import EpisodeResult
-from cohelm.study.metrics import BACK_ON_PATH, LEADS_BELOW, spans
+from cohelm.study.metrics import BACK_ON_PATH, leads, spans
 
 STEERING = 0.5
 """Weight of yaw rate beside speed in `EpisodeResult.disagreement_mps` [m]."""
@@ -190,8 +190,7 @@ def recovery(rows: NDArray[np.void], arrived: bool) -> tuple[float, int]:
 
     A release counts as neither where the person leads again, or the robot arrives, before.
     """
-    leads = np.minimum(rows["authority_x"], rows["authority_psi"]) < LEADS_BELOW
-    led, found, never = spans(leads), list[float](), 0
+    led, found, never = spans(leads(rows)), list[float](), 0
     for k, (_, released) in enumerate(led):
         until = led[k + 1][0] if k + 1 < len(led) else len(rows)
         back = np.flatnonzero(rows["e_p"][released:until] < BACK_ON_PATH)

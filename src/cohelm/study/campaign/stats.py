@@ -13,6 +13,8 @@ from scipy.special import betaincinv
 from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.metrics import plain
 
+_TAIL = 0.025  # of the probability, on either side of the bounds
+
 
 @dataclass(frozen=True)
 class Share:
@@ -24,17 +26,16 @@ class Share:
     high: float
 
 
-def share(count: int, of: int, confidence: float = 0.95) -> Share:
+def share(count: int, of: int) -> Share:
     """A share with its Clopper-Pearson bounds (1934): exact, whatever the numbers.
 
     The bounds are quantiles of beta distributions; with none counted the upper one is
-    1 - ((1 - confidence) / 2)^(1 / of). Of nothing, anything is possible.
+    1 - 0.025^(1 / of). Of nothing, anything is possible.
     """
     if of == 0:
         return Share(0, 0, 0.0, 1.0)
-    tail = 0.5 * (1.0 - confidence)
-    low = float(betaincinv(count, of - count + 1, tail)) if count > 0 else 0.0
-    high = float(betaincinv(count + 1, of - count, 1.0 - tail)) if count < of else 1.0
+    low = float(betaincinv(count, of - count + 1, _TAIL)) if count > 0 else 0.0
+    high = float(betaincinv(count + 1, of - count, 1.0 - _TAIL)) if count < of else 1.0
     return Share(count, of, low, high)
 
 
