@@ -34,12 +34,7 @@ import numba
 import numpy as np
 from numba.core import config
 from numba.core.bytecode import FunctionIdentity
-from numba.core.caching import (
-    CompileResultCacheImpl,
-    FunctionCache,
-    IndexDataCacheFile,
-    UserProvidedCacheLocator,
-)
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.environment import Environment
 from numba.core.runtime.nrt import rtsys
 from numba.cpython import hashing as hashing  # the names that compiled code knows its secrets by
@@ -191,7 +186,10 @@ class Files(IndexDataCacheFile):
             return _Unpickler(file).load()
 
 
-class _Locator(UserProvidedCacheLocator):
+_numba: Any = CompileResultCacheImpl
+
+
+class _Locator(_numba._locator_classes[0]):  # in the folder that is given
     def ensure_cache_path(self) -> None:
         """Make the folder. numba takes none that it can not write to, though it be full."""
         with suppress(OSError):
