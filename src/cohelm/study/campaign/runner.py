@@ -16,13 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from cohelm import __version__
-from cohelm.core.errors import CohelmError
+from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.core.extras import missing
 from cohelm.core.plugins import plugins
 from cohelm.core.types import Progress
 from cohelm.robot.keep.processes import end_with_parent
 from cohelm.robot.model import RobotModel
-from cohelm.scenario.explain import nearest
 from cohelm.study.campaign.laws import GROUP, factory, is_own, own_code
 from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.campaign.store import PLAN, Key, Store, read_plan
@@ -76,10 +75,9 @@ class CampaignConfig:
         """Checks that an external law exists, and can be given the true obstacles."""
         if ":" not in law and law not in plugins(GROUP):
             there = [*made.laws, *plugins(GROUP)]
-            hint = nearest(law, there)
             raise CohelmError(
                 f"there is no law {law!r}: choose {', '.join(there)}, or give package:factory"
-                f"{'; ' + hint if hint else ''}"
+                f"{did_you_mean(law, there)}"
             )
         if made.plant != "kinematic" or not made.goals:
             raise CohelmError(
