@@ -60,63 +60,50 @@ def numbers(ex: Experiments) -> dict[str, Any]:
     track, avoid, without, shared = (
         run.metrics for run in (ex.track, ex.avoid, ex.without, ex.shared)
     )
-    return plain(
-        {
-            "tracking": {
-                "max_pose_error": track.max_pose_error,
-                "final_pose_error": track.final_pose_error,
-                "settle_s": ex.settle_s,
-                "least_settle_s": ex.least_settle_s,
-                "longest_above_settled_s": ex.longest_above_settled_s,
-            },
-            "barrier": {
-                "k_cbf": ex.avoid.setup.gains.k_cbf,
-                "min_h": {name: disc.min_h for name, disc in avoid.discs.items()},
-                "min_h_without": {name: disc.min_h for name, disc in without.discs.items()},
-                "min_footprint_clearance_m": avoid.min_clearance_m,
-                "max_command": [avoid.max_speed_mps, avoid.max_yaw_rate_radps],
-                "max_pose_error": avoid.max_pose_error,
-                "passed_on": {name: disc.side for name, disc in avoid.discs.items()},
-            },
-            "shared": {
-                "human_windows_s": shared.human_windows_s,
-                "min_auto_authority": shared.min_auto_authority,
-                "return_s": shared.return_s,
-                "min_h": shared.min_h,
-                "min_footprint_clearance_m": shared.min_clearance_m,
-                "final_pose_error": shared.final_pose_error,
-            },
-            "wheel_limits_on": {
-                name: _limited(run.metrics, wheel_acceleration(run.trace, ex.wheels.track))
-                for name, run in ex.limited.items()
-            },
-            "k_cbf_sweep": [
-                {
-                    "k_cbf": k_cbf,
-                    "min_h": m.min_h,
-                    "reached": m.reached,
-                    "max_speed_mps": m.max_speed_mps,
-                    "longest_stall_s": m.longest_stall_s,
-                    "max_pose_error": m.max_pose_error,
-                    "min_footprint_clearance_m": m.min_clearance_m,
-                }
-                for k_cbf, m in ex.sweep.items()
-            ],
-        }
-    )
+    return plain({
+        "tracking": {
+            **_of(track, "max_pose_error", "final_pose_error"),
+            "settle_s": ex.settle_s,
+            "least_settle_s": ex.least_settle_s,
+            "longest_above_settled_s": ex.longest_above_settled_s,
+        },
+        "barrier": {
+            "k_cbf": ex.avoid.setup.gains.k_cbf,
+            "min_h": {name: disc.min_h for name, disc in avoid.discs.items()},
+            "min_h_without": {name: disc.min_h for name, disc in without.discs.items()},
+            "min_footprint_clearance_m": avoid.min_clearance_m,
+            "max_command": [avoid.max_speed_mps, avoid.max_yaw_rate_radps],
+            "max_pose_error": avoid.max_pose_error,
+            "passed_on": {name: disc.side for name, disc in avoid.discs.items()},
+        },
+        "shared": {
+            **_of(shared, "human_windows_s", "min_auto_authority", "return_s", "min_h"),
+            "min_footprint_clearance_m": shared.min_clearance_m,
+            "final_pose_error": shared.final_pose_error,
+        },
+        "wheel_limits_on": {
+            name: {
+                **_of(run.metrics, "max_pose_error", "final_pose_error", "min_h"),
+                "min_footprint_clearance_m": run.metrics.min_clearance_m,
+                "saturated_share": run.metrics.saturated_share,
+                "max_wheel_acceleration_mps2": wheel_acceleration(run.trace, ex.wheels.track),
+                **_of(run.metrics, "human_windows_s", "return_s"),
+            }
+            for name, run in ex.limited.items()
+        },
+        "k_cbf_sweep": [
+            {
+                "k_cbf": k_cbf,
+                **_of(m, "min_h", "reached", "max_speed_mps", "longest_stall_s", "max_pose_error"),
+                "min_footprint_clearance_m": m.min_clearance_m,
+            }
+            for k_cbf, m in ex.sweep.items()
+        ],
+    })  # fmt: skip
 
 
-def _limited(m: Metrics, wheel_acceleration_mps2: float) -> dict[str, Any]:
-    return {
-        "max_pose_error": m.max_pose_error,
-        "final_pose_error": m.final_pose_error,
-        "min_h": m.min_h,
-        "min_footprint_clearance_m": m.min_clearance_m,
-        "saturated_share": m.saturated_share,
-        "max_wheel_acceleration_mps2": wheel_acceleration_mps2,
-        "human_windows_s": m.human_windows_s,
-        "return_s": m.return_s,
-    }
+def _of(m: Metrics, *names: str) -> dict[str, Any]:
+    return {name: getattr(m, name) for name in names}
 
 
 def table(ex: Experiments) -> list[tuple[str, str, str]]:
