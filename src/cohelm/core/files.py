@@ -10,7 +10,8 @@ import io
 import os
 import stat
 import zlib
-from contextlib import suppress
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from cohelm.core.errors import CohelmError
@@ -67,6 +68,19 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise unmade(folder, error) from error
+
+
+@contextmanager
+def writing(folder: Path) -> Generator[None]:
+    """Write into a folder, which is made. CohelmError where that can not be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise CohelmError(
+            f"{folder} can not be written ({error.strerror}): free some space, or choose another "
+            "folder with --out"
+        ) from error
 
 
 def check_folder(folder: Path) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import writing
 from cohelm.core.frames import inverse, placed
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose, Progress
@@ -26,7 +27,6 @@ from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import measure, sight
 from cohelm.study.map_files import shades
-from cohelm.study.mapping_session import writing
 
 PLACES = 150
 """Places at which a scan is simulated, at most."""

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cohelm.core.files import writing
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.mapper import MappingResult, encounters
 from cohelm.perceive.map.raster import Raster
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, write_map
 from cohelm.study.localized_drive import LocalizedDrive
-from cohelm.study.mapping_session import MappingSession, Mark, writing
+from cohelm.study.mapping_session import MappingSession, Mark
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,6 @@ from __future__ import annotations
 import json
 import math
 import zipfile
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import check_regular
+from cohelm.core.files import check_regular, writing
 from cohelm.perceive.map.mapper import Mapper
 from cohelm.perceive.map.mapping_scans import MappingScan
 from cohelm.robot.sensors import LidarModel
@@ -29,18 +27,6 @@ _DRAWN = 2500  # scans that go into the grid, at most
 _NONE = np.empty((0, 2), np.float32)
 
 Kind = Literal["remove-loop", "cut", "crop"]
-
-
-@contextmanager
-def writing(folder: Path) -> Generator[None]:
-    """Write into a folder, which is made. CohelmError where that can not be."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        yield
-    except OSError as error:
-        raise CohelmError(
-            f"{folder} can not be written ({error.strerror}): choose another folder with --out"
-        ) from error
 
 
 class Mark(NamedTuple):

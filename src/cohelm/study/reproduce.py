@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from cohelm.core.errors import CohelmError
+from cohelm.core.files import writing
 from cohelm.core.types import Progress
 from cohelm.record.write import Recorder
 from cohelm.study.experiments import SETTLED, Experiments, perform
@@ -25,15 +25,10 @@ def reproduce(out: Path, progress: Progress = lambda _doing, _share: None) -> Ex
     code writes the same bytes every time. progress: called with a description, and the share of the
     whole that is done. Raises CohelmError where the folder can not be written.
     """
-    try:
-        (out / "records").mkdir(parents=True, exist_ok=True)  # before the work, if it can not be
+    with writing(out):  # which is made before the work
+        (out / "records").mkdir(exist_ok=True)
         ex = perform(lambda doing, share: progress(doing, _RUNS * share))
         _write(ex, out, progress)
-    except OSError as error:
-        raise CohelmError(
-            f"{out}: can not be written ({error.strerror}); choose another folder with --out, "
-            "or free some space"
-        ) from error
     progress("done", 1.0)
     return ex
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import make_folder
+from cohelm.core.files import make_folder, writing
 from cohelm.core.trace import Trace
 from cohelm.record.file import RECORD
 from cohelm.record.write import Recorder
@@ -102,19 +102,14 @@ def record(found: Again, folder: Path) -> None:
 
     make_folder(folder)
     setup = found.case.setup
-    with Recorder(folder / RECORD, scene(setup)) as recorder:
-        recorder.write(found.trace)
-    try:
+    with writing(folder):
+        with Recorder(folder / RECORD, scene(setup)) as recorder:
+            recorder.write(found.trace)
         text = json.dumps(plain(found.row._asdict()), indent=2, allow_nan=False)
         (folder / ROW).write_text(text + "\n", encoding="utf-8")
         (folder / PICTURE).write_bytes(picture(found.case, found.trace, found.row))
         if (evasion := strip(found.case, found.trace)) is not None:
             (folder / STRIP).write_bytes(evasion)
-    except OSError as error:
-        raise CohelmError(
-            f"{folder}: can not be written to ({error.strerror}): free some space, or choose "
-            "another with --out"
-        ) from error
 
 
 def _equal(a: EpisodeResult, b: EpisodeResult) -> bool:
