@@ -79,3 +79,10 @@ def test_a_disk_that_is_full_before_the_first_message_is_reported_and_the_log_gr
     log = recording.path.with_suffix(".log").read_text()
     assert "an event" in log
     assert said in log
+
+
+def test_a_drive_that_ended_while_its_robot_started_leaves_its_names_free(tmp_path):
+    path = tmp_path / "drive.mcap"
+    for _ in range(2):
+        assert Recording(path, SALLY).close()
+    assert list(tmp_path.iterdir()) == []

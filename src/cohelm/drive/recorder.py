@@ -109,9 +109,8 @@ class Log:
     """The log of events; still written when the disk is full."""
 
     def __init__(self, path: Path) -> None:
-        self._reserve = path.with_suffix(".reserve")
-        appended = os.O_WRONLY | os.O_CREAT | os.O_APPEND
-        self._file = os.open(path.with_suffix(".log"), appended, _MODE)
+        self._path, self._reserve = path.with_suffix(".log"), path.with_suffix(".reserve")
+        self._file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, _MODE)
         with contextlib.suppress(OSError):
             held = os.open(self._reserve, os.O_WRONLY | os.O_CREAT, _MODE)
             os.posix_fallocate(held, 0, _RESERVE)
@@ -129,8 +128,10 @@ class Log:
                 os.write(self._file, text)
 
     def close(self) -> None:
-        """Close the log."""
+        """Close the log; one without a line is removed."""
         self._reserve.unlink(missing_ok=True)
+        if os.fstat(self._file).st_size == 0:
+            self._path.unlink(missing_ok=True)
         os.close(self._file)
 
 
@@ -150,6 +151,8 @@ def _record(
         )
         writer.serve(loop, gated)
     log.close()
+    if not writer.begun:  # the drive ended while its robot started: the name is free again
+        path.unlink(missing_ok=True)
     if writer.full:
         raise SystemExit(1)
 
@@ -163,6 +166,8 @@ class _Writer:
         self._drive: RecordWriter | None = None
         self.full = ""
         """Why writing has stopped; empty: it has not."""
+        self.begun = False
+        """Whether the drive has begun, and its file."""
         self._latest = 0.0
 
     def serve(self, loop: socket.socket, gated: socket.socket) -> None:
@@ -193,6 +198,7 @@ class _Writer:
 
     def _take(self, message: Any, loop: socket.socket) -> None:
         if isinstance(message, int):
+            self.begun = True
             self._try(lambda: self._begin(message), loop)
             return
         if isinstance(message, Event):
