@@ -259,16 +259,25 @@ def test_an_interrupted_mapping_resumes_and_makes_the_same_map(folder, record, t
         assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
 
 
-def test_ctrl_c_in_the_middle_of_a_scan_is_taken_after_it(folder, record, tmp_path, monkeypatch):
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_in_the_middle_of_a_scan_is_taken_after_it(
+    folder, record, tmp_path, monkeypatch, cohelm, sent
+):
     class Pressed(Mapper):
         def add(self, glimpse):
             super().add(glimpse)
             if self.scans == 60:
-                signal.raise_signal(signal.SIGINT)
+                signal.raise_signal(sent)
 
     monkeypatch.setattr(mapping, "Mapper", Pressed)
-    with pytest.raises(mapping.Interrupted):
-        mapping.mapped(record, tmp_path, 0.05, silent)
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        said = cohelm("map", record, "--resolution", 0.05, "--out", tmp_path)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert said.code == 130
+    assert "interrupted; the map so far is kept, continue with: cohelm map " in said.err
+    monkeypatch.undo()
     assert MappingSession.read(tmp_path).complete
     mapping.mapped(record, tmp_path, None, silent, resume=True)
     assert (tmp_path / "map.pgm").read_bytes() == (folder / "map.pgm").read_bytes()

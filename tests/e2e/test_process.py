@@ -20,7 +20,8 @@ def cohelm(*arguments: str, **options) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def test_ctrl_c_in_mid_run_ends_with_130_and_a_record_that_is_replayed_so_far(tmp_path):
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])  # as a batch system's limit
+def test_ctrl_c_in_mid_run_ends_with_130_and_a_record_that_is_replayed_so_far(tmp_path, sent):
     record = tmp_path / "cut" / "record.mcap"
     process = subprocess.Popen(
         (*COHELM, "run", "lab-shared", "--set", "simulation.duration_s=3000", "--out", "cut"),
@@ -31,7 +32,7 @@ def test_ctrl_c_in_mid_run_ends_with_130_and_a_record_that_is_replayed_so_far(tm
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline, "the run does not start"
         time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(sent)
     out, err = process.communicate()
     assert process.returncode == 130
     assert out == ""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cohelm.cli.app import app, examples
+from cohelm.cli.app import app, end_as_by_ctrl_c, examples
 from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, progress, say, typed
 from cohelm.core.errors import CohelmError, naming
 from cohelm.core.files import check_folder
@@ -133,6 +133,7 @@ def map_(
         )
     folder = out or (record if earlier else Path("out/map"))
     check_folder(folder)
+    end_as_by_ctrl_c()
     with progress("starting") as bar:
         from cohelm.scenario import load
         from cohelm.study import mapping

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cohelm.cli.app import app, examples
+from cohelm.cli.app import app, end_as_by_ctrl_c, examples
 from cohelm.cli.output import (
     Json,
     Out,
@@ -64,6 +64,7 @@ def run(
     run.png and run.svg. The folder is out/NAME-DATE-TIME unless --out names one; that one may
     exist and hold other files, but nothing in it is ever overwritten.
     """
+    end_as_by_ctrl_c()
     with progress("starting") as bar:
         from cohelm.scenario import build, load
         from cohelm.study import single
@@ -94,6 +95,7 @@ def reproduce(out: Out = None, as_json: Json = False) -> None:
     Figures 6-11, records and a table ours | paper. Everything goes into out/reproduce unless
     --out names another folder; files of an earlier reproduction there are replaced.
     """
+    end_as_by_ctrl_c()
     with progress("starting") as bar:
         from cohelm.study.reproduce import numbers, reproduce as repeat, table
 

@@ -168,17 +168,18 @@ def _cannot_create(path: Path, error: OSError) -> str:
 
 @contextmanager
 def _delaying_interrupts() -> Generator[None]:
-    """Delay Ctrl-C until the block is done, so that it never leaves half a chunk: SIGINT, and
-    SIGALRM, by which `cli/app` repeats one that was put off.
+    """Delay Ctrl-C until the block is done, so that it never leaves half a chunk: SIGINT, SIGTERM
+    where that is the same, and SIGALRM, by which `cli/app` repeats one that was put off.
 
-    Either may arrive, and raise, while the handler of the other is being exchanged. So `later`
+    Each may arrive, and raise, while the handler of another is being exchanged. So `later`
     checks `over`: left in place, it restores the former handler and raises the signal again.
     """
     if threading.current_thread() is not threading.main_thread():
         yield  # Ctrl-C reaches the main thread only
         return
     held, over = list[int](), False
-    before = {kind: signal.getsignal(kind) for kind in (signal.SIGINT, signal.SIGALRM)}
+    kinds = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
+    before = {kind: signal.getsignal(kind) for kind in kinds}
 
     def later(number: int, _: FrameType | None) -> None:
         if not over:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import FrameType
 from typing import Any, Self
 
 import numpy as np
@@ -75,26 +76,27 @@ def drive(
 
 
 class _BetweenScans:
-    """Takes Ctrl-C between two scans: in the middle of one, what is kept would fit nothing. Pressed
-    again, it comes at once."""
+    """Takes Ctrl-C, and SIGTERM where that is the same, between two scans: in the middle of one,
+    what is kept would fit nothing. Pressed again, it comes at once."""
 
     def __init__(self) -> None:
         self._pressed = False
-        self._before: Any = None
+        self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
-        own = threading.current_thread() is threading.main_thread()
-        if own and callable(signal.getsignal(signal.SIGINT)):
-            self._before = signal.signal(signal.SIGINT, self._press)
+        if threading.current_thread() is threading.main_thread():
+            for kind in (signal.SIGINT, signal.SIGTERM):
+                if callable(signal.getsignal(kind)):
+                    self._before[kind] = signal.signal(kind, self._press)
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
+        for kind, handler in self._before.items():
+            signal.signal(kind, handler)
 
-    def _press(self, *event: Any) -> None:
+    def _press(self, kind: int, frame: FrameType | None) -> None:
         if self._pressed:
-            self._before(*event)
+            self._before[kind](kind, frame)
         self._pressed = True
 
     def now(self) -> None:
