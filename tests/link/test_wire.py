@@ -83,6 +83,10 @@ def test_the_largest_datagram_passes_any_ipv6_path(of):
     assert LARGEST + 13 + 8 + 16 + 8 + 40 <= 1280  # DTLS record, nonce, tag; UDP; IPv6
 
 
+def test_a_status_has_room_for_what_is_yet_to_be_said():
+    assert largest(m.Status) <= LARGEST - 64
+
+
 def test_too_large_messages_are_refused_before_they_are_read():
     with pytest.raises(Malformed, match="1151 bytes"):
         from_operator(bytes(LARGEST + 1))
@@ -110,7 +114,7 @@ def test_each_direction_accepts_only_its_own_messages():
 
 
 def test_another_protocol_version_is_reported():
-    with pytest.raises(Malformed, match="version 3 of the link's protocol, and 13 here: install"):
+    with pytest.raises(Malformed, match="version 3 of the link's protocol, and 14 here: install"):
         from_operator(b"\x03" + encode(HEADER, UPLINK)[1:])
 
 

@@ -27,8 +27,8 @@ MOST_BEAMS = 500
 """Beams in one ScanPart."""
 MOST_ANSWERS = 1
 """Answers in one Status."""
-MOST_ALARMS = 4
-"""Alarms in one Status."""
+MOST_ALARMS = 3
+"""Alarms in one Status; each takes 71 bytes of it."""
 
 Byte = Annotated[int, whole("B")]
 Short = Annotated[int, whole("H")]
