@@ -770,6 +770,36 @@ def test_an_edited_route_outlives_its_panel_until_the_robot_has_it_or_it_is_disc
         expect(items).to_have_count(2)  # what the robot says it follows
 
 
+def test_an_answer_to_a_route_that_was_discarded_is_not_shown(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
+        page = page_of(context, server)
+        robot.bulk.publish(Polyline(LineKind.WAYPOINTS, np.array([[1, 2], [3, 4]], np.float32)))
+        page.wait_for_timeout(500)
+        page.get_by_role("button", name="Edit route").click()
+        panel = page.get_by_role("dialog", name="Edit the route")
+        add, said = panel.get_by_role("button", name="Add"), panel.get_by_role("status")
+
+        def answered() -> None:
+            for one in robot.bulk.proposed():
+                reason = f"asked {one.what.number} times"
+                robot.bulk.reply(one.client, Checked(Answer(one.what.number, False, reason), 0))
+
+        add.click()
+        do_until(lambda: expect(said).to_contain_text("asked 1 times", timeout=500), answered)
+        page.wait_for_timeout(300)  # so that the next is checked at once
+        add.click()
+        page.wait_for_timeout(300)
+        panel.get_by_role("button", name="Discard").click()
+        answered()
+        page.wait_for_timeout(700)
+        expect(said).not_to_contain_text("Refused")
+        expect(panel.locator("li.bad")).to_have_count(0)
+        add.click()
+        do_until(lambda: expect(said).to_contain_text("asked 3 times", timeout=500), answered)
+
+
 UPPERMOST = """(one) => {
     const { left, top, width, height } = one.getBoundingClientRect()
     return [0.1, 0.9].every((part) =>

@@ -26,7 +26,7 @@ function Coordinate({ i, axis, value }: { i: number; axis: 0 | 1; value: number 
 export function EditPanel({ onAdd }: { onAdd: () => void }) {
   useEscape(edit.leave)
   const points = edit.draft.value
-  const answer = s.checked.value
+  const answer = edit.answer.value
   const answered = answer !== null && !answer.only_check
   const sent = edit.waiting.value && answered
   return (

@@ -37,7 +37,7 @@ function scene(now: number): Scene {
     detour: s.lines.value.detour ?? [],
     trail: trail.value,
     waypoints: edit.editing.value ? edit.draft.value : (s.lines.value.waypoints ?? []),
-    worst: edit.editing.value ? (s.checked.value?.worst ?? null) : null,
+    worst: edit.editing.value ? (edit.answer.value?.worst ?? null) : null,
     chosen: edit.chosen.value,
     editing: edit.editing.value,
     state,

@@ -18,6 +18,10 @@ export const unsent = computed(() => draft.value.length > 0 && draft.value !== s
 s.checked.subscribe((answer) => {
   if (answer !== null && !answer.only_check) safe.value = answer.ok ? sent : []
 })
+/** Whether an answer to a check is of this draft: none is that comes after it was discarded or sent. */
+const checking = signal(false)
+/** The robot's answer to the draft. */
+export const answer = computed(() => (s.checked.value?.only_check && !checking.value ? null : s.checked.value))
 
 const CHECK_EVERY_MS = 200
 /** What one message takes, MOST_WAYPOINTS of link/bulk_messages.py, and the largest coordinate [m]. */
@@ -37,13 +41,18 @@ export function discard(): void {
   clearTimeout(later)
   safe.value = draft.value = [...(s.lines.value.waypoints ?? [])]
   chosen.value = null
-  waiting.value = false
-  s.checked.value = null
+  forget()
 }
 
 export function leave(): void {
   editing.value = false
+  forget()
+}
+
+/** What the robot answers to what was asked before is of no interest any more. */
+function forget(): void {
   waiting.value = false
+  checking.value = false
   s.checked.value = null
 }
 
@@ -69,7 +78,9 @@ function check(): void {
 
 /** Send the draft, in millimetres: so a message has room for all of it. */
 function propose(only_check: boolean): boolean {
+  checking.value = only_check
   if (draft.value.length > MOST) {
+    checking.value = true
     s.checked.value = { type: 'checked', ok: false, only_check: true, why: `more than ${MOST} waypoints: leave some out`, worst: null }
     return false
   }
