@@ -429,17 +429,21 @@ def test_touch_pads_steer_on_a_phone(browser_phone: BrowserContext, server: Serv
     release(page)
 
 
-def test_stop_stops_by_a_second_finger_while_a_thumb_is_on_a_pad(
-    browser_phone: BrowserContext, tmp_path: Path
+@pytest.mark.parametrize(
+    ("button", "asked"),
+    [("Stop the robot", RequestKind.STOP), ("Manual", RequestKind.MODE)],
+)
+def test_a_button_is_pressed_by_a_second_finger_while_a_thumb_is_on_a_pad(
+    browser_phone: BrowserContext, tmp_path: Path, button: str, asked: RequestKind
 ) -> None:
     with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
         page = page_of(browser_phone, server)
         who(page).get_by_role("button", name="Take over").wait_for()
         take(page)
-        pad, stop = page.locator(".pad.x"), page.get_by_role("button", name="Stop the robot")
+        pad, pressed = page.locator(".pad.x"), page.get_by_role("button", name=button)
         points = [
             {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2, "id": finger}
-            for finger, box in enumerate((pad.bounding_box(), stop.bounding_box()))
+            for finger, box in enumerate((pad.bounding_box(), pressed.bounding_box()))
             if box is not None
         ]
         touch = browser_phone.new_cdp_session(page)
@@ -448,7 +452,7 @@ def test_stop_stops_by_a_second_finger_while_a_thumb_is_on_a_pad(
         ):  # fmt: skip
             touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": fingers})
         with OwnTime() as own:
-            while RequestKind.STOP not in robot.requests:
+            while asked not in robot.requests:
                 assert own.now() < 5.0
                 page.wait_for_timeout(50)
         touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})

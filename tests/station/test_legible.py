@@ -155,6 +155,28 @@ def test_with_large_letters_on_a_phone_every_alarm_can_be_read_and_stop_pressed(
     large.close()
 
 
+@pytest.mark.parametrize("letters", first([32, 16, 24]))
+def test_on_a_small_phone_large_letters_leave_room_for_the_map(
+    browser: Browser, tmp_path: Path, letters: int
+) -> None:
+    large = browser.browser_type.launch(
+        executable_path=CHROMIUM, args=[*FLAGS, f"--blink-settings=defaultFontSize={letters}"]
+    )
+    reason = "stop by anna (3)"
+    told = (Alarm(1, Severity.ALARM, True, False, reason),)
+    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
+        page = large.new_page(viewport={"width": 320, "height": 568}, is_mobile=True, has_touch=True)
+        page.goto(server.address)
+        take(page)
+        robot.status = STANDS._replace(stopped=reason, alarms=told)
+        expect(page.get_by_role("button", name="Reset")).to_have_count(1)
+        page.wait_for_timeout(600)
+        box = page.locator("#map").bounding_box()
+        assert box is not None
+        assert box["height"] >= 60
+    large.close()
+
+
 @pytest.mark.parametrize("letters", first([24, 16, 32]))
 def test_whatever_the_letters_all_that_is_pressed_is_on_the_screen_and_free(
     browser: Browser, tmp_path: Path, letters: int

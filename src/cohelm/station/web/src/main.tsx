@@ -2,6 +2,7 @@ import { effect } from '@preact/signals'
 import { render } from 'preact'
 import { App } from './App'
 import { startDriving } from './input/drive'
+import { heedFurtherFingers } from './input/fingers'
 import { keepFocus } from './input/focus'
 import { wrong } from './panels/Login'
 import { logIn } from './session'
@@ -21,6 +22,7 @@ if (token !== null) {
 // ... also if the page is open already, and only the part after # is new
 addEventListener('hashchange', () => shown() !== null && location.reload())
 startDriving()
+heedFurtherFingers()
 addEventListener('error', ({ error }) => {
   if (error instanceof Error) s.failed.value = true // others are no fault of ours: of a size observer, of an extension
 })
