@@ -165,7 +165,8 @@ def test_on_a_small_phone_large_letters_leave_room_for_the_map(
     reason = "stop by anna (3)"
     told = (Alarm(1, Severity.ALARM, True, False, reason),)
     with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
-        page = large.new_page(viewport={"width": 320, "height": 568}, is_mobile=True, has_touch=True)
+        page = large.new_page(is_mobile=True, has_touch=True)
+        page.set_viewport_size({"width": 320, "height": 568})
         page.goto(server.address)
         take(page)
         robot.status = STANDS._replace(stopped=reason, alarms=told)

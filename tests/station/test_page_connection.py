@@ -707,7 +707,7 @@ def test_a_refusal_goes_with_the_next_press(context: BrowserContext, tmp_path: P
 
 
 @pytest.mark.parametrize(("width", "height"), [(390, 780), (320, 568), (740, 330)])
-def test_on_a_phone_a_long_route_leaves_the_buttons_that_send_and_close_it_in_sight(
+def test_on_a_phone_a_long_route_leaves_the_buttons_that_send_close_and_discard_it_in_sight(
     browser_phone: BrowserContext, tmp_path: Path, width: int, height: int
 ) -> None:
     with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
@@ -725,10 +725,21 @@ def test_on_a_phone_a_long_route_leaves_the_buttons_that_send_and_close_it_in_si
             page.get_by_role("button", name="Edit route").tap()
 
         do_until(lambda: expect(points).to_have_count(12, timeout=1_000), open_anew)
-        for name in ("Send", "Close"):
+        panel.get_by_role("button", name="Add").tap()
+        said = panel.get_by_role("status")
+
+        def refused() -> None:
+            for one in robot.bulk.proposed():
+                answer = Answer(one.what.number, False, "3 cm from a wall")
+                robot.bulk.reply(one.client, Checked(answer, 11))
+
+        do_until(lambda: expect(said).to_contain_text("3 cm from", timeout=500), refused)
+        for name in ("Send", "Close", "Discard"):
             button = panel.get_by_role("button", name=name)
             expect(button).to_be_in_viewport(ratio=1)
             assert button.evaluate(UPPERMOST)
+        for one in (points.first.get_by_role("button"), said):
+            assert one.evaluate(UPPERMOST)  # and a point of the route, and what the robot answers
 
 
 def test_an_edited_route_outlives_its_panel_until_the_robot_has_it_or_it_is_discarded(

@@ -31,7 +31,7 @@ export function EditPanel({ onAdd }: { onAdd: () => void }) {
   const sent = edit.waiting.value && answered
   return (
     <div class="edit" role="dialog" aria-label="Edit the route">
-      <p>Tap the map to add a waypoint, drag one to move it.</p>
+      <p class={points.length > 0 ? 'known' : ''}>Tap the map to add a waypoint, drag one to move it.</p>
       {points.length > 0 && <div class="axes" aria-hidden="true"><span>x [m]</span><span>y [m]</span></div>}
       <ol>
         {points.map((point, i) => (
@@ -50,21 +50,24 @@ export function EditPanel({ onAdd }: { onAdd: () => void }) {
           </li>
         ))}
       </ol>
-      <p role="status" class={answer !== null && !answer.ok ? 'bad' : ''}>
-        {edit.waiting.value && !answered ? 'Sent: the robot has not answered yet …' : answer === null || points.length === 0
-          ? ' '
-          : answer.ok
-            ? sent ? 'The robot accepted the new route.' : 'The robot can follow this route.'
-            : `Refused: ${answer.why}`}
-      </p>
-      <div class="row">
-        <button type="button" onClick={onAdd}>Add in the middle</button>
-        <button type="button" onClick={() => { edit.draft.value = []; edit.chosen.value = null }}>Clear</button>
-        <button type="button" disabled={points.length === 0 || !s.mayDrive.value} onClick={edit.submit}>
-          {s.mayDrive.value ? 'Send' : s.linked.value ? 'Send (you are not the driver)' : 'Send (no link)'}
-        </button>
-        <button type="button" onClick={edit.leave}>Close</button>
-        {edit.unsent.value && <button type="button" onClick={edit.discard}>Discard</button>}
+      {/* always in sight, however long the list is */}
+      <div class="below">
+        <p role="status" class={answer !== null && !answer.ok ? 'bad' : ''}>
+          {edit.waiting.value && !answered ? 'Sent: the robot has not answered yet …' : answer === null || points.length === 0
+            ? ' '
+            : answer.ok
+              ? sent ? 'The robot accepted the new route.' : 'The robot can follow this route.'
+              : `Refused: ${answer.why}`}
+        </p>
+        <div class="row">
+          <button type="button" onClick={onAdd}>Add in the middle</button>
+          <button type="button" onClick={() => { edit.draft.value = []; edit.chosen.value = null }}>Clear</button>
+          <button type="button" disabled={points.length === 0 || !s.mayDrive.value} onClick={edit.submit}>
+            {s.mayDrive.value ? 'Send' : s.linked.value ? 'Send (you are not the driver)' : 'Send (no link)'}
+          </button>
+          <button type="button" onClick={edit.leave}>Close</button>
+          {edit.unsent.value && <button type="button" onClick={edit.discard}>Discard</button>}
+        </div>
       </div>
     </div>
   )

@@ -69,8 +69,9 @@ function Pad({ axis, label }: { axis: 0 | 1; label: string }) {
 }
 
 export function TouchPads() {
-  // where they would lie over the route that is edited
-  const covered = editing.value && matchMedia('(max-height: 500px) and (min-width: 560px)').matches
+  // where they would lie over the route that is edited, or leave it no room; style.css has the same sizes
+  const small = '(max-height: 500px) and (min-width: 560px), (max-width: 820px) and (max-height: 800px)'
+  const covered = editing.value && matchMedia(small).matches
   const shown = !s.isReplay.value && s.youDrive.value && !covered
   useEffect(() => (shown ? releasePads : undefined), [shown]) // hidden pads count as released
   if (!shown) return null
