@@ -68,6 +68,22 @@ def test_the_robot_is_checked_before_asking_for_free_floor(cohelm):
     refused(cohelm("calibrate", "sally", "--driver", "nowhere"), "nowhere", "package:name")
 
 
+@pytest.mark.parametrize(
+    ("driver", "meant"),
+    [("my_package.Cart", "my_package:Cart"), ("cart.py", "cart:NAME")],
+)
+def test_a_driver_that_is_named_as_python_does_is_named_as_here(cohelm, driver, meant):
+    refused(cohelm("robot", "sally", "--driver", driver), f"did you mean {meant}?")
+
+
+def test_a_file_whose_keys_are_almost_a_robots_is_refused_as_a_robots(cohelm, tmp_path):
+    old = "name: cart\nfootprint: [[0.5, 0.3], [-0.2, 0.3], [-0.2, -0.3]]\ntrack: 0.5\nversion: 2\n"
+    (tmp_path / "cart.yaml").write_text(old)
+    said = cohelm("robot", "cart.yaml")
+    refused(said, "cart.yaml:2", "footprint", "did you mean footprint_m (in m)?")
+    assert "reference" not in said.err
+
+
 def test_of_many_problems_the_first_are_reported_and_the_rest_counted(cohelm, tmp_path):
     wrong = ", ".join(f"{{name: o{i}, center_m: [1, 1], radius_m: -1}}" for i in range(500))
     (tmp_path / "s.yaml").write_text(f"{BASE}obstacles: [{wrong}]\n")
@@ -453,7 +469,9 @@ def test_ros_arguments_are_refused_with_the_matching_option(cohelm):
         (["campaign", "random", "--n", "nan"], "invalid value for '--n': must be a valid integer"),
         (["drive", "--port", "-1"], "'--port': must be greater than or equal to 0"),
         (["run"], "missing argument 'SCENARIO'"),
-        (["run", "minimal", "more"], "unexpected extra argument(s) (more)"),
+        (["run", "minimal", "more"], "unexpected extra argument(s) (more): the folder to write"),
+        (["robot", "cart.yaml", "office.yaml"], "(office.yaml): where it is driven is --scenario"),
+        (["campaign", "random", "4"], "(4): the number of episodes is --n N; see"),
         (["run", "minimal", "--bogus"], "no such option: --bogus"),
         (["run", "minimal", "--robot", "husky"], "--robot: here that is --set robot=VALUE; see"),
         (["robot", "--seconds", "5"], "--seconds: here that is --for SECONDS; see"),

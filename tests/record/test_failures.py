@@ -405,6 +405,13 @@ def test_a_record_without_a_period_is_reported(tmp_path: Path) -> None:
         read(tmp_path / "a.mcap")
 
 
+def test_a_record_that_is_cut_short_in_its_head_is_said_to_be_a_record(tmp_path: Path) -> None:
+    _write_by_hand(tmp_path / "a.mcap", {}, period.DEFINITION, [])
+    (tmp_path / "b.mcap").write_bytes((tmp_path / "a.mcap").read_bytes()[:100])
+    with pytest.raises(CohelmError, match=r"b\.mcap ends before its first control period"):
+        read(tmp_path / "b.mcap")
+
+
 @pytest.mark.parametrize(
     "about", [{"dt": "soon"}, {"obstacles": "cone"}, {"obstacles": "3"}, {"obstacles": '["one"]'}]
 )

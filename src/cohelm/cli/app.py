@@ -200,6 +200,8 @@ def _explain(error: Any) -> None:
     if not error.ctx or text == error.ctx.get_help():
         error.show()
         return
+    if "unexpected extra argument" in text and (second := _SECOND.get(error.ctx.info_name)):
+        text = f"{text.rstrip('.')}: {second}"
     if meant := _meant(error):
         text = f"{text.partition(' (')[0].rstrip('.')}: here that is {meant}"
     text = re.sub(r"Input should be (.*?)(, unable to parse .*)?$", r"must be \1", text)
@@ -213,6 +215,16 @@ _ENDS = {
     "drive": "Ctrl-C, or --for of `cohelm robot`",
 }
 """How one has a command end, that has no --for."""
+_SECOND = {
+    "run": "the folder to write into is --out DIR",
+    "map": "the folder to write into is --out DIR",
+    "replay": "it takes one record at a time",
+    "robot": "where it is driven is --scenario SCENARIO",
+    "drive": "where it is driven is --scenario SCENARIO",
+    "campaign": "the number of episodes is --n N",
+    "station": "the robot to connect to is --robot HOST",
+}
+"""What a second word may have been, to commands that take one."""
 
 
 def _meant(error: Any) -> str:

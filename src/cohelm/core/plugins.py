@@ -32,6 +32,9 @@ def plugin(group: str, name: str) -> Any:
                 with redirect_stdout(sys.stderr):
                     return known[name].load()
             there = f"; installed packages have {', '.join(sorted(known))}" if known else ""
+            package, dot, last = name.rpartition(".")
+            if dot:  # as Python writes it, or a file
+                there += f"; did you mean {package}:{'NAME' if last == 'py' else last}?"
             raise CohelmError(f"{name}: give package:name, or an entry point of {group}{there}")
         if module.endswith(".py") or "/" in module:
             plain = Path(module).name.removesuffix(".py")

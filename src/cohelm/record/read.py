@@ -182,7 +182,7 @@ def periods(path: Path, topics: Sequence[str] = (), handle: Handle = _ignore) ->
             case _:
                 pass
     found.damage = damage[0] if damage else ""
-    if not found.about:
+    if not found.about and not library.startswith("cohelm"):
         by = f" (it was written by {library})" if library else ""
         raise CohelmError(
             f"{path} is no record of cohelm{by}: give a file that `cohelm run` or `cohelm robot` "

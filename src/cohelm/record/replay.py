@@ -104,7 +104,10 @@ def recorded_model(path: Path) -> RobotModel:
     if data is None and attachment(path, SCENARIO) is not None:  # a drive has both
         raise CohelmError(f"{path} is the record of a run, not of a robot's drive: give one")
     if data is None:
-        raise CohelmError(f"{path} does not say which robot it is of; give --robot to `cohelm map`")
+        raise CohelmError(
+            f"{path} does not say which robot it is of, or is cut short before it does; give --robot "
+            "to `cohelm map`"
+        )
     try:
         return RobotModel.model_validate(json.loads(data))
     except ValueError as error:

@@ -87,9 +87,16 @@ def is_robot_file(path: Path) -> bool:
 
 
 def _describes_robot(data: Any) -> bool:
-    """Whether YAML is a robot's, not a scenario's; also where one of its keys is mistyped."""
-    mine, others = RobotModel.model_fields.keys(), Scenario.model_fields.keys()
-    return isinstance(data, dict) and len(mine & data.keys()) > len(others & data.keys())
+    """Whether YAML is a robot's, not a scenario's; also where its keys are mistyped."""
+    if not isinstance(data, dict):
+        return False
+    from difflib import get_close_matches  # imported only when needed
+
+    mine, others = (
+        sum(1 for key in list(data)[:100] if get_close_matches(str(key), of.model_fields, 1, 0.75))
+        for of in (RobotModel, Scenario)
+    )
+    return mine > others
 
 
 def _check_kind(data: Any, model: type[Schema], source: str) -> None:
