@@ -151,8 +151,9 @@ def _record(
         )
         writer.serve(loop, gated)
     log.close()
-    if not writer.begun:  # the drive ended while its robot started: the name is free again
-        path.unlink(missing_ok=True)
+    with contextlib.suppress(FileNotFoundError):
+        if path.stat().st_size == 0:  # it ended while its robot started, or the disk was full
+            path.unlink()  # so the name is free again
     if writer.full:
         raise SystemExit(1)
 
@@ -166,8 +167,6 @@ class _Writer:
         self._drive: RecordWriter | None = None
         self.full = ""
         """Why writing has stopped; empty: it has not."""
-        self.begun = False
-        """Whether the drive has begun, and its file."""
         self._latest = 0.0
 
     def serve(self, loop: socket.socket, gated: socket.socket) -> None:
@@ -198,7 +197,6 @@ class _Writer:
 
     def _take(self, message: Any, loop: socket.socket) -> None:
         if isinstance(message, int):
-            self.begun = True
             self._try(lambda: self._begin(message), loop)
             return
         if isinstance(message, Event):

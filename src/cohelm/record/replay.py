@@ -105,8 +105,8 @@ def recorded_model(path: Path) -> RobotModel:
         raise CohelmError(f"{path} is the record of a run, not of a robot's drive: give one")
     if data is None:
         raise CohelmError(
-            f"{path} does not say which robot it is of, or is cut short before it does; give --robot "
-            "to `cohelm map`"
+            f"{path} does not say which robot it is of, or is cut short before it does; give "
+            "--robot to `cohelm map`"
         )
     try:
         return RobotModel.model_validate(json.loads(data))
