@@ -15,7 +15,7 @@ from cohelm.drive.replayed import Replaying
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.shown import map_message, reference_lines
 from cohelm.link.bulk_messages import LineKind, Map, Picture, Polyline
-from cohelm.link.messages import Discs, Mode, RequestKind, Severity, Status
+from cohelm.link.messages import Discs, Localised, Mode, RequestKind, Severity, Status
 from cohelm.link.operator import Scripted
 from cohelm.link.scans import WholeScan
 from cohelm.loop.status import scan_parts
@@ -69,6 +69,18 @@ def test_numbers_and_texts_are_played_back_as_recorded(driven):
                      "speed_cap", "authority", "guarding"):  # fmt: skip
             assert repr(getattr(now, name)) == repr(getattr(then, name)), (k, name)
         assert [a for a in now.alarms if a.number < 10_000] == list(then.alarms)
+
+
+def test_a_drive_by_odometry_alone_is_played_back_as_one(tmp_path):
+    path = tmp_path / "drive.mcap"
+    robot = simulated("minimal", real_time=False)
+    operator = Scripted(lambda _: Stick(0.0, 0.0), lambda: 0.0)
+    with Session(SessionConfig(robot, record=path), operator) as session:
+        gated = session.loop.gated
+        operator._clock = gated.now
+        session.run(lambda _: gated.now() >= 0.5, Mode.AUTOMATIC)
+    assert operator.statuses[-1].localised == Localised.UNKNOWN
+    assert at(Playback(path), 0.4)[Status].localised == Localised.UNKNOWN
 
 
 def test_playback_shows_driver_and_events(driven):

@@ -188,7 +188,7 @@ class Playback:
         if "/rosout" in self._series:
             happened = self._series["/rosout"].between(now - _EVENT_SHOWN, now)
         words = words._replace(alarms=(*words.alarms, *reversed(happened))[:8])
-        shown = status(row, words, not math.isnan(row["sigma"]), self._ahead(now))
+        shown = status(row, words, "/map" in self._series, self._ahead(now))
         return shown._replace(localised=m.Localised.EXACT) if self._simulated else shown
 
     def _ahead(self, now: float) -> tuple[tuple[float, float], ...]:
