@@ -44,31 +44,24 @@ def errors(seen, truth):
     )
 
 
-@pytest.mark.parametrize("seed", first([0, 1]))
+@pytest.mark.parametrize("seed", first([0, 1, 2]))
 def test_the_lab_is_driven_through_within_the_stated_errors(lab, tour, seed):
     perception = Perception(SALLY, lab, START)
-    found, sure = [], []
+    found, sure, squares = [], [], []
     for moment in drive(*tour, seed):
         seen = perception.take(moment.now, moment.readings)
         if moment.readings.scan is not None:
             found.append(errors(seen, moment.truth))
             sure.append(not seen.lost)
+            e = np.array([seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y])
+            squares.append(e @ np.linalg.solve(seen.covariance[:2, :2], e))
     place, heading = np.array(found).T
     assert all(sure)
     assert np.sqrt((place**2).mean()) < 0.02
     assert np.quantile(place, 0.99) < 0.05
     assert heading.max() < math.radians(0.5)
-
-
-def test_the_covariance_covers_the_errors(lab, tour):
-    perception = Perception(SALLY, lab, START)
-    squares = []
-    for moment in drive(*tour, 2):
-        seen = perception.take(moment.now, moment.readings)
-        if moment.readings.scan is not None:
-            e = np.array([seen.pose.x - moment.truth.x, seen.pose.y - moment.truth.y])
-            squares.append(e @ np.linalg.solve(seen.covariance[:2, :2], e))
-    assert np.mean(np.array(squares) < 11.8) > 0.95  # three sigma in the plane: 99.7 %
+    # and it knows them: three sigma in the plane are 99.7 %
+    assert np.mean(np.array(squares) < 11.8) > 0.95
 
 
 def test_standing_points_lie_on_walls_and_cones_in_the_odometry_frame(lab, tour):
@@ -156,7 +149,7 @@ def test_a_warm_up_compiles_what_few_scans_need(monkeypatch, rare):
     assert calls
 
 
-@pytest.mark.parametrize(("at", "by"), [(13, 2.0), (14, -2.0), (16, 2.0), (18, -2.0)])
+@pytest.mark.parametrize(("at", "by"), first([(14, -2.0), (16, 2.0), (13, 2.0), (18, -2.0)], 2))
 def test_moved_two_metres_along_the_corridor_the_robot_knows_it_within_3_seconds(lab, tour, at, by):
     """Only a cone and two doors tell places in the corridor apart, to a hand's breadth."""
     first, last = round((at - 2) / DT), round((at + 4) / DT)
@@ -180,11 +173,19 @@ def test_moved_two_metres_along_the_corridor_the_robot_knows_it_within_3_seconds
 
 @pytest.mark.parametrize(
     ("row", "to", "seed", "within"),
-    [
-        (1143, Pose(5.434, 4.001, 0.137), 743266, 3.0),  # looked for once only, 5 s were not enough
-        (511, Pose(0.823, 2.256, -0.357), 490810, 2.0),  # 2.4 s
-        (777, Pose(1.708, 4.569, -0.656), 915122, 2.0),  # 2.4 s
-    ],
+    first(
+        [
+            (
+                1143,
+                Pose(5.434, 4.001, 0.137),
+                743266,
+                3.0,
+            ),  # looked for once only, 5 s were not enough
+            (511, Pose(0.823, 2.256, -0.357), 490810, 2.0),  # 2.4 s
+            (777, Pose(1.708, 4.569, -0.656), 915122, 2.0),  # 2.4 s
+        ],
+        2,
+    ),
 )
 def test_dragged_on_while_it_is_looked_for_the_robot_is_looked_for_again(
     lab, tour, row, to, seed, within
@@ -206,7 +207,9 @@ def test_dragged_on_while_it_is_looked_for_the_robot_is_looked_for_again(
     assert lost < within
 
 
-@pytest.mark.parametrize(("at", "by"), [(19, 2.0), (20, 1.2), (22, -1.2), (24, -2.0), (31, -2.0)])
+@pytest.mark.parametrize(
+    ("at", "by"), first([(20, 1.2), (24, -2.0), (19, 2.0), (22, -1.2), (31, -2.0)], 2)
+)
 def test_moved_and_left_standing_the_robot_is_not_lost_for_ever(lab, tour, at, by):
     """No margin grows while nothing new is seen, but a place may lead from scan to scan."""
     first = round((at - 2) / DT)
@@ -220,9 +223,11 @@ def test_moved_and_left_standing_the_robot_is_not_lost_for_ever(lab, tour, at, b
     assert errors(seen, moment.truth)[0] < 0.1
 
 
-@pytest.mark.parametrize("off", [(1.5, 0.0), (-1.0, 0.0), (0.3, -1.6)])
+@pytest.mark.parametrize(("ahead", "aside"), first([(1.5, 0.0), (-1.0, 0.0), (0.3, -1.6)]))
 @pytest.mark.parametrize("at", [0.0, 16.0, 27.0])
-def test_a_wrong_pose_that_is_set_is_contradicted_by_the_lidar_within_3_seconds(lab, tour, at, off):
+def test_a_wrong_pose_that_is_set_is_contradicted_by_the_lidar_within_3_seconds(
+    lab, tour, at, ahead, aside
+):
     """At once, but where the corridor looks alike here and there."""
     first = round(at / DT)
     poses, twists = tour[0][first : first + 250], tour[1][first : first + 249]
@@ -232,7 +237,7 @@ def test_a_wrong_pose_that_is_set_is_contradicted_by_the_lidar_within_3_seconds(
         if moment.now >= 1.0 and not reported:
             reported = True
             x, y, psi = moment.truth
-            perception.place(Pose(x + off[0], y + off[1], psi))
+            perception.place(Pose(x + ahead, y + aside, psi))
         seen = perception.take(moment.now, moment.readings)
         if moment.now > 1.0 and not seen.lost and errors(seen, moment.truth)[0] > 0.1:
             sure = moment.now - 1.0
