@@ -16,9 +16,10 @@ from tests.drive.wrapped import wrapped
 CORRIDOR = Path(__file__).parent / "corridor.yaml"
 
 
-def along_corridor(end: float) -> Simulated:
+def along_corridor(end: float, start: float = 0.0) -> Simulated:
     """A robot with few beams and no camera, whose route ends so far along the corridor [m]."""
-    route = [f"reference.waypoints_m=[[0, 0], [{0.5 * end}, 0], [{end}, 0]]"]
+    middle = 0.5 * (start + end)
+    route = [f"reference.waypoints_m=[[{start}, 0], [{middle}, 0], [{end}, 0]]"]
     made = simulated(CORRIDOR, real_time=False, seed=2, changes=route)
     lidar = made.model.lidar.model_copy(update={"beams": 120})
     model = made.model.model_copy(update={"lidar": lidar, "camera": None})

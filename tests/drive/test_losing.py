@@ -15,7 +15,7 @@ from cohelm.robot.keep.gated_robot import standing
 from tests.drive.faults import FAULTS, HELD_UP, NOTICED, REAR_FAULTS, along_corridor, failing
 from tests.few import first
 
-AT = 3.0
+AT = 1.5
 BRAKING = 0.05 + 0.5 / 2.0 + 0.1
 """The delay, from 0.5 m/s at 2 m/s^2, and a little for the odometry to show it [s]."""
 
@@ -29,7 +29,13 @@ def drive(session: Session, seconds: float, mode: Mode = Mode.HOLD) -> None:
     session.run(lambda loop: loop.gated.now() >= end - 1e-9, mode)
 
 
-@pytest.mark.parametrize("fault", list(FAULTS))
+ALIKE = ("odometry is not a number", "odometry is gone", "clock jumps on")
+"""Noticed where others that are tried are: each alone is in tests/robot."""
+
+
+@pytest.mark.parametrize(
+    "fault", first(sorted(FAULTS, key=lambda fault: fault in ALIKE), len(FAULTS) - len(ALIKE))
+)
 def test_a_broken_sensor_stops_the_robot_for_good(fault, tmp_path):
     record = tmp_path / "drive.mcap" if fault == "scans stop" else None  # a process more
     with Session(SessionConfig(failing(fault, AT), record=record)) as session:
@@ -86,7 +92,7 @@ def test_a_fault_of_a_robot_that_is_stopped_is_an_alarm_of_its_own():
 def test_after_a_fault_driving_needs_a_reset_and_a_mode_request():
     operator = Scripted(lambda _: None, lambda: 0.0)
     with Session(SessionConfig(failing("scans stop", AT)), operator) as session:
-        drive(session, 4.5, Mode.AUTOMATIC)
+        drive(session, AT + 1.5, Mode.AUTOMATIC)
         robot = session.gated._robot
         operator.ask(RequestKind.RESET)
         drive(session, 0.1)

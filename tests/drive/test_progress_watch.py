@@ -5,6 +5,7 @@ import pytest
 from cohelm.drive.progress_watch import WITHIN
 from cohelm.link.messages import Mode, RequestKind
 from tests.drive.resuming import Drive
+from tests.few import first
 
 POST = "obstacles=[{name: post, center_m: [3.0, 0.1], radius_m: 0.15}]"
 WALL = "obstacles=[{name: post, center_m: [2.5, 0.0], radius_m: 1.4}]"
@@ -27,7 +28,7 @@ def started(drive, mode):
     return anna
 
 
-@pytest.mark.parametrize("mode", [Mode.AUTOMATIC, Mode.SHARED])
+@pytest.mark.parametrize("mode", first([Mode.AUTOMATIC, Mode.SHARED]))
 def test_an_operator_is_told_that_the_robot_gets_no_farther(tmp_path, mode):
     def script():
         anna = yield from started(drive, mode)

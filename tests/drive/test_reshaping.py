@@ -52,8 +52,8 @@ class WithArm(Simulated):
         return wrapped(super().maker(), Arm)
 
 
-def corridor(end: float) -> WithArm:
-    made = along_corridor(end)
+def corridor(end: float, start: float = 5.0) -> WithArm:
+    made = along_corridor(end, start)
     return WithArm(made.scenario, made.kind, False, made.seed)
 
 
@@ -145,7 +145,7 @@ def test_a_shrinking_outline_is_adopted_as_late_as_a_growing_one():
     def at(ride) -> None:
         if ride.arm.outline is None and ride.t > 0.2:
             ride.arm.outline = longer(ride.file)
-        elif ride.t > 8.0 and len(ride.arm.outline) != len(ride.file):
+        elif ride.t > 3.0 and len(ride.arm.outline) != len(ride.file):
             ride.arm.outline = ride.file
 
     ride, short = Ride(10.5, at, seconds=30.0), unchanged()
@@ -290,7 +290,7 @@ def test_a_route_that_no_longer_fits_is_reported_in_advance():
 
     def at(ride) -> None:
         at_speed(longer)(ride)
-        if ride.arm.outline is not None and ride.loop.seen.pose.x > 6.0:
+        if ride.arm.outline is not None and ride.loop.seen.pose.x > 8.0:
             ride.arm.outline = ride.file
         for alarm in ride.loop.alarms.worst():
             told.setdefault(alarm.text, []).append((ride.loop.seen.pose.x, alarm.active))
@@ -298,7 +298,7 @@ def test_a_route_that_no_longer_fits_is_reported_in_advance():
     Ride(10.5, at, seconds=30.0)
     (text,) = told
     assert text.startswith("with its present outline the route has no clearance at 10.")
-    assert told[text][0][0] < 2.5
+    assert told[text][0][0] < 7.5
     assert told[text][-1][1] is False  # it has another one now
     assert not any("route" in a.text for a in Ride(10.5, seconds=1.0).loop.alarms.worst())
 

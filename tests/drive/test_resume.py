@@ -71,7 +71,9 @@ def test_a_new_path_is_adopted_in_the_present_mode_and_no_mode_is_stored(drive):
     drive.run(script())
 
 
-@pytest.mark.parametrize("ends", ["hold", "stop", "stop and reset", "release", "fault", "gone"])
+@pytest.mark.parametrize(
+    "ends", first(["hold", "stop and reset", "fault", "gone", "stop", "release"], 4)
+)
 @pytest.mark.parametrize("after", first([3, 0, 15]))
 def test_a_mode_that_ends_while_a_path_is_planned_stays_ended(drive, ends, after):
     drive.beside.paths.takes = 20
@@ -109,7 +111,7 @@ def test_a_mode_that_ends_while_a_path_is_planned_stays_ended(drive, ends, after
     drive.run(script())
 
 
-@pytest.mark.parametrize("fails", ["check", "mistake", "build", "takes for ever"])
+@pytest.mark.parametrize("fails", first(["check", "takes for ever", "mistake", "build"], 2))
 def test_a_path_that_can_not_be_planned_ends_in_hold_with_an_alarm(drive, fails):
     def script():
         anna = yield from driving(drive)
@@ -159,7 +161,7 @@ def test_no_path_is_planned_for_a_former_driver(drive):
     drive.run(script())
 
 
-@pytest.mark.parametrize("mode", [Mode.AUTOMATIC, Mode.SHARED, Mode.MANUAL])
+@pytest.mark.parametrize("mode", first([Mode.SHARED, Mode.AUTOMATIC, Mode.MANUAL]))
 def test_no_mode_outlives_the_lease_in_which_it_was_chosen(drive, mode):
     def script():
         anna = drive.station("anna")
@@ -183,7 +185,7 @@ def test_no_mode_outlives_the_lease_in_which_it_was_chosen(drive, mode):
 
 
 @pytest.mark.parametrize("mode", [Mode.MANUAL, Mode.SHARED])
-@pytest.mark.parametrize("before", [Mode.HOLD, Mode.AUTOMATIC])
+@pytest.mark.parametrize("before", first([Mode.AUTOMATIC, Mode.HOLD]))
 def test_a_mode_does_not_begin_to_steer_by_a_stick_that_was_left_deflected(drive, before, mode):
     """A pad that lies on its side, of which nobody thinks when a mode is chosen."""
 
