@@ -15,6 +15,7 @@ from cohelm import __version__ as cohelm_version
 from cohelm.robot.model import shipped_path
 from cohelm.study.campaign.runner import processors
 from cohelm.study.campaign.worker import commit
+from tests.few import first
 
 pytestmark = pytest.mark.xdist_group("adversarial")  # which is compiled once for them
 
@@ -178,7 +179,8 @@ def test_a_folder_of_another_campaign_is_not_touched(cohelm, driven, tmp_path):
     assert sorted((f.name, f.stat().st_size) for f in (tmp_path / "there").rglob("*")) == before
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])  # as a batch system's limit
+# SIGTERM: as a batch system's limit
+@pytest.mark.parametrize("sent", first([signal.SIGINT, signal.SIGTERM]))
 def test_ctrl_c_keeps_finished_episodes_and_prints_how_to_continue(cohelm, tmp_path, sent):
     command = [sys.executable, "-m", "cohelm", "campaign", "adversary", "--law", "none"]
     process = subprocess.Popen(

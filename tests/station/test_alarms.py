@@ -9,6 +9,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 from cohelm.core.types import Pose
 from cohelm.link.bulk_messages import Alarms, DockPlace, Docks, WholeAlarm
 from cohelm.link.messages import Alarm, AlarmKind, Mode, Severity
+from tests.few import first
 from tests.link.ends import STATUS
 from tests.station.bare import Bare
 from tests.station.person import (
@@ -91,8 +92,11 @@ def test_on_small_phones_long_alarms_do_not_push_the_modes_under_the_pads(
             expect(every).to_be_hidden()
 
 
+@pytest.mark.parametrize(
+    ("width", "height"), first([(320, 568), (740, 330), (667, 330), (390, 780)], 2)
+)
 def test_on_small_phones_nothing_that_is_said_pushes_the_modes_under_the_pads(
-    tmp_path: Path, phones: BrowserContext, context: BrowserContext
+    tmp_path: Path, phones: BrowserContext, context: BrowserContext, width: int, height: int
 ) -> None:
     """A stop, refusals, somebody who asks, and docks, all at once."""
     status = STATUS._replace(mode=Mode.SHARED, alarms=ALL[:2], stopped=LONG, why=LONG)
@@ -124,11 +128,10 @@ def test_on_small_phones_nothing_that_is_said_pushes_the_modes_under_the_pads(
             assert question.is_visible()  # still: a busy machine takes its time
 
         over: list[str] = []
-        for width, height in ((320, 568), (740, 330), (667, 330), (390, 780)):
-            page.set_viewport_size({"width": width, "height": height})
-            until(measured, all_at_once)
-            assert over == [], (width, height)
-            expect(page.get_by_role("button", name="Stop the robot")).to_be_in_viewport(ratio=1)
+        page.set_viewport_size({"width": width, "height": height})
+        until(measured, all_at_once)
+        assert over == []
+        expect(page.get_by_role("button", name="Stop the robot")).to_be_in_viewport(ratio=1)
 
 
 def test_more_alarms_than_there_is_room_for_are_counted_and_can_be_seen_and_acknowledged(

@@ -52,15 +52,7 @@ def plug(page: Page, axes: str = "") -> None:
 def test_take_over_drive_with_the_keyboard_and_release(page: Page) -> None:
     expect(who(page)).to_contain_text("No driver")
     drive(page)
-    lead(page, "ArrowLeft", LEFT)
-    page.keyboard.up("ArrowLeft")
-    expect(given(page)).to_contain_text(STILL)
-    release(page)
-
-
-def test_an_arrow_key_on_a_mode_drives_and_chooses_no_other(page: Page) -> None:
-    drive(page)
-    lead(page, "ArrowLeft", LEFT)  # which has pressed that mode
+    lead(page, "ArrowLeft", LEFT)  # which has pressed that mode, and chooses no other
     expect(mode_button(page, "Manual", pressed=True)).to_be_focused()
     page.keyboard.up("ArrowLeft")
     expect(given(page)).to_contain_text(STILL)
@@ -100,6 +92,7 @@ def test_a_double_click_on_take_over_does_not_release(page: Page) -> None:
     release(page)
 
 
+@pytest.mark.slow  # what is said: test_page_connection; nothing moves by it
 def test_keys_without_effect_show_what_to_do_first(page: Page) -> None:
     stop = page.get_by_role("button", name="Stop the robot")
     place = stop.bounding_box()
@@ -499,7 +492,8 @@ def test_a_phone_in_landscape_shows_the_map_and_both_touch_pads(
     release(page)
 
 
-@pytest.mark.parametrize("width", first([740, 667]))
+@pytest.mark.slow  # layouts of a phone held sideways: above and below
+@pytest.mark.parametrize("width", [740, 667])
 def test_on_a_phone_in_landscape_reset_and_route_are_not_covered(
     browser_phone: BrowserContext, page: Page, server: Server, width: int
 ) -> None:
@@ -531,7 +525,9 @@ def test_on_a_phone_in_landscape_reset_and_route_are_not_covered(
     expect(phone.get_by_role("slider", name="Left and right")).to_be_visible()
 
 
-@pytest.mark.parametrize(("width", "height"), [(390, 780), (320, 568), (820, 1180), (740, 330)])
+@pytest.mark.parametrize(
+    ("width", "height"), first([(390, 780), (740, 330), (320, 568), (820, 1180)], 2)
+)
 def test_a_long_reason_covers_nothing_that_is_pressed(
     browser_phone: BrowserContext, tmp_path: Path, width: int, height: int
 ) -> None:

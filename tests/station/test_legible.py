@@ -113,16 +113,18 @@ def test_letters_grow_with_those_of_the_system(browser: Browser, tmp_path: Path)
     large.close()
 
 
-@pytest.mark.parametrize("size", [(390, 780), (320, 568), (740, 330), (820, 1180)])
+@pytest.mark.parametrize(
+    ("width", "height"), first([(320, 568), (740, 330), (390, 780), (820, 1180)], 2)
+)
 def test_with_large_letters_on_a_phone_every_alarm_can_be_read_and_stop_pressed(
-    browser: Browser, tmp_path: Path, size: tuple[int, int]
+    browser: Browser, tmp_path: Path, width: int, height: int
 ) -> None:
     large = browser.browser_type.launch(
         executable_path=CHROMIUM, args=[*FLAGS, "--blink-settings=defaultFontSize=24"]
     )
     texts = ("the odometry is 120 ms old, and its clock jumped", LONG)  # the shorter is cut, too
     page = large.new_page(
-        viewport={"width": size[0], "height": size[1]}, is_mobile=True, has_touch=True
+        viewport={"width": width, "height": height}, is_mobile=True, has_touch=True
     )
     armed = STATUS._replace(mode=Mode.SHARED, arming=Arming.ARMED)
     with Bare(tmp_path, armed) as robot, served(robot.connect) as server:

@@ -38,6 +38,7 @@ from cohelm.link.messages import (
 from cohelm.link.robot_end import RobotEnd
 from cohelm.station import app
 from cohelm.station.serve import Server
+from tests.few import first
 from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
 from tests.station.conftest import WAIT
@@ -149,7 +150,7 @@ def login(page: Page, server: Server) -> None:
     )
 
 
-@pytest.mark.parametrize("hours", [0, 2])
+@pytest.mark.parametrize("hours", first([0, 2]))
 def test_a_stop_that_was_not_sent_survives_a_reload_but_not_for_hours(
     context: BrowserContext, bare: Bare, hours: int
 ) -> None:
@@ -301,6 +302,7 @@ CHANGES = """() => {
 }"""
 
 
+@pytest.mark.slow  # it is shown for 4 s
 def test_the_line_that_says_why_can_be_read_and_heard_where_it_goes_to_and_fro(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -335,6 +337,7 @@ def test_the_line_that_says_why_can_be_read_and_heard_where_it_goes_to_and_fro(
         expect(line).to_have_text("limited: obstacle near")
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_battery_that_is_low_is_said_on_every_screen(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -348,6 +351,7 @@ def test_a_battery_that_is_low_is_said_on_every_screen(
         expect(page.get_by_label("Alarms", exact=True)).not_to_contain_text("battery")
 
 
+@pytest.mark.slow  # a layout
 def test_on_a_phone_held_sideways_no_setting_ends_under_the_pads(
     browser_phone: BrowserContext, tmp_path: Path
 ) -> None:
@@ -419,6 +423,7 @@ def test_a_press_into_a_connection_that_is_dead_already_says_so(
         assert RequestKind.MODE not in bare.requests
 
 
+@pytest.mark.slow  # a STOP passes one that is full: above
 def test_the_display_goes_on_after_the_uplink_was_full(
     context: BrowserContext, station: Server
 ) -> None:
@@ -441,6 +446,7 @@ def test_the_display_goes_on_after_the_uplink_was_full(
     do_until(young, lambda: page.wait_for_timeout(1000))
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_the_speed_survives_a_reload(context: BrowserContext, station: Server) -> None:
     page = page_of(context, station)
     connected(page)
@@ -474,6 +480,7 @@ def test_the_stop_button_of_any_gamepad_stops(
     assert bare.requests.count(RequestKind.STOP) == 1
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_every_dock_has_a_route(context: BrowserContext, station: Server, bare: Bare) -> None:
     names = [f"dock {n}" for n in range(6)]
     bare.bulk.publish(Docks(tuple(DockPlace(n, Pose(1.0, 2.0, 0.0), 1.0) for n in names)))
@@ -660,6 +667,7 @@ def test_a_page_that_opens_says_at_no_moment_that_it_lost_the_link_or_that_it_ha
 ONCE = (RequestKind.ACKNOWLEDGE, RequestKind.RESET, RequestKind.RECORD)
 
 
+@pytest.mark.slow  # Take over is tried: test_driving
 def test_a_double_click_is_one_click_and_different_buttons_are_all_heard(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -695,6 +703,7 @@ def test_a_double_click_is_one_click_and_different_buttons_are_all_heard(
         assert robot.requests.count(RequestKind.MODE) <= 4
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_refusal_goes_with_the_next_press(context: BrowserContext, tmp_path: Path) -> None:
     with Bare(tmp_path, STATUS) as robot, served(robot.connect) as server:
         page = page_of(context, server)
@@ -706,7 +715,7 @@ def test_a_refusal_goes_with_the_next_press(context: BrowserContext, tmp_path: P
         expect(refused).not_to_contain_text("Manual", timeout=2_000)  # else it stays for 6 s
 
 
-@pytest.mark.parametrize(("width", "height"), [(390, 780), (320, 568), (740, 330)])
+@pytest.mark.parametrize(("width", "height"), first([(320, 568), (390, 780), (740, 330)]))
 def test_on_a_phone_a_long_route_leaves_the_buttons_that_send_close_and_discard_it_in_sight(
     browser_phone: BrowserContext, tmp_path: Path, width: int, height: int
 ) -> None:
@@ -742,6 +751,7 @@ def test_on_a_phone_a_long_route_leaves_the_buttons_that_send_close_and_discard_
             assert one.evaluate(UPPERMOST)  # and a point of the route, and what the robot answers
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_an_edited_route_outlives_its_panel_until_the_robot_has_it_or_it_is_discarded(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -820,12 +830,15 @@ UPPERMOST = """(one) => {
 
 @pytest.mark.parametrize(
     ("carry_on", "mode", "does"),
-    [
-        (False, Mode.SHARED, "stale. The robot stops by itself."),
-        (True, Mode.SHARED, "stale. The robot drives on alone (--carry-on)."),
-        (True, Mode.AUTOMATIC, "stale. The robot drives on alone (--carry-on)."),
-        (True, Mode.MANUAL, "stale. The robot stops by itself."),
-    ],
+    first(
+        [
+            (False, Mode.SHARED, "stale. The robot stops by itself."),
+            (True, Mode.SHARED, "stale. The robot drives on alone (--carry-on)."),
+            (True, Mode.AUTOMATIC, "stale. The robot drives on alone (--carry-on)."),
+            (True, Mode.MANUAL, "stale. The robot stops by itself."),
+        ],
+        2,
+    ),
 )
 def test_without_a_link_the_driver_is_told_what_the_robot_does_now(
     context: BrowserContext, tmp_path: Path, carry_on: bool, mode: Mode, does: str
@@ -919,6 +932,7 @@ def test_a_fault_in_one_picture_of_the_map_is_said_and_is_not_the_last_picture(
         expect(page.locator("#map")).to_have_attribute("data-fps", re.compile(r"\d"))
 
 
+@pytest.mark.slow  # what is said instead is tried above
 def test_without_a_link_nothing_is_said_to_help(context: BrowserContext, tmp_path: Path) -> None:
     status = STATUS._replace(mode=Mode.HOLD, stopped="stop by anna (3)", arming=Arming.ARMED)
     with Bare(tmp_path, status) as robot, served(robot.connect) as server:

@@ -268,6 +268,7 @@ def test_the_size_of_the_pages_is_bounded() -> None:
     assert size < 150_000, f"{size} bytes gzipped"
 
 
+@pytest.mark.slow  # tests/cli/test_station.py starts it too
 def test_the_station_as_a_command_prints_its_address_and_ends_quietly(record: Path) -> None:
     command = [sys.executable, "-m", "cohelm", "station", "--replay", str(record), "--port", "0"]
     with subprocess.Popen(

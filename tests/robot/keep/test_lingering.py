@@ -19,6 +19,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.robot.adapter import AdaptedMaker
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.process import RemoteGatedRobot
+from tests.few import first
 from tests.patience import looks
 from tests.robot.keep.test_processes import WITHIN, alive
 
@@ -111,8 +112,14 @@ def group(leader: int) -> list[int]:
     return found
 
 
-@pytest.mark.parametrize("make", [ReadHangs, ReadForks])
-@pytest.mark.parametrize("how", ["closed", "the loop is killed", "the gate process is killed"])
+@pytest.mark.parametrize(
+    ("make", "how"),
+    first([
+        (ReadHangs, "closed"), (ReadForks, "the loop is killed"),
+        (ReadHangs, "the gate process is killed"), (ReadForks, "closed"),
+        (ReadHangs, "the loop is killed"), (ReadForks, "the gate process is killed"),
+    ], 3),
+)  # fmt: skip
 def test_the_hardware_is_free_again_whatever_a_read_has_done(make, how, port):
     made = AdaptedMaker(functools.partial(make, port=port), SALLY)
     gated = RemoteGatedRobot(made, rules(SALLY, 0.02))
@@ -158,7 +165,9 @@ def test_a_robot_whose_driver_has_forked_is_driven_by_one_process(port):
         gated.close()
 
 
-@pytest.mark.parametrize(("make", "lingers"), [(Hangs, True), (Threaded, True), (Still, False)])
+@pytest.mark.parametrize(
+    ("make", "lingers"), first([(Hangs, True), (Still, False), (Threaded, True)], 2)
+)
 def test_no_driver_keeps_the_gate_process_alive(make, lingers, capfd):
     gated = RemoteGatedRobot(AdaptedMaker(make, SALLY), rules(SALLY, 0.02))
     gated.close()
@@ -245,10 +254,13 @@ def driven(made: AdaptedMaker) -> None:
         gated.close()
 
 
-@pytest.mark.parametrize("at", [0, 5], ids=["made", "driven"])
 @pytest.mark.parametrize(
-    ("how", "said"), [("crashes", "killed by SIGSEGV"), ("exits", "it exited with code 3")]
-)
+    ("how", "said", "at"),
+    first([
+        ("crashes", "killed by SIGSEGV", 5), ("exits", "it exited with code 3", 0),
+        ("crashes", "killed by SIGSEGV", 0), ("exits", "it exited with code 3", 5),
+    ], 2),
+)  # fmt: skip
 def test_how_the_gate_process_has_ended_is_said(at, how, said):
     made = AdaptedMaker(functools.partial(Crashes, how=how, at=at), SALLY)
     with pytest.raises(CohelmError, match=rf"the gate process has ended \({said}.*\); the robot"):
