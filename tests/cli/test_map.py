@@ -107,6 +107,7 @@ def test_the_folder_holds_a_map_for_map_server_and_a_picture(folder):
     assert (made.cells == FREE).sum() > 20_000
 
 
+@pytest.mark.slow  # with another seed than --localise, below
 def test_the_robot_localizes_on_the_map_it_made(folder):
     made = read_map(folder / "map.yaml")
     truth = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1)
@@ -129,19 +130,15 @@ def test_the_robot_localizes_on_the_map_it_made(folder):
     assert not seen.lost
 
 
-def test_json_reports_the_result(cohelm, record, tmp_path):
-    done = cohelm("map", str(record), "--out", str(tmp_path / "m"), "--resolution", "0.1", "--json")
+def test_the_drive_is_mapped_and_localized_on_the_map_in_one_go(cohelm, record, tmp_path):
+    options = ("--resolution", "0.1", "--localise", "--json")
+    done = cohelm("map", str(record), "--out", str(tmp_path / "m"), *options)
     assert done.code == 0
     said = json.loads(done.out)
     assert said["scans"] > 50
     assert said["resolution_m"] == 0.1
     assert (tmp_path / "m" / "map.yaml").exists()
-
-
-def test_the_drive_is_localized_on_the_map_in_one_go(cohelm, record, tmp_path):
-    done = cohelm("map", str(record), "--out", str(tmp_path / "m"), "--localise", "--json")
-    assert done.code == 0
-    again = json.loads(done.out)["localized"]
+    again = said["localized"]
     assert again["scans"] > 50
     assert again["lost_share"] == 0.0
     assert again["wrong_and_sure_share"] == 0.0

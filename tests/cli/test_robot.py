@@ -11,6 +11,7 @@ import pytest
 
 from cohelm.link import keys
 from cohelm.link.station_end import StationEnd
+from tests.few import first
 
 
 def test_a_paired_station_connects_to_a_listening_robot(tmp_path, monkeypatch):
@@ -38,7 +39,7 @@ def test_a_paired_station_connects_to_a_listening_robot(tmp_path, monkeypatch):
         robot.communicate(timeout=30.0)
 
 
-@pytest.mark.parametrize("closed", ["<&-", ">&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("closed", first(["<&- >&- 2>&-", "<&-", ">&-"]))
 def test_it_drives_where_standard_streams_are_closed(closed):
     """As a script or a service may: no socket takes the number of one, and what is printed."""
     drive = f"exec {sys.executable} -m cohelm robot lab-guard --for 1 {closed}"
@@ -114,7 +115,7 @@ def test_of_two_robots_none_is_driven(cohelm, command, driver):
     assert "sally and --set robot=... each name a robot: leave one of them out" in said.err
 
 
-@pytest.mark.parametrize("named", [["sally"], []])
+@pytest.mark.parametrize("named", first([["sally"], []]))
 def test_a_custom_robot_without_a_site_stands(cohelm, named):
     said = cohelm("robot", *named, "--driver", "tests.api.carts:Simulated", "--for", "2", "--json")
     assert said.code == 0, said.err

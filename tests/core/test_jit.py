@@ -225,6 +225,7 @@ print(*(globals()[one](5) for one in sys.argv[1:]))
 """
 
 
+@pytest.mark.slow  # what it guards against is numba's, and was seen once
 def test_two_processes_that_fill_one_cache_do_not_mix_up_functions_of_one_name(tmp_path):
     """As numba has a `run_quicksort1` for values, and one for places, of equal arguments."""
     (tmp_path / "namesakes.py").write_text(NAMESAKES, encoding="utf-8")

@@ -19,6 +19,7 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.scenario import load
 from cohelm.sim.grid import grid
 from cohelm.sim.lidar import scan
+from tests.few import first
 from tests.perceive.buildings import NO_DISCS, building, tour
 from tests.perceive.drives import LIDAR, along, drive
 from tests.perceive.test_places import NO_WALLS, dotted, room
@@ -247,7 +248,7 @@ def test_switched_on_in_a_corridor_of_rooms_alike_the_right_place_does_not_slide
     assert sure
 
 
-@pytest.mark.parametrize(("map_", "start"), [(2, 24), (0, 24)])
+@pytest.mark.parametrize(("map_", "start"), first([(2, 24), (0, 24)]))
 def test_switched_on_along_a_corridor_no_place_is_held_to_where_it_was_found(
     map_, start, monkeypatch
 ):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.pipeline import Perception
@@ -25,6 +25,7 @@ from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.scenario.load import robot
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import sight
+from tests.few import first
 
 SALLY = robot("sally")
 LONG = SALLY.model_copy(
@@ -69,8 +70,9 @@ DRIVES = {
     ("model", "drive"),
     # BACK has no such ground about it as the others when it turns round: what the edge of the view
     # passed there, as wide as a cell for the monitor, is never looked at again.
-    [(model, drive) for model in (SALLY, LONG) for drive in DRIVES]
-    + [(BACK, drive) for drive in DRIVES if not drive.startswith("with its back")],
+    [(SALLY, drive) for drive in DRIVES]
+    + first([(LONG, drive) for drive in DRIVES])
+    + first([(BACK, drive) for drive in DRIVES if not drive.startswith("with its back")]),
 )
 def test_ground_that_the_filter_takes_as_known_passes_the_monitor(model, drive):
     lidar, shape = model.lidar.lidar(), outline(model.outline)
@@ -112,7 +114,6 @@ def test_the_filter_forgets_ground_before_the_monitor_does(reach, away):
     assert KEPT + STEADY + 2.0 * CORNER < CELL * HALF
 
 
-@settings(max_examples=60)
 @given(
     st.sampled_from([SALLY, LONG, BACK]), st.floats(0.3, 2.5), st.floats(-3.1, 3.1),
     st.floats(0.0, 3.1), st.floats(0.02, 1.0),

@@ -17,6 +17,7 @@ from cohelm.study.campaign.loop_run import Watched
 from cohelm.study.campaign.replay_episode import drive
 from cohelm.study.campaign.runner import CampaignConfig
 from cohelm.study.campaign.worker import chunk
+from tests.few import first as few
 
 
 def test_a_room_is_driven_on_sensors_alone():
@@ -31,39 +32,37 @@ def test_a_room_is_driven_on_sensors_alone():
     assert math.isnan(known.monitor_share)
 
 
-def test_a_fault_in_a_campaign_is_reset_and_counted(monkeypatch):
-    """A bumper is pressed for a moment: the gate latches, and the drive is gone on with."""
-    read = Twin.read
+@pytest.mark.parametrize(("bumped", "mute"), few([(6.0, 3.0), (3.0, 6.0)]))
+def test_a_fault_and_a_silent_loop_are_reset_and_counted_in_a_campaign(monkeypatch, bumped, mute):
+    """A bumper is pressed for a moment: the gate latches; at another time nothing is commanded, and
+    the watchdog stops the robot. The drive is gone on with, and the row says why it first was
+    stopped."""
+    read, propose = Twin.read, Watched.propose
 
     def pressed(twin):
         readings = read(twin)
         at = twin.now()
-        if 3.0 < at < 3.8:
+        if bumped < at < bumped + 0.8:
             health = readings.health or Health(at, math.nan, ())
             return readings._replace(health=health._replace(faults=("the bumper is pressed",)))
         return readings
 
-    monkeypatch.setattr(Twin, "read", pressed)
-    (row,) = chunk(suites.suite("random", 1, None, "twin"), "guard", (6,))
-    assert (row.fault, row.stops) == ("", 1)
-    assert row.stopped_by == "the robot reports: the bumper is pressed"
-    assert row.arrived
-    assert row.duration_s > 5.0
-
-
-def test_a_silent_loop_is_stopped_by_the_watchdog_in_a_campaign_too(monkeypatch):
-    propose = Watched.propose
-
-    def mute(gated, proposal):
-        if 3.0 < gated.now() < 3.5:
+    def silent(gated, proposal):
+        if mute < gated.now() < mute + 0.5:
             return Passed(gated.gate.out, "")
         return propose(gated, proposal)
 
-    monkeypatch.setattr(Watched, "propose", mute)
+    monkeypatch.setattr(Twin, "read", pressed)
+    monkeypatch.setattr(Watched, "propose", silent)
     (row,) = chunk(suites.suite("random", 1, None, "twin"), "guard", (6,))
-    assert row.stops == 1
-    assert row.stopped_by == "no valid command for more than 100 ms"
+    assert (row.fault, row.stops) == ("", 2)
+    reasons = (
+        "no valid command for more than 100 ms",
+        "the robot reports: the bumper is pressed",
+    )
+    assert row.stopped_by == reasons[bumped < mute]
     assert row.arrived
+    assert row.duration_s > 5.0
 
 
 @pytest.mark.slow  # tests/cli/test_campaign.py drives a row again by default
