@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from tests.few import first
+
 LAW = """
 import os
 import cohelm
@@ -32,7 +34,7 @@ CAMPAIGN = "campaign random --law talks:law --n 1 --jobs 1 --out there"
 ROBOT = "robot sally --driver talks:Cart --for 1"
 
 
-@pytest.mark.parametrize(("text", "typed"), [(LAW, CAMPAIGN), (DRIVER, ROBOT)])
+@pytest.mark.parametrize(("text", "typed"), first([(DRIVER, ROBOT), (LAW, CAMPAIGN)]))
 def test_what_a_law_or_driver_prints_is_not_in_the_json(tmp_path, request, text, typed):
     (tmp_path / "talks.py").write_text(text)
     said = subprocess.run(

@@ -157,7 +157,7 @@ def test_a_zone_that_appears_under_the_robot_can_only_be_left():
 
 
 def test_a_removed_zone_no_longer_blocks():
-    ride = Ride(SHUT, at=once(lambda ride, _: ride.t > 12.0, lambda ride: ride.topics.mask()))
+    ride = Ride(SHUT, at=once(lambda ride, _: ride.t > 8.0, lambda ride: ride.topics.mask()))
     assert ride.poses[ride.at].x < SHUT[0]
     assert ride.arrived
     (told,) = [one for one in ride.session.zone_maps if one.what == Zone.KEEP_OUT]

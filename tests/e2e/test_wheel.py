@@ -113,6 +113,7 @@ def test_every_shipped_scenario_runs_from_an_empty_folder(installed, tmp_path, s
     assert (folder / "record.mcap").exists()
 
 
+@pytest.mark.slow  # no file of the package is left out: below
 def test_the_version_and_the_schema_are_those_of_the_checkout(installed, tmp_path):
     said = [
         subprocess.run((installed, word), cwd=tmp_path, capture_output=True, text=True, check=True)

@@ -161,6 +161,7 @@ def test_a_gamepad_must_be_centred_before_it_steers(context: BrowserContext, pag
     release(page)
 
 
+@pytest.mark.slow  # tests/drive/test_resume.py has it without a browser
 def test_a_mode_does_not_begin_with_a_gamepad_that_lies_on_its_side(page: Page) -> None:
     plug(page)
     take(page)
@@ -526,7 +527,7 @@ def test_on_a_phone_in_landscape_reset_and_route_are_not_covered(
 
 
 @pytest.mark.parametrize(
-    ("width", "height"), first([(390, 780), (740, 330), (320, 568), (820, 1180)], 2)
+    ("width", "height"), first([(390, 780), (740, 330), (320, 568), (820, 1180)])
 )
 def test_a_long_reason_covers_nothing_that_is_pressed(
     browser_phone: BrowserContext, tmp_path: Path, width: int, height: int

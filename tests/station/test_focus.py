@@ -115,6 +115,7 @@ def test_a_dialog_that_is_closed_leaves_the_focus_to_what_opened_it(
                 expect(opener).to_be_focused()
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_escape_closes_one_dialog_at_a_time_the_last_that_was_opened_first(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -154,6 +155,7 @@ def test_a_double_click_opens_a_dialog_and_another_closes_it(
             opener.page.wait_for_timeout(600)  # else it is a fourfold click
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_waypoint_removed_with_the_keyboard_leaves_the_focus_in_the_list(
     context: BrowserContext, tmp_path: Path
 ) -> None:

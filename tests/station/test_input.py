@@ -112,6 +112,7 @@ def test_a_gamepad_that_lies_on_its_side_does_not_keep_keys_and_another_gamepad_
     driver.evaluate("testPad.deflect(0, 0)")
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_the_settings_show_what_is_moved_on_a_gamepad_without_the_usual_numbers(
     driver: Page,
 ) -> None:

@@ -139,6 +139,7 @@ def test_the_address_of_an_earlier_start_is_said_to_be_one(
     expect(page.get_by_role("alert")).to_contain_text("the newest one")
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_page_that_never_gets_a_connection_says_so(
     context: BrowserContext, server: Server
 ) -> None:
@@ -149,6 +150,7 @@ def test_a_page_that_never_gets_a_connection_says_so(
     expect(alarms(page)).to_contain_text("No connection yet: the station does not answer")
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_page_that_the_station_turns_away_says_why_for_as_long(context: BrowserContext) -> None:
     """Where the robot's host is not known, which may last until its WiFi is there."""
 

@@ -493,6 +493,7 @@ def test_every_dock_has_a_route(context: BrowserContext, station: Server, bare: 
         bare.bulk.publish(Docks(()))
 
 
+@pytest.mark.slow  # waits for 5 s
 def test_a_scan_is_not_shown_on_when_its_lidar_is_silent(
     context: BrowserContext, station: Server, bare: Bare
 ) -> None:
@@ -520,6 +521,7 @@ def test_a_scan_is_not_shown_on_when_its_lidar_is_silent(
     assert page.evaluate(dots) < before + 100
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_slider_set_with_the_mouse_leaves_the_arrow_keys_to_the_stick(
     context: BrowserContext, station: Server
 ) -> None:
@@ -552,6 +554,7 @@ def test_a_connection_that_hangs_is_made_anew(context: BrowserContext, station: 
     expect(alarms).to_contain_text("No alarms")
 
 
+@pytest.mark.slow  # a connection that hangs: above
 def test_a_request_that_hangs_does_not_hold_up_the_connection(
     context: BrowserContext, station: Server
 ) -> None:
@@ -584,6 +587,7 @@ def test_without_a_link_to_the_robot_no_record_is_waited_for(
         expect(files).not_to_contain_text("computes")
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_the_windows_title_has_the_robot_and_what_is_up_with_it(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -649,6 +653,7 @@ SAID = """{
 }"""
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_page_that_opens_says_at_no_moment_that_it_lost_the_link_or_that_it_has_one(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -875,6 +880,7 @@ def draws(page: Page, at: list[int], least: int, most: int) -> None:
         page.wait_for_timeout(100)
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_the_page_shows_where_the_robot_goes_who_leads_and_what_stops_it(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -906,6 +912,7 @@ def test_the_page_shows_where_the_robot_goes_who_leads_and_what_stops_it(
         draws(page, [0, 0], 80, 500)
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_fault_in_one_picture_of_the_map_is_said_and_is_not_the_last_picture(
     context: BrowserContext, tmp_path: Path
 ) -> None:

@@ -150,6 +150,7 @@ def test_waypoints_are_added_dragged_checked_and_sent(page: Page) -> None:
     release(page)
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_escape_closes_a_dialog_that_has_just_opened(
     context: BrowserContext, server: Server
 ) -> None:
