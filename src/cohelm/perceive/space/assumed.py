@@ -47,15 +47,19 @@ def turning_ground(outline: Floats, lidars: Sequence[Lidar]) -> float:
     angles = np.linspace(0.0, 2.0 * math.pi, 64, endpoint=False)
     around = ASSUMED_FREE * np.column_stack((np.cos(angles), np.sin(angles)))
     points = (np.concatenate(edges)[:, None] + np.vstack(([[0.0, 0.0]], around))).reshape(-1, 2)
-    here = Pose(0.0, 0.0, 0.0)
-    hidden = np.array([disc_clearance(here, outline, x, y, 0.0) >= 0.0 for x, y in points])
+    hidden = np.ones(len(points), np.bool_)
     for lidar in lidars:
         away = points - lidar.mount[:2]
         begin = lidar.mount.psi + lidar.first - 0.5 * lidar.step
         angle = (np.arctan2(away[:, 1], away[:, 0]) - begin) % (2.0 * math.pi)
         edge = np.arcsin(CELL / np.maximum(np.hypot(*away.T), CELL))
         hidden &= np.minimum(angle, lidar.step * len(lidar.beams) - angle) < edge
-    return float(np.hypot(*points[hidden].T).max(initial=0.0))
+    away = np.hypot(*points[hidden].T)
+    here, farthest_first = Pose(0.0, 0.0, 0.0), np.argsort(-away)
+    for (x, y), far in zip(points[hidden][farthest_first], away[farthest_first], strict=True):
+        if disc_clearance(here, outline, x, y, 0.0) >= 0.0:
+            return float(far)
+    return 0.0
 
 
 @jit
