@@ -40,7 +40,7 @@ test-quick: $(READY) ## the tests of law, gate, scenarios and API, in less than 
 	$(BIN)/pytest -m quick
 
 test-all: EXAMPLES = --hypothesis-profile=more
-test-all: test   ## all tests, also those that take more than a minute each
+test-all: test   ## all tests, also those that take long, and all cases of each
 	$(BIN)/pytest -m slow $(EXAMPLES)
 
 test-python: $(WEB) $(GL) $(BROWSER) ## the tests on another Python that is here: PYTHON=3.13
