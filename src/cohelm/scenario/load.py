@@ -92,8 +92,9 @@ def _describes_robot(data: Any) -> bool:
         return False
     from difflib import get_close_matches  # imported only when needed
 
+    keys = [str(key) for key in cast("dict[Any, Any]", data)][:100]
     mine, others = (
-        sum(1 for key in list(data)[:100] if get_close_matches(str(key), of.model_fields, 1, 0.75))
+        sum(1 for key in keys if get_close_matches(key, of.model_fields, 1, 0.75))
         for of in (RobotModel, Scenario)
     )
     return mine > others
