@@ -168,6 +168,13 @@ def test_headings_in_degrees_are_reported(tmp_path, direction):
         read_log(written(tmp_path, *around(180.0 / math.pi, direction)))
 
 
+def test_a_robot_that_drives_sideways_or_only_turns_is_read(tmp_path):
+    sideways = [flaser(5.0 + k, pose=(0.1 * k, 0.0, math.pi / 2)) for k in range(80)]
+    assert len(read_log(written(tmp_path, *sideways)).scans) == 80
+    turning = [flaser(5.0 + k, pose=(0.0, 0.0, 0.2 * k)) for k in range(80)]  # more than once
+    assert len(read_log(written(tmp_path, *turning)).scans) == 80
+
+
 def test_a_log_without_valid_times_is_read_in_its_order(tmp_path):
     lines = [stamped(k % 2, 0.0, (0.1 * k, 0.0, 0.0)) for k in range(406)]
     made = read_log(written(tmp_path, *lines))

@@ -224,23 +224,23 @@ def _check_in_metres(path: Path | str, ranges: Floats) -> None:
 
 def _check_in_radians(path: Path | str, poses: Floats) -> None:
     """CohelmError where the robot drives along its headings only if they are degrees."""
+    largest = float(np.abs(poses[:, 2]).max())
+    if largest <= _TURN:
+        return
     kept = [0]
     for k, (x, y) in enumerate(poses[:, :2]):
         if math.hypot(x - poses[kept[-1], 0], y - poses[kept[-1], 1]) >= _STEP:
             kept.append(k)
     course = np.arctan2(*np.diff(poses[kept, :2], axis=0).T[::-1])
     heading = poses[kept[1:], 2]
-    if not len(course):
-        return
 
     def along(heading: Floats) -> float:
         """1: forwards or backwards along it; 0: any way."""
         return float(np.cos(2.0 * (course - heading)).mean())
 
-    if along(np.radians(heading)) > _ALONG and along(heading) < _ASKEW:
+    if len(course) and along(np.radians(heading)) > _ALONG and along(heading) < _ASKEW:
         raise CohelmError(
-            f"{path}: headings are in radians, got up to {np.abs(poses[:, 2]).max():g}: multiply "
-            "degrees by 0.0174533"
+            f"{path}: headings are in radians, got up to {largest:g}: multiply degrees by 0.0174533"
         )
 
 
