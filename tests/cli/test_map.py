@@ -1,7 +1,9 @@
 """`cohelm map`: a map from the record of a drive."""
 
+import errno
 import json
 import math
+import os
 import shutil
 import signal
 
@@ -278,6 +280,20 @@ def test_ctrl_c_in_the_middle_of_a_scan_is_taken_after_it(
     assert MappingSession.read(tmp_path).complete
     mapping.mapped(record, tmp_path, None, silent, resume=True)
     assert (tmp_path / "map.pgm").read_bytes() == (folder / "map.pgm").read_bytes()
+
+
+def test_on_a_full_disk_half_a_file_is_not_left(folder, tmp_path, monkeypatch):
+    def full(file, **_):
+        file.write(b"PK")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    session = MappingSession.read(folder)
+    session.save(tmp_path)
+    before = (tmp_path / "survey.npz").read_bytes()
+    monkeypatch.setattr(np, "savez", full)
+    with pytest.raises(CohelmError, match="No space left on device"):
+        session.save(tmp_path)
+    assert [file.read_bytes() for file in tmp_path.iterdir()] == [before]
 
 
 def test_a_killed_campaign_continues_from_the_last_stored_episode(record, tmp_path, monkeypatch):

@@ -8,6 +8,7 @@ import time
 
 import pytest
 
+from cohelm.core.errors import CohelmError
 from cohelm.drive.recorder import Recording
 from cohelm.record.messages import messages
 from cohelm.robot.keep.record_pipe import Event, RecordLine
@@ -79,6 +80,11 @@ def test_a_disk_that_is_full_before_the_first_message_is_reported_and_the_log_gr
     log = recording.path.with_suffix(".log").read_text()
     assert "an event" in log
     assert said in log
+
+
+def test_a_record_is_a_file_and_no_folder(tmp_path):
+    with pytest.raises(CohelmError, match="is a folder: name a file in it"):
+        Recording(tmp_path, SALLY)
 
 
 def test_a_drive_that_ended_while_its_robot_started_leaves_its_names_free(tmp_path):

@@ -614,6 +614,14 @@ def test_recorded_crowds_pass_through_their_samples(name, people, at_once):
         np.testing.assert_allclose(point, expected[who], atol=1e-6)
 
 
+def test_a_maps_picture_in_place_of_its_yaml_is_told_so(tmp_path):
+    write_map(tmp_path)
+    [picture] = [file for file in tmp_path.iterdir() if file.suffix == ".pgm"]
+    picture.write_bytes(b"P5 2 2 255\n\xff\xfe\x00\x00")
+    with pytest.raises(CohelmError, match="is a picture: give the YAML file that goes with it"):
+        read_map(picture)
+
+
 def test_a_map_with_umlauts_in_another_encoding_is_told_apart_from_what_is_no_yaml(tmp_path):
     path = write_map(tmp_path)
     path.write_bytes(b"# B\xfcro\n" + path.read_bytes())

@@ -96,3 +96,16 @@ def unmade(folder: Path, error: OSError) -> CohelmError:
     """Why a folder can not be made."""
     why = "there is a file of that name" if folder.is_file() else error.strerror
     return CohelmError(f"the folder {folder} can not be made ({why}): choose another with --out")
+
+
+@contextmanager
+def whole(path: Path) -> Generator[Path]:
+    """The name to write a file under, which is put in place when it is whole, and else removed, as
+    it may have filled the disk."""
+    new = path.with_name(f".{path.name}")
+    try:
+        yield new
+        new.replace(path)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise

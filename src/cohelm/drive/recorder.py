@@ -98,6 +98,8 @@ def _make(path: Path) -> None:
     try:
         path.open("xb").close()
     except FileExistsError as error:
+        if path.is_dir():
+            raise CohelmError(f"{path} is a folder: name a file in it") from error
         raise CohelmError(f"{path} exists already: choose another name") from error
     except OSError as error:
         raise CohelmError(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.files import writing
+from cohelm.core.files import whole, writing
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.mapper import MappingResult, encounters
 from cohelm.perceive.map.raster import Raster
@@ -102,10 +102,8 @@ def write_result(folder: Path, result: MapResult) -> None:
 def show(folder: Path, made: MappingResult, drawn: Raster) -> None:
     """map.png, put in place whole, for a viewer that shows it anew. CohelmError where the folder
     can not be written."""
-    with writing(folder):
-        new = folder / ".map.png"
+    with writing(folder), whole(folder / "map.png") as new:
         picture(new, drawn, made.poses, encounters(made))
-        new.replace(folder / "map.png")
 
 
 def _save_loops(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import check_regular, writing
+from cohelm.core.files import check_regular, whole, writing
 from cohelm.perceive.map.mapper import Mapper
 from cohelm.perceive.map.mapping_scans import MappingScan
 from cohelm.robot.sensors import LidarModel
@@ -110,11 +110,8 @@ class MappingSession:
             "points": np.vstack([_NONE, *(self.points[k] for k in numbers)]),
             **{f"survey_{name}": values for name, values in self.survey.state().items()},
         }  # fmt: skip
-        with writing(folder):
-            new = folder / f".{NAME}"
-            with new.open("wb") as file:
-                np.savez(file, allow_pickle=False, **arrays)
-            new.replace(folder / NAME)
+        with writing(folder), whole(folder / NAME) as new, new.open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)
 
     @classmethod
     def read(cls, folder: Path) -> Self:

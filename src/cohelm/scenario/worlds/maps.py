@@ -171,6 +171,10 @@ def _read(path: Path | str) -> tuple[_Description, OccupancyMap]:
             )
         about = _Description.model_validate(raw)
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        if Path(path).suffix.lower() in (".png", ".pgm", ".jpg", ".jpeg", ".bmp"):
+            raise CohelmError(
+                f"{path}: is a picture: give the YAML file that goes with it, which says its scale"
+            ) from error
         if getattr(error, "encoding", "") == "utf-8":
             raise CohelmError(f"{path}: is not text in UTF-8: save it as that") from error
         mark = getattr(error, "problem_mark", None)
