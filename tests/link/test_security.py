@@ -39,10 +39,19 @@ def test_an_unpaired_station_is_refused_and_logged_while_driving_continues(drive
         until(lambda: driven.robot.refused_counts["certificate verify failed"] >= 2)
         assert station.status() is None
         assert not station.state().connected
-        until(lambda: "alert" in station.state().why or "certificate" in station.state().why)
+        until(lambda: "the robot does not accept this station (" in station.state().why)
     assert "refused 127.0.0.1: certificate verify failed" in caplog.text
     assert in_force(driven).stick == fuzz.STICK
     assert list(driven.robot.clients().values()) == ["local"]
+
+
+def test_another_robot_at_the_address_is_told_from_one_that_is_silent():
+    with (
+        RobotEnd(pair_here()[0], HERE, 0) as robot,
+        StationEnd(pair_here("other")[1], HERE, robot.address[1]) as station,
+    ):
+        until(lambda: "another robot answers there" in station.state().why, turn=robot.receive)
+        assert "`cohelm pair`" in station.state().why
 
 
 def test_a_station_with_the_right_certificate_but_another_key_is_refused(driven):

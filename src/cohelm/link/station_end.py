@@ -263,7 +263,7 @@ class StationEnd(IoThread):
                 return []
             return connection.channel.take(datagram)
         except HandshakeRefused as refused:
-            self._failed(connection, str(refused))
+            self._failed(connection, _explained(str(refused)))
             return []
         finally:
             udp.send(connection.socket, connection.channel.waiting())
@@ -377,3 +377,15 @@ class StationEnd(IoThread):
             self._failed(connection, str(refused))
             return
         udp.send(connection.socket, datagrams)
+
+
+def _explained(why: str) -> str:
+    """With what mends it, where a certificate was not accepted; of an alert, there."""
+    if why == "certificate verify failed":
+        return (
+            f"another robot answers there than the paired one ({why}): check the address and "
+            "--name, or pair it with `cohelm pair`"
+        )
+    if "alert" in why and (why.endswith(" ca") or "certificate" in why):
+        return f"the robot does not accept this station ({why}): pair them with `cohelm pair`"
+    return why
