@@ -136,6 +136,7 @@ def test_a_robot_that_is_not_found_is_said_on_the_terminal_too(cohelm, monkeypat
     assert said.code == 0  # it may be there later
 
 
+@pytest.mark.slow  # that of TLS has it as well: below
 def test_the_printed_address_has_the_token(record):
     with station(record) as address:
         origin, _, token = address.partition("/#token=")
@@ -151,6 +152,7 @@ def test_a_custom_certificate_and_its_host_name_are_used(record, tmp_path):
     with station(record, "--tls-cert", certificate, "--tls-key", key) as address:
         origin, _, token = address.partition("/#token=")
         assert origin.startswith("https://127.0.0.1:")
+        assert len(token) >= 22  # 128 bits
         port = int(origin.rpartition(":")[2])
         trusting = ssl.create_default_context(cafile=authority)
         trusting.verify_flags |= ssl.VERIFY_X509_STRICT  # by default from Python 3.13 on

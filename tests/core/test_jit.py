@@ -100,6 +100,7 @@ def test_an_edited_formula_runs_at_once_though_its_caller_was_cached(checkout, t
     assert len(list((cache / "numba" / "law").iterdir())) == 2
 
 
+@pytest.mark.slow  # else it starts slowly, and nothing else
 def test_a_copy_of_the_sources_elsewhere_finds_what_was_compiled(checkout, tmp_path):
     """As a wheel beside a checkout, or an environment that was made anew."""
     cache = tmp_path / "cache"

@@ -67,6 +67,7 @@ def drawn(monkeypatch) -> list[float]:
     return stamps
 
 
+@pytest.mark.slow  # a drive holds its pictures: above
 @pytest.mark.parametrize(("rate", "count"), first([(5.0, 5), (0.0, 0)]))
 def test_for_a_record_pictures_are_drawn_at_its_rate(drawn, tmp_path, rate, count):
     plan = SessionConfig(with_camera(), record=tmp_path / "drive.mcap", pictures=rate)

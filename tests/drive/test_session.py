@@ -42,6 +42,7 @@ def test_the_guard_has_margins_for_lidar_noise_and_predicts_the_whole_lag(kind, 
     assert len(driver.pilot.sent) == steps
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_robot_with_slow_odometry_drives_as_well():
     """Between two readings the newest was too old for the gate: nothing ever passed."""
     plan = SessionConfig(simulated("lab-guard", real_time=False))

@@ -70,6 +70,7 @@ def dotted(seed=0, length=24.0, wide=1.8, cell=0.05):
     return occupied, free, cell, Pose(0.0, -0.5 - 0.5 * wide, 0.0)
 
 
+@pytest.mark.slow  # in a building with a poor map, below, it keeps its place too
 def test_in_a_ragged_corridor_no_robot_is_taken_to_have_been_moved():
     """The map's errors along it make a place some metres off fit better from time to time."""
     occupied, free, cell, origin = dotted()

@@ -58,6 +58,7 @@ def test_a_missing_or_limited_bridge_is_reported_with_the_cure():
         poor.close()
 
 
+@pytest.mark.slow  # an advice; that without any bridge is above
 def test_without_nodes_behind_the_bridge_the_advice_is_about_the_bridge():
     lonely = Bridge(domain=99)
     transport = FoxgloveTransport(lonely.url)

@@ -77,6 +77,7 @@ SECOND_CLICK = """() => {
 """As soon as Release stands where Take over was pressed; `apart`: how long after that [ms]."""
 
 
+@pytest.mark.slow  # nothing moves by it
 def test_a_double_click_on_take_over_does_not_release(page: Page) -> None:
     def twice() -> None:
         release(page)

@@ -160,6 +160,7 @@ def _sleeps(command: Path) -> bool:
     return False
 
 
+@pytest.mark.slow  # one that hangs is ended: above
 def test_a_law_that_hangs_ends_with_whoever_drives_it(tmp_path):
     """Compiled code keeps the whole interpreter: it is the kernel that ends it."""
     told = tmp_path / "pid"
@@ -177,6 +178,7 @@ def test_a_law_that_hangs_ends_with_whoever_drives_it(tmp_path):
         time.sleep(0.05)
 
 
+@pytest.mark.slow  # one that hangs is ended: above
 def test_the_answer_of_an_interrupted_drive_is_not_taken_for_that_of_the_next(monkeypatch):
     """As after Ctrl-C in a notebook."""
 

@@ -139,6 +139,7 @@ def _alive(group):
     return True
 
 
+@pytest.mark.slow  # two processes are started, and driven until one is killed
 def test_a_killed_worker_is_reported_and_the_campaign_can_continue(tmp_path, monkeypatch):
     from multiprocessing import active_children
 
