@@ -11,6 +11,7 @@ import numpy as np
 from cohelm.core.types import Pose, Twist
 from cohelm.drive.factory import Simulated, simulated
 from cohelm.robot.port import Health, Readings, Scan
+from cohelm.scenario.model import Scenario
 from tests.drive.wrapped import wrapped
 
 CORRIDOR = Path(__file__).parent / "corridor.yaml"
@@ -21,10 +22,14 @@ def along_corridor(end: float, start: float = 0.0) -> Simulated:
     middle = 0.5 * (start + end)
     route = [f"reference.waypoints_m=[[{start}, 0], [{middle}, 0], [{end}, 0]]"]
     made = simulated(CORRIDOR, real_time=False, seed=2, changes=route)
+    return Simulated(coarse(made), made.kind, False, made.seed)
+
+
+def coarse(made: Simulated) -> Scenario:
+    """Its scenario with few beams and no camera."""
     lidar = made.model.lidar.model_copy(update={"beams": 120})
     model = made.model.model_copy(update={"lidar": lidar, "camera": None})
-    scenario = made.scenario.model_copy(update={"robot": model})
-    return Simulated(scenario, made.kind, False, made.seed)
+    return made.scenario.model_copy(update={"robot": model})
 
 
 FAULTS = {
@@ -75,7 +80,8 @@ def failing(
     """At a time of the robot's clock [s], or once a file is there: then that time is put in it."""
     changes = ["robot=sally-rear"] if fault in REAR_FAULTS else []
     made = simulated(CORRIDOR, real_time=real_time, seed=2, changes=changes)
-    return Failing(made.scenario, made.kind, real_time, made.seed, fault, at, when)
+    scenario = made.scenario if real_time or fault in REAR_FAULTS else coarse(made)
+    return Failing(scenario, made.kind, real_time, made.seed, fault, at, when)
 
 
 class Faulty:

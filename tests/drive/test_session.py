@@ -59,6 +59,7 @@ def test_a_robot_with_slow_odometry_drives_as_well():
         assert session.gated.truth().pose.x - plan.robot.start.x > 0.5
 
 
+@pytest.mark.slow  # nothing moves by it
 @pytest.mark.xdist_group("realtime")
 def test_after_a_drive_the_process_priority_is_restored():
     """What drew a picture after a drive kept every other process off its processor."""

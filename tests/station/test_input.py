@@ -71,6 +71,7 @@ def test_of_two_gamepads_the_other_does_not_steer_when_one_is_unplugged(
     driver.evaluate("layOther([0, 0, 0, 0])")
 
 
+@pytest.mark.slow  # of two gamepads one drives: above
 def test_a_spare_gamepad_that_is_bumped_takes_nothing_from_the_one_that_drives(
     bare: Bare, driver: Page
 ) -> None:

@@ -182,8 +182,9 @@ def test_on_a_small_phone_large_letters_leave_room_for_the_map(
 
 
 @pytest.mark.parametrize("letters", first([24, 16, 32]))
+@pytest.mark.parametrize("what", first(["stopped", "calm", "asked"]))
 def test_whatever_the_letters_all_that_is_pressed_is_on_the_screen_and_free(
-    browser: Browser, tmp_path: Path, letters: int
+    browser: Browser, tmp_path: Path, letters: int, what: str
 ) -> None:
     large = browser.browser_type.launch(
         executable_path=CHROMIUM, args=[*FLAGS, f"--blink-settings=defaultFontSize={letters}"]
@@ -195,18 +196,16 @@ def test_whatever_the_letters_all_that_is_pressed_is_on_the_screen_and_free(
         page.set_viewport_size({"width": 390, "height": 780})
         page.goto(server.address)
         take(page)
-        other = page_of(large, server)
         calm = STANDS._replace(arming=Arming.ARMED)
-        for what in ("calm", "stopped", "asked"):
-            stops = what == "stopped"
-            robot.status = calm._replace(stopped=reason, alarms=told) if stops else calm
-            expect(page.get_by_role("button", name="Reset")).to_have_count(int(stops))
-            if what == "asked":
-                request_control(other, page)
-            for width, height in SIZES:
-                page.set_viewport_size({"width": width, "height": height})
-                page.wait_for_timeout(100)
-                assert page.evaluate(UNREACHABLE) == [], (what, width, height)
+        stops = what == "stopped"
+        robot.status = calm._replace(stopped=reason, alarms=told) if stops else calm
+        expect(page.get_by_role("button", name="Reset")).to_have_count(int(stops))
+        if what == "asked":
+            request_control(page_of(large, server), page)
+        for width, height in SIZES:
+            page.set_viewport_size({"width": width, "height": height})
+            page.wait_for_timeout(100)
+            assert page.evaluate(UNREACHABLE) == [], (width, height)
     large.close()
 
 

@@ -181,6 +181,7 @@ def test_a_stop_that_was_not_sent_survives_a_reload_but_not_for_hours(
             expect(page.get_by_label("Alarms", exact=True)).not_to_contain_text("too old")
 
 
+@pytest.mark.slow  # that it is sent is tried above
 def test_a_stop_that_is_sent_once_more_after_a_reload_is_not_said_to_have_had_no_connection(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -245,6 +246,7 @@ def test_before_the_first_status_there_is_no_link_to_be_lost(
         expect(page.locator(".station.stale")).to_have_count(0)
 
 
+@pytest.mark.slow  # what is said then is tried below, too
 def test_without_a_link_nobody_is_said_to_drive(context: BrowserContext, tmp_path: Path) -> None:
     with Bare(tmp_path) as robot, served(robot.connect) as server:
         page = page_of(context, server)
