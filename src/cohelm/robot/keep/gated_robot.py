@@ -216,9 +216,10 @@ class LocalGatedRobot:
     def _called(self, call: str, *with_: Any) -> Any:
         """What a call of the robot's driver returns."""
         self._calling(call)
-        answer = getattr(self._robot, call)(*with_)
-        self._calling("")
-        return answer
+        try:
+            return getattr(self._robot, call)(*with_)
+        finally:
+            self._calling("")
 
     def _check_wait(self, call: str, begun: float) -> None:
         """Say of a call of the robot that used up the watchdog's time that it did: the watchdog
