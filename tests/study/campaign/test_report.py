@@ -144,6 +144,17 @@ def test_where_nothing_was_near_no_clearance_is_said_that_was_not_measured():
     assert dict(table(found)[1])["closest: smallest clearance of all [m]"] == "-0.2000"
 
 
+def test_how_often_each_kind_stayed_untouched_is_told():
+    rows = [
+        CAME._replace(kind="easy", contacts_standing=0),
+        CAME._replace(kind="easy", contacts_moving=1, contacts_standing=2, episode=1),
+        CAME._replace(kind="hard", contacts_standing=1, episode=2),
+    ]
+    headings, lines = by_kind(outcome(suite("movers", 1, None), ("guard",), rows, {}))
+    at = headings.index("untouched")
+    assert {line[0]: line[at] for line in lines} == {"easy": "1", "hard": "0"}
+
+
 @pytest.mark.parametrize("faulty", [True, False])
 def test_a_report_has_pictures_or_does_not_speak_of_them(tmp_path, monkeypatch, faulty):
     monkeypatch.setattr("cohelm.study.campaign.report._figure", lambda *_: "<figure></figure>")

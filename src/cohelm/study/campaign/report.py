@@ -148,13 +148,14 @@ def by_kind(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         arrived = "–" if s.arrived is None else str(s.arrived.count)
         clearance = _least(s.spreads, "moving_")
         lines.append(
-            (kind or "not driven", str(s.episodes), arrived, str(s.moving.count),
-             str(s.standing.count), clearance)
+            (kind or "not driven", str(s.episodes), arrived, str(s.touched.of - s.touched.count),
+             str(s.moving.count), str(s.standing.count), clearance)
         )  # fmt: skip
     headings = (
         "kind",
         "episodes",
         "arrived",
+        "untouched",
         "moving contacts",
         "standing contacts",
         "least clearance, moving [m]",
