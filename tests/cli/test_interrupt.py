@@ -10,6 +10,7 @@ import time
 import pytest
 
 from cohelm.cli.app import interrupted
+from cohelm.drive import robot_process
 
 
 @pytest.fixture(autouse=True)
@@ -139,7 +140,7 @@ def test_only_without_ctrl_c_is_the_end_of_a_starting_robot_an_error(
     """The terminal sends it to the robot's process too. Ignored is it in the background."""
     signal.signal(signal.SIGINT, handler)
     monkeypatch.setattr(Starting, "signals", signals, raising=False)
-    monkeypatch.setattr("cohelm.drive.robot_process.RobotProcess", Starting)
+    monkeypatch.setattr(robot_process, "RobotProcess", Starting)
     said = cohelm("drive", "--kinematic", "--port", "0")
     assert said.code == code
     assert ("error:" in said.err) == (code == 2)
