@@ -170,7 +170,7 @@ def no_tracks() -> Floats:
 
 
 _RADIUS_SIGMA = 0.5  # prior standard deviation of a radius: the visible part says little [m]
-_WIDEST = 0.7  # larger radii are of no disc, but of a flat side [m]
+_LARGEST_RADIUS = 0.7  # larger radii are of no disc, but of a flat side [m]
 _GATE = 0.6  # a cluster farther than this from a track is not taken for it [m]
 _INCONSISTENT = 13.8  # 99.9 % quantile of chi squared with two degrees of freedom
 
@@ -280,7 +280,7 @@ def _is_round(fit: Fit, points: Floats, sweep: DeskewedScan) -> bool:
     """Whether the points are the near rim of the disc fitted to them."""
     ux, uy = fit.x - sweep.sensor.x, fit.y - sweep.sensor.y
     mx, my = points[:, 0].mean() - sweep.sensor.x, points[:, 1].mean() - sweep.sensor.y
-    return fit.good and fit.radius < _WIDEST and mx * mx + my * my < ux * ux + uy * uy
+    return fit.good and fit.radius < _LARGEST_RADIUS and mx * mx + my * my < ux * ux + uy * uy
 
 
 @jit
