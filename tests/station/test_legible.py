@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, expect
+from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from cohelm.link.bulk_messages import Alarms, WholeAlarm
 from cohelm.link.messages import Alarm, Arming, Mode, Severity
+from cohelm.station.serve import Server
 from tests.few import first
 from tests.link.ends import STATUS
 from tests.station.bare import Bare
@@ -18,6 +21,8 @@ from tests.station.servers import served
 from tests.station.test_alarms import LONG
 
 STANDS = STATUS._replace(mode=Mode.HOLD, why="idle")
+REASON = "stop by anna (3)"
+TOLD = (Alarm(1, Severity.ALARM, True, False, REASON),)
 CUT = """(one) => one.scrollHeight > one.clientHeight + 1 || one.scrollWidth > one.clientWidth + 1
     || one.getBoundingClientRect().right > innerWidth"""
 SEEN = """(one, end) => {
@@ -95,12 +100,35 @@ def test_every_text_of_the_page_has_contrast_also_where_it_is_stale(
         assert page.evaluate(PALE) == []
 
 
+@contextmanager
+def letters_of(browser: Browser, size: int) -> Iterator[Browser]:
+    """A browser of a system whose letters are set to this size [px]."""
+    large = browser.browser_type.launch(
+        executable_path=CHROMIUM, args=[*FLAGS, f"--blink-settings=defaultFontSize={size}"]
+    )
+    try:
+        yield large
+    finally:
+        large.close()
+
+
+def driving_phone(large: Browser, server: Server, width: int, height: int) -> Page:
+    """The page on a phone of this size, whose person drives."""
+    page = large.new_page(
+        viewport={"width": width, "height": height}, is_mobile=True, has_touch=True
+    )
+    page.goto(server.address)
+    take(page)
+    return page
+
+
 @pytest.mark.slow  # with large letters all is there: below
 def test_letters_grow_with_those_of_the_system(browser: Browser, tmp_path: Path) -> None:
-    large = browser.browser_type.launch(
-        executable_path=CHROMIUM, args=[*FLAGS, "--blink-settings=defaultFontSize=24"]
-    )
-    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
+    with (
+        letters_of(browser, 24) as large,
+        Bare(tmp_path, STANDS) as robot,
+        served(robot.connect) as server,
+    ):
         page = large.new_page(viewport={"width": 1280, "height": 800})
         page.goto(server.address)
         take(page)
@@ -111,7 +139,6 @@ def test_letters_grow_with_those_of_the_system(browser: Browser, tmp_path: Path)
         assert slider is not None
         assert slider["width"] > 40
         assert page.evaluate("document.documentElement.scrollWidth") <= 1280
-    large.close()
 
 
 @pytest.mark.parametrize(
@@ -120,17 +147,14 @@ def test_letters_grow_with_those_of_the_system(browser: Browser, tmp_path: Path)
 def test_with_large_letters_on_a_phone_every_alarm_can_be_read_and_stop_pressed(
     browser: Browser, tmp_path: Path, width: int, height: int
 ) -> None:
-    large = browser.browser_type.launch(
-        executable_path=CHROMIUM, args=[*FLAGS, "--blink-settings=defaultFontSize=24"]
-    )
     texts = ("the odometry is 120 ms old, and its clock jumped", LONG)  # the shorter is cut, too
-    page = large.new_page(
-        viewport={"width": width, "height": height}, is_mobile=True, has_touch=True
-    )
     armed = STATUS._replace(mode=Mode.SHARED, arming=Arming.ARMED)
-    with Bare(tmp_path, armed) as robot, served(robot.connect) as server:
-        page.goto(server.address)
-        take(page)
+    with (
+        letters_of(browser, 24) as large,
+        Bare(tmp_path, armed) as robot,
+        served(robot.connect) as server,
+    ):
+        page = driving_phone(large, server, width, height)
         for number, text in enumerate(texts, 10):
             told = Alarm(number, Severity.ALARM, True, False, text)
             robot.bulk.publish(Alarms((WholeAlarm(told, text),)))
@@ -155,30 +179,24 @@ def test_with_large_letters_on_a_phone_every_alarm_can_be_read_and_stop_pressed(
             expect(stop).to_be_in_viewport(ratio=1)
             stop.tap(trial=True)
             page.keyboard.press("Escape")
-    large.close()
 
 
 @pytest.mark.parametrize("letters", first([32, 16, 24]))
 def test_on_a_small_phone_large_letters_leave_room_for_the_map(
     browser: Browser, tmp_path: Path, letters: int
 ) -> None:
-    large = browser.browser_type.launch(
-        executable_path=CHROMIUM, args=[*FLAGS, f"--blink-settings=defaultFontSize={letters}"]
-    )
-    reason = "stop by anna (3)"
-    told = (Alarm(1, Severity.ALARM, True, False, reason),)
-    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
-        page = large.new_page(is_mobile=True, has_touch=True)
-        page.set_viewport_size({"width": 320, "height": 568})
-        page.goto(server.address)
-        take(page)
-        robot.status = STANDS._replace(stopped=reason, alarms=told)
+    with (
+        letters_of(browser, letters) as large,
+        Bare(tmp_path, STANDS) as robot,
+        served(robot.connect) as server,
+    ):
+        page = driving_phone(large, server, 320, 568)
+        robot.status = STANDS._replace(stopped=REASON, alarms=TOLD)
         expect(page.get_by_role("button", name="Reset")).to_have_count(1)
         page.wait_for_timeout(600)
         box = page.locator("#map").bounding_box()
         assert box is not None
         assert box["height"] >= 60
-    large.close()
 
 
 @pytest.mark.parametrize("letters", first([24, 16, 32]))
@@ -186,19 +204,15 @@ def test_on_a_small_phone_large_letters_leave_room_for_the_map(
 def test_whatever_the_letters_all_that_is_pressed_is_on_the_screen_and_free(
     browser: Browser, tmp_path: Path, letters: int, what: str
 ) -> None:
-    large = browser.browser_type.launch(
-        executable_path=CHROMIUM, args=[*FLAGS, f"--blink-settings=defaultFontSize={letters}"]
-    )
-    reason = "stop by anna (3)"
-    told = (Alarm(1, Severity.ALARM, True, False, reason),)
-    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
-        page = large.new_page(is_mobile=True, has_touch=True)
-        page.set_viewport_size({"width": 390, "height": 780})
-        page.goto(server.address)
-        take(page)
+    with (
+        letters_of(browser, letters) as large,
+        Bare(tmp_path, STANDS) as robot,
+        served(robot.connect) as server,
+    ):
+        page = driving_phone(large, server, 390, 780)
         calm = STANDS._replace(arming=Arming.ARMED)
         stops = what == "stopped"
-        robot.status = calm._replace(stopped=reason, alarms=told) if stops else calm
+        robot.status = calm._replace(stopped=REASON, alarms=TOLD) if stops else calm
         expect(page.get_by_role("button", name="Reset")).to_have_count(int(stops))
         if what == "asked":
             request_control(page_of(large, server), page)
@@ -206,7 +220,6 @@ def test_whatever_the_letters_all_that_is_pressed_is_on_the_screen_and_free(
             page.set_viewport_size({"width": width, "height": height})
             page.wait_for_timeout(100)
             assert page.evaluate(UNREACHABLE) == [], (width, height)
-    large.close()
 
 
 def test_a_number_that_is_out_of_the_normal_is_marked_by_more_than_its_colour(
