@@ -217,6 +217,7 @@ def test_a_file_named_out_in_place_of_the_default_folder_is_reported(cohelm, tmp
 def test_an_existing_record_is_reported_before_anything_starts(cohelm, tmp_path):
     (tmp_path / "r.mcap").write_text("mine")
     refused(cohelm("robot", "lab-guard", "--fast", "--record", "r.mcap"), "r.mcap exists already")
+    refused(cohelm("robot", "lab-guard", "--fast", "--record", "."), "is a folder: name a file in")
 
 
 def test_an_empty_robot_file_is_reported_with_the_robot_documentation(cohelm, tmp_path):
@@ -531,6 +532,11 @@ def test_an_empty_value_in_a_parameter_file_is_no_default(cohelm, tmp_path):
 def test_an_empty_mcap_file_is_not_read_as_a_carmen_log(cohelm, tmp_path):
     (tmp_path / "empty.mcap").touch()
     refused(cohelm("map", "empty.mcap"), "is not an MCAP file")
+
+
+def test_a_maps_picture_in_place_of_its_yaml_is_told_so(cohelm, tmp_path):
+    (tmp_path / "office.PNG").write_bytes(b"\x89PNG\r\n\x1a\n")
+    refused(cohelm("map", "office.PNG"), "is a picture: give the YAML file that goes with it")
 
 
 def test_a_cluster_without_a_port_is_refused_in_one_sentence(cohelm):

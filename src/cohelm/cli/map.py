@@ -107,12 +107,16 @@ def map_(
     Of a map, it prints how long and thick the walls are, where it is open, and at how many places
     a scan would not tell the pose, and leaves check.png and check.json in out/map-check.
     """
+    from cohelm.scenario.worlds.maps import PICTURES
     from cohelm.study.bags import BagTopics, is_bag
 
-    if record.suffix in (".yaml", ".yml"):
-        others = (remove_loop, cut, crop, undo, live, resume, localise, resolution, scan_topic)
-        if any(others) or odom_topic:
-            raise CohelmError(f"{record} is a map: only --robot, --out and --json go with it")
+    others = any(
+        (remove_loop, cut, crop, undo, live, resume, localise, resolution, scan_topic, odom_topic)
+    )
+    is_map = record.suffix in (".yaml", ".yml")
+    if is_map and others:
+        raise CohelmError(f"{record} is a map: only --robot, --out and --json go with it")
+    if is_map or (record.suffix.lower() in PICTURES and not others):
         _check(record, robot or "sally", out or Path("out/map-check"), as_json)
         return
     earlier = record.is_dir() and not is_bag(record)

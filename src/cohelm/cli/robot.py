@@ -151,6 +151,7 @@ def robot(
     """
     from cohelm.cli.terminal import shown
     from cohelm.core.errors import CohelmError
+    from cohelm.core.files import taken
     from cohelm.drive.factory import OwnRobot
     from cohelm.drive.on_topics import TopicsConfig, on_topics
     from cohelm.drive.operate import (
@@ -196,7 +197,7 @@ def robot(
     if joy_param and not joy:
         raise CohelmError("--joy-param is of a joystick on a topic: name that with --joy /joy")
     if record is not None and record.exists():  # reported now, and not when all is compiled
-        raise CohelmError(f"{record} exists already: choose another name")
+        raise taken(record)
     parameters = joy_params(joy_param or ())
     for topic in (*(goals_from or ()), initial_pose_from, joy, reset_from, *(masks_from or ())):
         if topic:

@@ -98,6 +98,13 @@ def unmade(folder: Path, error: OSError) -> CohelmError:
     return CohelmError(f"the folder {folder} can not be made ({why}): choose another with --out")
 
 
+def taken(path: Path) -> CohelmError:
+    """Why no new file can be made there."""
+    if path.is_dir():
+        return CohelmError(f"{path} is a folder: name a file in it")
+    return CohelmError(f"{path} exists already: choose another name")
+
+
 @contextmanager
 def whole(path: Path) -> Generator[Path]:
     """The name to write a file under, which is put in place when it is whole, and else removed, as

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import taken
 from cohelm.robot.keep.processes import detach, start_process
 from cohelm.robot.keep.record_pipe import ALIVE, LARGEST, Event, line
 from cohelm.robot.model import RobotModel
@@ -98,9 +99,7 @@ def _make(path: Path) -> None:
     try:
         path.open("xb").close()
     except FileExistsError as error:
-        if path.is_dir():
-            raise CohelmError(f"{path} is a folder: name a file in it") from error
-        raise CohelmError(f"{path} exists already: choose another name") from error
+        raise taken(path) from error
     except OSError as error:
         raise CohelmError(
             f"{path} can not be made ({error.strerror}): choose a folder you may write to"

@@ -28,6 +28,8 @@ from cohelm.sim.grid import Grid, grid
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Values of a cell, as in nav_msgs/OccupancyGrid; scale and raw maps have 1 ... 99 as well."""
 
+PICTURES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp")
+"""How the name of a map's picture may end."""
 _ABSOLUTE = 2
 _HEADER = re.compile(rb"P5" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)" + rb"\r(?=\n)")
 """Of a PGM whose header ends in CRLF: width, height, most."""
@@ -171,7 +173,7 @@ def _read(path: Path | str) -> tuple[_Description, OccupancyMap]:
             )
         about = _Description.model_validate(raw)
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        if Path(path).suffix.lower() in (".png", ".pgm", ".jpg", ".jpeg", ".bmp"):
+        if Path(path).suffix.lower() in PICTURES:
             raise CohelmError(
                 f"{path}: is a picture: give the YAML file that goes with it, which says its scale"
             ) from error
