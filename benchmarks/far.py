@@ -196,13 +196,13 @@ def _drive_manually(
             continue
         began = now if math.isnan(began) else began
         least = min(least, status.speed_cap)
-        here = arc(status.pose, status.twist, max(received.age, 0.0))  # an operator predicts
+        here = arc(status.pose, status.measured, max(received.age, 0.0))  # an operator predicts
         if person.done(here):
             return now - began, stops, True, least
         scan = station.scan()
         if scan is not None:
             person.sees(points(scan))
-        wanted = person.stick(now, here, status.twist.v)
+        wanted = person.stick(now, here, status.measured.v)
     return limit, stops, False, least
 
 

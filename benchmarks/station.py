@@ -24,6 +24,7 @@ from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
 from cohelm.core.types import Pose, Stick, Twist
+from cohelm.law.verdict import Verdict
 from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.scans import WholeScan
 from cohelm.link.station_end import LinkState
@@ -136,7 +137,7 @@ def _status(pose: Pose) -> m.Status:
     return m.Status(
         m.Lease(1, 1, "bench", 0, "", NAN), m.Mode.SHARED, "", m.Arming.ARMED, Stick(0.0, 0.0),
         1.0, pose, twist, twist, twist, "",
-        m.Guarding(m.ReportedVerdict.UNTOUCHED, 1.0, (NAN, NAN), 1.0), 0.1, pose,
+        Verdict.UNTOUCHED, 1.0, (NAN, NAN), 1.0, 0.1, pose,
         math.inf, "",
         m.Localised.GOOD, 0.01, False, m.DockPhase.AWAY, 0,
         m.TimingReport(0.0, 0, 0.0, 0.0, 0.0, 0), (), (), ahead, 0.15,

@@ -29,17 +29,17 @@ def test_backing_into_unobserved_space_is_slow_then_prevented_with_the_reason():
 
         began = drive(1.5)
         drive(2.5)  # over ground that nobody has seen it backs slowly, and says so
-        assert -0.32 < min(one.twist.v for one in operator.statuses) < -0.15
+        assert -0.32 < min(one.measured.v for one in operator.statuses) < -0.15
         assert any("never seen" in one.cap_reason for one in operator.statuses)
         backed = drive(4.0)
         assert -0.3 < backed < began + 0.01
         held = operator.statuses[-1]
         assert "unobserved space" in held.why
-        assert held.guarding.clearance > 0.5  # the walls are; that ground is not shown as a thing
-        assert math.dist(held.guarding.limiting, (backed, 0.0)) < 0.8
+        assert held.clearance_seen > 0.5  # the walls are; that ground is not shown as a thing
+        assert math.dist(held.limiting, (backed, 0.0)) < 0.8
         ahead = drive(10.0)
         assert ahead > backed + 1.5
         assert "unobserved space" not in operator.statuses[-1].why
         drive(11.5)  # back over what it drove over, as fast as it may
-        assert min(one.twist.v for one in operator.statuses) < -0.45
+        assert min(one.measured.v for one in operator.statuses) < -0.45
         assert drive(13.0) < ahead - 0.8

@@ -99,7 +99,7 @@ def drives(station: StationEnd, person: Person) -> None:
     ask(station, RequestKind.RESET, 0, lambda: not told().stopped)
     ask(station, RequestKind.MODE, Mode.MANUAL, lambda: told().mode == Mode.MANUAL)
     person.centred = False
-    until(lambda: told().twist.v > 0.1 or told().stopped, PATIENT)
+    until(lambda: told().measured.v > 0.1 or told().stopped, PATIENT)
     assert not told().stopped
 
 

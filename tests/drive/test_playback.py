@@ -65,8 +65,8 @@ def test_numbers_and_texts_are_played_back_as_recorded(driven):
         t = seen._times[k]
         then, now = told[k], at(seen, t)[Status]
         for name in ("pose", "applied", "nominal", "stick", "arming", "e_p", "reference",
-                     "mode", "stopped", "why", "localised", "sigma",
-                     "speed_cap", "authority", "guarding"):  # fmt: skip
+                     "mode", "stopped", "why", "localised", "sigma", "speed_cap",
+                     "authority", "verdict", "clearance_seen", "limiting", "h"):  # fmt: skip
             assert repr(getattr(now, name)) == repr(getattr(then, name)), (k, name)
         assert [a for a in now.alarms if a.number < 10_000] == list(then.alarms)
 

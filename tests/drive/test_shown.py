@@ -105,7 +105,7 @@ def test_the_clearance_is_shown_whether_the_filter_acts_on_it_or_not(mode):
 
         def look(loop) -> bool:
             if operator.statuses:
-                shown = operator.statuses[-1].guarding.clearance
+                shown = operator.statuses[-1].clearance_seen
                 off.append(shown - session.gated.truth().clearance)
             return loop.gated.now() > 4.0
 

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 from cohelm.core.types import Pose, Stick, Twist
+from cohelm.law.verdict import Verdict
 from cohelm.link import messages as m
 from cohelm.link.codec import Reader, layout
 from cohelm.link.station_end import StationEnd
@@ -16,8 +17,8 @@ NAN = math.nan
 STATUS: m.Status = layout(m.Status).read(Reader(bytes(1000)))._replace(  # all else: nothing
     lease=m.Lease(0, 0, "", 0, "", NAN), mode=m.Mode.SHARED, arming=m.Arming.ABSENT,
     authority=1.0, pose=Pose(1.0, 2.0, 0.5),
-    twist=Twist(0.1, 0.0), nominal=Twist(0.5, 0.1), applied=Twist(0.3, 0.1), why="too near",
-    guarding=m.Guarding(m.ReportedVerdict.SHAPED, 0.2, (1.5, 2.0), 0.1), speed_cap=math.inf,
+    measured=Twist(0.1, 0.0), nominal=Twist(0.5, 0.1), applied=Twist(0.3, 0.1), why="too near",
+    verdict=Verdict.SHAPED, clearance_seen=0.2, limiting=(1.5, 2.0), h=0.1, speed_cap=math.inf,
     reference=Pose(1.1, 2.0, 0.5), localised=m.Localised.GOOD,
     timing=m.TimingReport(0.001, 0, NAN, NAN, NAN, 0),
 )  # fmt: skip

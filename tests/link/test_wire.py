@@ -114,7 +114,7 @@ def test_each_direction_accepts_only_its_own_messages():
 
 
 def test_another_protocol_version_is_reported():
-    with pytest.raises(Malformed, match="version 3 of the link's protocol, and 14 here: install"):
+    with pytest.raises(Malformed, match="version 3 of the link's protocol, and 15 here: install"):
         from_operator(b"\x03" + encode(HEADER, UPLINK)[1:])
 
 

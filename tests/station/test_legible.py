@@ -231,7 +231,6 @@ def test_a_number_that_is_out_of_the_normal_is_marked_by_more_than_its_colour(
         clearance = page.locator(".nearest b")
         expect(clearance).to_have_text("0.20 m")
         assert clearance.evaluate(mark) == "◆"
-        far = STANDS.guarding._replace(clearance=1.0)
-        robot.status = STANDS._replace(guarding=far)
+        robot.status = STANDS._replace(clearance_seen=1.0)
         expect(clearance).to_have_text("1.00 m")
         assert clearance.evaluate(mark) == ""

@@ -13,6 +13,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, WebSocketRoute, expect
 
 from cohelm.core.types import Pose
+from cohelm.law.verdict import Verdict
 from cohelm.link.bulk_messages import (
     Checked,
     DockPlace,
@@ -30,7 +31,6 @@ from cohelm.link.messages import (
     Discs,
     Localised,
     Mode,
-    ReportedVerdict,
     RequestKind,
     ScanPart,
     Severity,
@@ -310,7 +310,7 @@ def test_the_line_that_says_why_can_be_read_and_heard_where_it_goes_to_and_fro(
 ) -> None:
     """As a drive along a wall does: 56 changes in 15 s were counted in one."""
     shaped = STATUS._replace(why="")
-    verdicts = (ReportedVerdict.SHAPED, ReportedVerdict.BRAKING, ReportedVerdict.UNTOUCHED)
+    verdicts = (Verdict.SHAPED, Verdict.BRAKING, Verdict.UNTOUCHED)
     with Bare(tmp_path, shaped) as robot, served(robot.connect) as server:
         page = page_of(context, server)
         line = page.locator(".why")
@@ -318,9 +318,8 @@ def test_the_line_that_says_why_can_be_read_and_heard_where_it_goes_to_and_fro(
         page.evaluate(CHANGES)
         began = time.monotonic()
         for turn in range(40):
-            guarding = shaped.guarding._replace(verdict=verdicts[turn % 3])
             applied = shaped.nominal if turn % 3 == 2 else shaped.applied
-            robot.status = shaped._replace(guarding=guarding, applied=applied)
+            robot.status = shaped._replace(verdict=verdicts[turn % 3], applied=applied)
             page.wait_for_timeout(100)
         seen = page.evaluate("window.changes")
         longer = max((time.monotonic() - began) / 5.0, 1.0)  # on a busy machine

@@ -285,8 +285,8 @@ def test_zones_are_read_as_written_and_the_nearest_exit_is_the_shortest(asked) -
 def test_a_command_shaped_by_the_robots_own_limits_names_no_obstacle(asked) -> None:
     def shaped(limiting: str, clearance: float) -> str:
         return (
-            "m.reason({why: '', nominal: [0, 1], applied: [0, 0.5], guarding: "
-            f"{{verdict: 'shaped', limiting: {limiting}, clearance: {clearance}}}}}, 'driver').text"
+            "m.reason({why: '', nominal: [0, 1], applied: [0, 0.5], verdict: 'shaped', "
+            f"limiting: {limiting}, clearance_seen: {clearance}}}, 'driver').text"
         )
 
     own, near = "at its speed or acceleration limit", "limited: obstacle near"

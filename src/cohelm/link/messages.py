@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.types import CENTRED, Pose, Stick, Twist
+from cohelm.law.verdict import Verdict
 from cohelm.link.codec import UpTo, array, real, record, text, whole
 
 MOST_BEAMS = 500
@@ -222,16 +223,6 @@ class Localised(IntEnum):
     LOST = 4
 
 
-class ReportedVerdict(IntEnum):
-    """What the filter did with the nominal command. Not the numbers of `law.verdict`."""
-
-    UNTOUCHED = 0
-    SHAPED = 1
-    BRAKING = 2
-    STANDING = 3
-    INVALID = 4
-
-
 class Lease(NamedTuple):
     """Who drives."""
 
@@ -245,18 +236,6 @@ class Lease(NamedTuple):
     requester_name: Name
     left: float
     """Time until it is handed over without an answer [s]; NaN where it is not requested."""
-
-
-class Guarding(NamedTuple):
-    """The filter's result in the last step."""
-
-    verdict: ReportedVerdict
-    clearance: float
-    """Smallest clearance of the outline to anything [m]."""
-    limiting: tuple[float, float]
-    """Position of the limiting obstacle in the map; NaN: none."""
-    h: float
-    """Least value of the paper's barrier (22) [m^2]."""
 
 
 class TimingReport(NamedTuple):
@@ -277,7 +256,11 @@ class TimingReport(NamedTuple):
 
 
 class Status(NamedTuple):
-    """Down, at 50 Hz: the robot's state."""
+    """Down, at 50 Hz: the robot's state.
+
+    What a record has too is called as there: as a field of `core.row`, where a tuple is one for
+    each part (`nominal_v`, `nominal_omega`), or of `recorded_status.StatusWords`.
+    """
 
     lease: Lease
     mode: Mode
@@ -290,15 +273,22 @@ class Status(NamedTuple):
     """The automatic part's share of the command, exp(-V_h) (34), in [0, 1]."""
     pose: Pose
     """In the map."""
-    twist: Twist
-    """Measured."""
+    measured: Twist
+    """By the odometry."""
     nominal: Twist
     """The blend of operator and controller, before the filter."""
     applied: Twist
     """What the wheels get."""
     why: Reason
     """Why applied differs from nominal; empty where it does not."""
-    guarding: Guarding
+    verdict: Verdict
+    """What the filter did with the nominal command."""
+    clearance_seen: float
+    """Smallest clearance of the outline to anything [m]."""
+    limiting: tuple[float, float]
+    """Position of the limiting obstacle in the map; NaN: none."""
+    h: float
+    """Least value of the paper's barrier (22) [m^2]."""
     e_p: float
     """Tracking error E_P of the paper."""
     reference: Pose

@@ -23,8 +23,8 @@ class StatusWords(NamedTuple):
     """Why it is stopped; empty: it is not."""
     why: str
     """Why applied differs from nominal; empty where it does not."""
-    cap: float
-    """On the speed [m/s]; infinite where there is none."""
+    speed_cap: float
+    """[m/s]; infinite where there is none."""
     cap_reason: str
     alarms: tuple[Alarm, ...]
     """The worst first."""

@@ -39,7 +39,7 @@ from cohelm.link.messages import (
     Uplink,
 )
 
-VERSION = 14
+VERSION = 15
 LARGEST = 1150
 """Bytes of a datagram's message; with DTLS, UDP and IPv6 around it, below 1280 (RFC 8200)."""
 

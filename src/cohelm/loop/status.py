@@ -12,18 +12,14 @@ from numpy.typing import NDArray
 from cohelm.core.frames import compose
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.row import MEANINGS
-from cohelm.core.types import Floats, Pose, Stick, Twist
-from cohelm.law import verdict as verdicts
+from cohelm.core.types import Floats, Pose, Twist
 from cohelm.link.messages import (
     MOST_BEAMS,
-    Arming,
     Discs,
     DockPhase,
-    Guarding,
     Lease,
     Localised,
     Mode,
-    ReportedVerdict,
     ScanPart,
     Status,
     TimingReport,
@@ -47,18 +43,23 @@ AHEAD, AHEAD_STEP = 12, 0.15
 """Points of the predicted path, and the time from one to the next [s]."""
 DONE = "the route is done"
 _TOLERANCE = 0.03  # smaller differences between nominal and applied do not count [m/s, rad/s]
-_VERDICTS = {
-    verdicts.UNTOUCHED: ReportedVerdict.UNTOUCHED, verdicts.SHAPED: ReportedVerdict.SHAPED,
-    verdicts.POWERLESS: ReportedVerdict.SHAPED, verdicts.INVALID: ReportedVerdict.INVALID,
-    verdicts.BRAKING: ReportedVerdict.BRAKING, verdicts.STANDING: ReportedVerdict.STANDING,
-}  # fmt: skip
-"""Verdicts of `law.verdict` as the link reports them."""
+_IN_WORDS = tuple(name for name in StatusWords._fields if name in Status._fields)
+"""Fields that a status has as the words have them."""
 
 
-_AS_IN_THE_ROW = tuple(
-    name for name, kind in get_type_hints(Status).items() if kind is float and name in MEANINGS
-)
-"""Numbers that a status has as the row has them."""
+def _columns(name: str, kind: Any) -> tuple[str, ...]:
+    """The fields of the row of which a field of the status is made; none for one that is not."""
+    found = tuple(f"{name}_{part}" for part in getattr(kind, "_fields", ())) or (name,)
+    made = isinstance(kind, type) and name not in _IN_WORDS and set(found) <= set(MEANINGS)
+    return found if made else ()
+
+
+_IN_ROW = [
+    (name, kind, columns)
+    for name, kind in get_type_hints(Status).items()
+    if (columns := _columns(name, kind))
+]
+"""Fields that a status has as the row has them: name, type, and what it is made of."""
 
 
 _NONE_DECIDED = ("nominal_v", "nominal_omega", "safe_v", "safe_omega")
@@ -110,35 +111,22 @@ def status(
     def f(name: str) -> float:
         return float(row[name])
 
-    same: dict[str, Any] = {name: f(name) for name in _AS_IN_THE_ROW}
+    def made(kind: Any, columns: tuple[str, ...]) -> Any:
+        if issubclass(kind, int):
+            return kind(max(int(row[columns[0]]), 0))  # -1: not known
+        return kind(*map(f, columns))
+
     return Status(
-        **same,
+        **{name: made(kind, columns) for name, kind, columns in _IN_ROW},
+        **{name: getattr(words, name) for name in _IN_WORDS},
         lease=Lease(0, words.driver, words.name, 0, "", math.nan),
-        mode=words.mode,
-        stopped=words.stopped,
-        arming=Arming(int(row["arming"])),
-        stick=Stick(f("stick_x"), f("stick_psi")),
         authority=min(f("authority_x"), f("authority_psi")),
         pose=Pose(f("x"), f("y"), f("psi")),
-        twist=Twist(f("measured_v"), f("measured_omega")),
-        nominal=Twist(f("nominal_v"), f("nominal_omega")),
-        applied=Twist(f("applied_v"), f("applied_omega")),
-        why=words.why,
-        guarding=Guarding(
-            _VERDICTS.get(int(row["verdict"]), ReportedVerdict.UNTOUCHED),
-            f("clearance_seen"),
-            (f("limiting_x"), f("limiting_y")),
-            f("h"),
-        ),
+        limiting=(f("limiting_x"), f("limiting_y")),
         reference=Pose(f("x_d"), f("y_d"), f("psi_d")),
-        speed_cap=words.cap,
-        cap_reason=words.cap_reason,
         localised=_localised(bool(row["lost"]), f("sigma"), has_map),
         recording=False,
-        docking=DockPhase(max(int(row["docking"]), 0)),
-        dock=max(int(row["dock"]), 0),
         timing=TimingReport(f("late"), int(row["overruns"]), f("stick_age"), math.nan, math.nan, 0),
-        alarms=words.alarms,
         answers=(),
         ahead=ahead,
         ahead_step=AHEAD_STEP,

@@ -104,7 +104,7 @@ def _words(texts: StatusWords) -> Iterator[Any]:
     yield _word(ok, "mode", texts.mode.name)
     yield _word(error if texts.stopped else ok, "stopped", texts.stopped)
     yield _word(ok, "why", texts.why)
-    yield _word(ok, "speed cap", texts.cap_reason, metres_per_second=texts.cap)
+    yield _word(ok, "speed cap", texts.cap_reason, metres_per_second=texts.speed_cap)
     for a in texts.alarms:
         yield _word(
             _LEVELS[a.severity], "alarm", a.text, number=a.number,

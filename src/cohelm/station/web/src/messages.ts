@@ -28,17 +28,6 @@ export interface Lease {
   left: number | null
 }
 
-/** The filter's result in the last step. */
-export interface Guarding {
-  verdict: 'untouched' | 'shaped' | 'braking' | 'standing' | 'invalid'
-  /** Smallest clearance of the outline to anything [m]. */
-  clearance: number | null
-  /** Position of the limiting obstacle in the map; NaN: none. */
-  limiting: [number, number] | null
-  /** Least value of the paper's barrier (22) [m^2]. */
-  h: number | null
-}
-
 /** Timing of the robot's loop, and of the link to this client. */
 export interface TimingReport {
   /** Worst lateness of a step in the last second [s]. */
@@ -206,7 +195,7 @@ export interface Hello {
   carry_on: boolean
 }
 
-/** Down, at 50 Hz: the robot's state. */
+/** Down, at 50 Hz: the robot's state. What a record has too is called as there: as a field of `core.row`, where a tuple is one for each part (`nominal_v`, `nominal_omega`), or of `recorded_status.StatusWords`. */
 export interface StatusFields {
   type: 'Status'
   lease: Lease
@@ -220,15 +209,22 @@ export interface StatusFields {
   authority: number | null
   /** In the map. */
   pose: [number, number, number] | null
-  /** Measured. */
-  twist: [number, number] | null
+  /** By the odometry. */
+  measured: [number, number] | null
   /** The blend of operator and controller, before the filter. */
   nominal: [number, number] | null
   /** What the wheels get. */
   applied: [number, number] | null
   /** Why applied differs from nominal; empty where it does not. */
   why: string
-  guarding: Guarding
+  /** What the filter did with the nominal command. */
+  verdict: 'untouched' | 'shaped' | 'powerless' | 'invalid' | 'braking' | 'standing'
+  /** Smallest clearance of the outline to anything [m]. */
+  clearance_seen: number | null
+  /** Position of the limiting obstacle in the map; NaN: none. */
+  limiting: [number, number] | null
+  /** Least value of the paper's barrier (22) [m^2]. */
+  h: number | null
   /** Tracking error E_P of the paper. */
   e_p: number | null
   /** The desired pose on the path. */

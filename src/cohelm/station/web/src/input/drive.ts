@@ -132,7 +132,7 @@ function poll(now: number): void {
   send({ type: 'steer', n: ++n, echo_ms: newestBeatMs, command: command.value })
   resumeFromPad(drives, now)
   const leads = drives && device.value === 'gamepad' && deflected(command.value.stick)
-  if (leads) rumble(s.state.value?.guarding.clearance ?? null, now)
+  if (leads) rumble(s.state.value?.clearance_seen ?? null, now)
 }
 
 /** Each step by a press of its own, as with the mouse: reset, then the mode from before. */

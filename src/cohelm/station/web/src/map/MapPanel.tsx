@@ -197,7 +197,7 @@ function described(): string {
   if (state === null || state.pose === null) return 'Map; no data from the robot yet'
   const [x, y, psi] = state.pose
   const degrees = Math.round((psi * 180) / Math.PI)
-  const near = state.guarding.clearance
+  const near = state.clearance_seen
   const clearance = near === null ? '' : `, clearance ${near.toFixed(1)} m`
   const kept = s.zones.value.find((one) => one.what === 'keep_out')
   const zone = kept !== undefined && within(kept, [x, y]) ? ', in a keep-out zone' : ''

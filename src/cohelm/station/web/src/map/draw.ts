@@ -291,7 +291,7 @@ function drawRobot(ctx: Ctx, v: View, size: Size, scene: Scene): void {
   ctx.fill()
   stroke(ctx, { stroke: scene.lost ? colour.warning : colour.ink, width: 2.5 })
   drawNose(ctx, v, size, state.pose, corners)
-  const { limiting } = state.guarding
+  const { limiting } = state
   if (limiting !== null) drawLimiting(ctx, v, size, limiting)
 }
 

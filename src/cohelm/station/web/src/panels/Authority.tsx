@@ -14,7 +14,7 @@ const NEAR_M = 0.7
 export function Authority() {
   const state = s.state.value
   const share = operatorsShare(state)
-  const clearance = state?.guarding.clearance ?? null
+  const clearance = state?.clearance_seen ?? null
   const applied = state?.applied ?? [0, 0]
   const nominal = state?.nominal ?? [0, 0]
   return (

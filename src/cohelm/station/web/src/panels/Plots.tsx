@@ -48,8 +48,8 @@ const CHARTS: Chart[] = [
   {
     title: '',
     curves: [
-      { name: 'clearance [m]', of: (x) => x.guarding.clearance, stroke: colour.ink },
-      { name: 'h [m²]', of: (x) => x.guarding.h, stroke: colour.faint, dash: [5, 4] },
+      { name: 'clearance [m]', of: (x) => x.clearance_seen, stroke: colour.ink },
+      { name: 'h [m²]', of: (x) => x.h, stroke: colour.faint, dash: [5, 4] },
     ],
     shown: [0, 1],
   },

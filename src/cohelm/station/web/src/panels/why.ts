@@ -31,7 +31,7 @@ const NEXT: { [state: string]: Record<Reader, string> } = {
 /** The robot's reason at the end of its route: nothing is wrong. */
 const DONE = 'the route is done'
 
-const GUARDED: Partial<Record<Status['guarding']['verdict'], string>> = {
+const GUARDED: Partial<Record<Status['verdict'], string>> = {
   shaped: 'limited: obstacle near',
   braking: 'braking: obstacle near',
   standing: 'standing: no safe motion',
@@ -65,7 +65,7 @@ export function reason(state: Status | null, reader: Reader): Reason {
   if (!other(state)) return made('as commanded', 0)
   const text = guarded(state)
   if (text === undefined) return made('at its speed or acceleration limit', 0)
-  return made(text, state.guarding.verdict === 'shaped' ? 1 : 2)
+  return made(text, state.verdict === 'shaped' ? 1 : 2)
 }
 
 export interface Shown extends Reason {
@@ -90,7 +90,7 @@ export function calm(before: Shown | null, next: Reason, now: number, lasts: num
 }
 
 /** Why the guard changed the command; undefined where no obstacle is close: the robot's own limits did. */
-function guarded({ guarding: { verdict, limiting, clearance } }: Status): string | undefined {
-  const close = limiting !== null || (clearance !== null && clearance < CLOSE_M)
+function guarded({ verdict, limiting, clearance_seen }: Status): string | undefined {
+  const close = limiting !== null || (clearance_seen !== null && clearance_seen < CLOSE_M)
   return verdict === 'shaped' && !close ? undefined : GUARDED[verdict]
 }
