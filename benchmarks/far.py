@@ -180,7 +180,7 @@ def _drive_manually(
         received = station.status()
         if received is None or person is None:
             continue
-        status = received.status
+        status = received.message
         ready = status.mode == Mode.MANUAL and status.arming == Arming.ARMED and not status.stopped
         if not ready:
             wanted = Stick(0.0, 0.0)

@@ -131,7 +131,7 @@ def measure(count: int, rate: float, twin: bool) -> list[float]:
             stick = BenchStick(station, log)
             while station.status() is None:
                 stick.hold(0.1)
-            status = lambda: station.status().status  # noqa: E731
+            status = lambda: station.status().message  # noqa: E731
             stick.ask(RequestKind.TAKE, 0, lambda: status().lease.driver == status().lease.you)
             stick.ask(RequestKind.MODE, Mode.MANUAL, lambda: status().mode == Mode.MANUAL)
             while status().arming != Arming.ARMED:

@@ -13,15 +13,16 @@ def main() -> None:
     with StationEnd(keys.station(), "127.0.0.1", int(sys.argv[1])) as station:
         asked = 0.0
         while True:
-            told = station.status()
-            ahead = told and told.status.arming == Arming.ARMED and told.status.mode == Mode.MANUAL
+            received = station.status()
+            told = received and received.message
+            ahead = told and told.arming == Arming.ARMED and told.mode == Mode.MANUAL
             station.steer(Command(Stick(0.7, 0.0) if ahead else CENTRED, True, True, Device.SCRIPT))
             if told and time.monotonic() - asked > 0.5:  # an answer may come too late
                 asked = time.monotonic()
-                lease = told.status.lease
+                lease = told.lease
                 if lease.driver != lease.you:
                     station.ask(RequestKind.TAKE, 0)
-                elif told.status.mode != Mode.MANUAL and not told.status.stopped:
+                elif told.mode != Mode.MANUAL and not told.stopped:
                     station.ask(RequestKind.MODE, Mode.MANUAL)
             time.sleep(0.02)
 

@@ -91,7 +91,7 @@ def ask(station: StationEnd, what: RequestKind, value: int, done) -> None:
 
 def drives(station: StationEnd, person: Person) -> None:
     """Take the lease where it is free, let go of what is latched, and drive by hand."""
-    told = lambda: station.status().status  # noqa: E731
+    told = lambda: station.status().message  # noqa: E731
     until(station.status, PATIENT)
     person.centred = True
     ask(station, RequestKind.TAKE, 0, lambda: told().lease.driver == told().lease.you)
@@ -126,7 +126,7 @@ def test_no_old_command_is_used_and_after_a_long_interruption_driving_continues(
                 time.sleep(DARK)
                 network.be(**path)
                 light = time.time()
-                until(lambda: station.status().status.stopped, PATIENT)
+                until(lambda: station.status().message.stopped, PATIENT)
                 drives(station, person)
                 time.sleep(4.0)  # a busy machine lets fewer sticks through in a second
                 assert station._connection is way

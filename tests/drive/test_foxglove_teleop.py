@@ -161,11 +161,11 @@ def test_a_press_takes_the_lease_and_drives_and_a_release_stops_the_robot(robot)
         assert not panel.sees(lambda: panel.v > 0.05, 1.0, v=0.3)  # pressed, and stopped
         panel.close()  # and so it gives the lease back
         for _ in looks(30.0, 0.05, 0.2):
-            if anna.status().status.lease.driver == 0:
+            if anna.status().message.lease.driver == 0:
                 break
         anna.ask(RequestKind.TAKE)
         for _ in looks(30.0, 0.05, 0.2):
-            lease = anna.status().status.lease
+            lease = anna.status().message.lease
             if lease.driver == lease.you:
                 break
         else:
@@ -175,9 +175,9 @@ def test_a_press_takes_the_lease_and_drives_and_a_release_stops_the_robot(robot)
         drives = "anna is the driver, and must release the lease first"
         assert other.sees(lambda: other.was_told(drives), v=0.3), other.told
         assert not other.sees(lambda: other.v > 0.01, 1.0, v=0.3)
-        assert anna.status().status.lease.driver == anna.status().status.lease.you
+        assert anna.status().message.lease.driver == anna.status().message.lease.you
         anna.ask(RequestKind.GIVE)
-        other.sees(lambda: anna.status().status.lease.driver == 0)
+        other.sees(lambda: anna.status().message.lease.driver == 0)
         other.close()
 
 
@@ -188,10 +188,10 @@ def test_a_lost_panel_is_not_a_released_stick(robot):
         panel.press(0.3)
         panel.connection.socket.shutdown(socket.SHUT_RDWR)
         for _ in looks(30.0, 0.05, 0.2):
-            if "lost" in anna.status().status.stopped:
+            if "lost" in anna.status().message.stopped:
                 break
-        assert "lost" in anna.status().status.stopped
-        assert anna.status().status.mode == Mode.HOLD
+        assert "lost" in anna.status().message.stopped
+        assert anna.status().message.mode == Mode.HOLD
 
 
 @pytest.mark.parametrize(

@@ -114,7 +114,7 @@ def test_a_local_stick_joins_the_drive_and_takes_the_lease(drive):
         stick.start()
         try:
             until(watching.status, PATIENT)
-            told = lambda: watching.status().status  # noqa: E731
+            told = lambda: watching.status().message  # noqa: E731
 
             until(lambda: told().lease.driver_name == "stick", PATIENT)
             until(lambda: "you drive" in said, PATIENT)
@@ -134,7 +134,7 @@ def test_a_local_stick_joins_the_drive_and_takes_the_lease(drive):
 def test_a_record_started_at_rest_has_the_events_of_the_gate(drive):
     own, to = credentials_of_drive()
     with StationEnd(own, *to) as station:
-        told = lambda: station.status().status  # noqa: E731
+        told = lambda: station.status().message  # noqa: E731
         steer = partial(station.steer, Command(CENTRED, True, True, Device.SCRIPT))
 
         def ask(what: RequestKind, value: int, done) -> None:

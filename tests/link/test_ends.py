@@ -77,8 +77,8 @@ def test_stick_and_status_are_exchanged(both):
     assert both.heard.command.armed
     assert 0.0 <= both.heard.age < 0.25
     told = one.status()
-    assert told.status.pose == STATUS.pose
-    assert told.status.lease.driver == told.status.lease.you
+    assert told.message.pose == STATUS.pose
+    assert told.message.lease.driver == told.message.lease.you
     assert one.state().connected
     assert one.state().round_trip < 0.5
     assert abs(one.state().offset) < 0.1  # here both ends read the same clock
@@ -89,9 +89,9 @@ def test_only_the_driver_is_told_how_old_its_command_is(both):
     both.ask(one, RequestKind.TAKE)
     timing = STATUS.timing._replace(command_age=0.0625)
     both.robot.send_status(STATUS._replace(timing=timing))
-    until(lambda: one.status().status.timing.command_age == 0.0625)
-    until(lambda: two.status().status.lease.driver)
-    assert math.isnan(two.status().status.timing.command_age)
+    until(lambda: one.status().message.timing.command_age == 0.0625)
+    until(lambda: two.status().message.lease.driver)
+    assert math.isnan(two.status().message.timing.command_age)
 
 
 def test_only_the_driver_steers_and_the_lease_is_handed_over_on_request(both):
@@ -100,13 +100,13 @@ def test_only_the_driver_steers_and_the_lease_is_handed_over_on_request(both):
     answer = both.ask(two, RequestKind.TAKE)
     assert not answer.granted
     assert "requested" in answer.reason
-    until(lambda: one.status().status.lease.requester, turn=both.turn)
-    assert both.robot.driver == one.status().status.lease.you
+    until(lambda: one.status().message.lease.requester, turn=both.turn)
+    assert both.robot.driver == one.status().message.lease.you
     assert both.ask(one, RequestKind.REFUSE).granted
-    assert both.robot.driver == one.status().status.lease.you
+    assert both.robot.driver == one.status().message.lease.you
     both.ask(two, RequestKind.TAKE)
     assert both.ask(one, RequestKind.GIVE).granted
-    assert both.robot.driver == two.status().status.lease.you
+    assert both.robot.driver == two.status().message.lease.you
 
 
 def test_commands_from_before_a_client_was_the_driver_do_not_count(both):
@@ -114,8 +114,8 @@ def test_commands_from_before_a_client_was_the_driver_do_not_count(both):
     both.ask(one, RequestKind.TAKE)
     both.stick = Stick(1.0, 0.0)
     until(lambda: both.heard.command and both.heard.command.stick.x == 1.0, turn=both.turn)
-    number = one.ask(RequestKind.GIVE, two.status().status.lease.you)
-    until(lambda: both.robot.driver == two.status().status.lease.you)
+    number = one.ask(RequestKind.GIVE, two.status().message.lease.you)
+    until(lambda: both.robot.driver == two.status().message.lease.you)
     command = both.robot.receive().command
     assert command is None or not command.valid  # newer: that there is no stick
     assert number
@@ -223,6 +223,13 @@ def test_a_closed_station_leaves_the_lease_and_no_command(both):
 def test_a_scan_is_assembled_from_its_parts(both):
     one = both.stations[0]
     ranges = np.arange(720, dtype=np.uint16)
+    shown = {}
+
+    def newest():
+        """The scans by their LiDAR's number, and the discs."""
+        shown.update((getattr(m, "lidar", type(m)), m) for m, _, _ in one.news())
+        return shown
+
     for number in range(3):
         parts = [
             ScanPart(number, lidar, 1.0, Pose(0.0, 0.0, 0.0), 720, start, -1.0, 0.01,
@@ -233,15 +240,15 @@ def test_a_scan_is_assembled_from_its_parts(both):
         whole = ranges + number  # as long as a part is under way, the others are shown
 
         def come(whole=whole, number=number):
-            scans = {scan.lidar: scan for scan in one.scans()}
-            return len(scans) == 2 and all(
+            scans = [newest().get(k) for k in (0, 1)]
+            return all(scans) and all(
                 scan.number == number and np.array_equal(scan.ranges, whole + 100 * k)
-                for k, scan in scans.items()
+                for k, scan in enumerate(scans)
             )
 
         until(come)
-    until(lambda: one.discs() and one.discs().number == 2)
-    assert one.discs().rows.shape == (2, 6)
+    until(lambda: newest()[Discs].number == 2)
+    assert shown[Discs].rows.shape == (2, 6)
 
 
 def test_the_station_reconnects_to_a_restarted_robot(keys):

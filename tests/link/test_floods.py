@@ -70,7 +70,7 @@ def periods_until_stopped(driven: Driven, who: StationEnd, number: int, pressed:
     """Periods that had begun before the one that obeyed, since a stop was pressed; 1: the next."""
     until(lambda: who.answer(number), within=5.0)
     until(lambda: any(s.at > pressed and s.stop is not None for s in driven.seen))
-    client = who.status().status.lease.you
+    client = who.status().message.lease.you
     obeyed = next((s for s in driven.seen if s.at > pressed and s.stop == (client, number)), None)
     if obeyed is None:  # another's stop came first, and did it
         obeyed = next(s for s in driven.seen if s.at > pressed and s.stop is not None)

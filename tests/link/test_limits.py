@@ -183,7 +183,7 @@ def test_client_numbers_are_reused_and_new_clients_get_a_status(robot, keys):
             stack.enter_context(StationEnd(keys[1], HERE, robot.address[1])) for _ in range(4)
         ]
         until(lambda: all(s.status() for s in stations), turn=lambda: robot.send_status(STATUS))
-        assert {s.status().status.lease.you for s in stations} == {65_534, 65_535, 1, 2}
+        assert {s.status().message.lease.you for s in stations} == {65_534, 65_535, 1, 2}
 
 
 @given(st.integers(0, 65_535), st.sets(st.integers(1, 65_535), max_size=30))
@@ -220,7 +220,7 @@ def test_one_station_can_not_use_all_client_slots_or_displace_the_driver(keys, r
         with StationEnd(second, HERE, robot.address[1]) as other:
             until(other.status, turn=speak)
             assert len(robot.clients()) == MAX_CLIENTS_PER_KEY + 1 <= MAX_CLIENTS
-            assert robot.driver == driver.status().status.lease.you
+            assert robot.driver == driver.status().message.lease.you
             # who falls silent makes room, but never the driver
             with StationEnd(first, HERE, robot.address[1]) as late:
                 until(

@@ -49,7 +49,7 @@ class Robot:
     def status(self) -> Status | None:
         """What it tells now."""
         told = self.watcher.status()
-        return None if told is None else told.status
+        return None if told is None else told.message
 
     def tidy(self) -> None:
         """As a test wants to find it: standing, nothing latched, and nobody drives."""

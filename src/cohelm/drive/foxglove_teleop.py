@@ -153,26 +153,26 @@ class _StickClient:
         new, self._pressed = twist is not None and not self._pressed, twist is not None
         last = self._end.status()
         stick = CENTRED if twist is None else stick_of(twist, self._gains)
-        mode = None if last is None else last.status.mode
+        mode = None if last is None else last.message.mode
         if last is None:
             if now - self._begun > _CONNECT_TIMEOUT and not self._end.state().connected:
                 self._note(now, f"no link to the robot: {self._end.state().why}")
         elif twist is not None:
-            lease = last.status.lease
+            lease = last.message.lease
             if lease.driver == 0:
                 self._ask(now, RequestKind.TAKE)
             elif lease.driver != lease.you:
                 self._note(
                     now, f"{lease.driver_name} is the driver, and must release the lease first"
                 )
-            elif last.status.stopped:
-                self._note(now, f"stopped: {last.status.stopped}: reset it on the page")
+            elif last.message.stopped:
+                self._note(now, f"stopped: {last.message.stopped}: reset it on the page")
             elif mode is not Mode.MANUAL and (new or RequestKind.MODE not in self._requested):
                 self._ask(now, RequestKind.MODE, Mode.MANUAL)
-            elif last.status.arming is not Arming.ARMED:
+            elif last.message.arming is not Arming.ARMED:
                 self._note(now, "release the stick once: commands to the robot were interrupted")
-            elif last.status.why and math.hypot(*last.status.applied) < 1e-3:
-                self._note(now, last.status.why)
+            elif last.message.why and math.hypot(*last.message.applied) < 1e-3:
+                self._note(now, last.message.why)
         # In another mode a centred stick lets the controller lead.
         steers = mode is Mode.MANUAL or stick == CENTRED
         self._end.steer(Command(stick if steers else CENTRED, True, True, Device.TOUCH))
@@ -181,7 +181,7 @@ class _StickClient:
     def leave(self, pressed: bool) -> None:
         """Leave the link. pressed: the connection was lost during a press; the lease is kept."""
         last = self._end.status()
-        if last is not None and last.status.lease.driver == last.status.lease.you and not pressed:
+        if last is not None and last.message.lease.driver == last.message.lease.you and not pressed:
             given, until = self._end.ask(RequestKind.GIVE), time.monotonic() + 0.5
             while self._end.answer(given) is None and time.monotonic() < until:
                 self._end.steer(Command(CENTRED, True, True, Device.TOUCH))

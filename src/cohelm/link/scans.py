@@ -39,36 +39,35 @@ def millimetres(ranges: Floats) -> NDArray[np.uint16]:
 
 
 class Scans:
-    """The newest scan of each LiDAR, as far as it is received."""
+    """Assembles the scans of each LiDAR."""
 
     def __init__(self) -> None:
         self._parts: dict[int, dict[int, ScanPart]] = {}
         """Parts of the newest scan of each LiDAR, by their first beam."""
-        self._whole: dict[int, WholeScan] = {}
+        self._newest: dict[int, int] = {}
+        """Number of the last scan of each that was returned."""
 
-    def newest(self) -> list[WholeScan]:
-        """The newest scan of each LiDAR."""
-        return list(self._whole.values())
-
-    def take(self, part: ScanPart) -> None:
-        """Take a part, in any order; implausible parts are dropped."""
+    def take(self, part: ScanPart) -> WholeScan | None:
+        """Take a part, in any order; implausible parts are dropped. Returns the scan, as far as it
+        is received, once it is whole, or others have been lost before it."""
         if part.lidar >= _MOST_LIDARS:
-            return
+            return None
         parts = self._parts.setdefault(part.lidar, {})
         if parts and next(iter(parts.values())).number != part.number:
             if part.number < next(iter(parts.values())).number:
-                return
+                return None
             parts.clear()
         if part.start + len(part.ranges) > part.beams or part.beams > _MOST_BEAMS:
-            return
+            return None
         parts[part.start] = part
         ranges = np.full(part.beams, 65535, np.uint16)
         for piece in parts.values():
             if piece.beams == part.beams:
                 ranges[piece.start : piece.start + len(piece.ranges)] = piece.ranges
         whole = sum(len(piece.ranges) for piece in parts.values()) >= part.beams
-        before = self._whole.get(part.lidar)
-        if whole or before is None or part.number > before.number + 1:
-            self._whole[part.lidar] = WholeScan(
-                part.number, part.lidar, part.taken, part.sensor, part.first, part.step, ranges
-            )
+        if not whole and part.number <= self._newest.get(part.lidar, -2) + 1:
+            return None
+        self._newest[part.lidar] = part.number
+        return WholeScan(
+            part.number, part.lidar, part.taken, part.sensor, part.first, part.step, ranges
+        )

@@ -16,7 +16,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from cohelm.core.types import CENTRED
 from cohelm.link import udp
@@ -50,17 +50,18 @@ _ANSWERED = 2.0
 past mending: then the other end repeats itself in vain."""
 _REQUEST_LIFE = 1.0  # [s]; a stop lives until it is answered
 _PER_TURN = 64
+M = TypeVar("M", covariant=True)
 _log = logging.getLogger("cohelm.link")
 
 
-class ReceivedStatus(NamedTuple):
-    """The newest status."""
+class Received(NamedTuple, Generic[M]):
+    """A message from the robot."""
 
-    status: Status
+    message: M
     stamp: float
-    """The robot's clock when it was sent [s]."""
+    """The robot's clock when it was true [s]."""
     age: float
-    """How long ago that was [s]; NaN: not known yet."""
+    """How long ago that was [s]; NaN: not known."""
 
 
 class LinkState(NamedTuple):
@@ -130,7 +131,8 @@ class StationEnd(IoThread):
         self._status: tuple[Header, Status] | None = None
         self._robot: int | None = None
         self._scans = Scans()
-        self._discs: Discs | None = None
+        self._news: dict[object, tuple[Status | WholeScan | Discs, float]] = {}
+        """What `news` has not returned yet, and its stamp [s]."""
         self._start()
 
     # ---- for the station ---------------------------------------------------------------
@@ -174,23 +176,24 @@ class StationEnd(IoThread):
         with self._lock:
             return self._answers.get(number)
 
-    def status(self) -> ReceivedStatus | None:
+    def status(self) -> Received[Status] | None:
         """The robot's newest status."""
         with self._lock:
             if self._status is None:
                 return None
             header, status = self._status
-            return ReceivedStatus(status, header.stamp, self._path.age(header.stamp, self.clock()))
+            return Received(status, header.stamp, self.age(header.stamp))
 
-    def scans(self) -> list[WholeScan]:
-        """The newest scan of each LiDAR."""
+    def news(self) -> list[Received[Status | WholeScan | Discs]]:
+        """Messages since the last call: the newest status, scan of each LiDAR, and obstacles."""
         with self._lock:
-            return self._scans.newest()
+            new, self._news = self._news, {}
+            return [Received(message, stamp, self.age(stamp)) for message, stamp in new.values()]
 
-    def discs(self) -> Discs | None:
-        """The newest obstacles."""
+    def age(self, stamp: float) -> float:
+        """How long ago a stamp of the robot was [s]; NaN: not known yet."""
         with self._lock:
-            return self._discs
+            return self._path.age(stamp, self.clock())
 
     def state(self) -> LinkState:
         """How the link is now."""
@@ -313,8 +316,9 @@ class StationEnd(IoThread):
         with self._lock:
             if self._robot != header.session:  # it started anew, and counts from the beginning
                 self._robot = header.session
-                self._status = self._discs = None
+                self._status = None
                 self._scans = Scans()
+                self._news.clear()
             newest = self._path.update(header, now)
             if newest and self._reconnection is not None and self._connection is not None:
                 self._reconnection.socket.close()  # the old way works again
@@ -323,11 +327,14 @@ class StationEnd(IoThread):
 
     def _keep(self, header: Header, message: FromRobot, newest: bool) -> None:
         if isinstance(message, ScanPart):  # each part counts, in whatever order they come
-            self._scans.take(message)
+            scan = self._scans.take(message)
+            if scan is not None:
+                self._news[scan.lidar] = scan, scan.taken
         elif not newest:
             return
         elif isinstance(message, Status):
             self._status = (header, message)
+            self._news[Status] = message, header.stamp
             for answer in message.answers:
                 self._answers[answer.number] = answer
             last = max((answer.number for answer in message.answers), default=0)
@@ -340,7 +347,7 @@ class StationEnd(IoThread):
             while len(self._answers) > 256:
                 del self._answers[next(iter(self._answers))]
         elif isinstance(message, Discs):
-            self._discs = message
+            self._news[Discs] = message, header.stamp
 
     def _expire(self, request: Request, why: str) -> None:
         self._requests.remove(request)

@@ -13,17 +13,10 @@ from cohelm.link.keys import Keys
 from cohelm.link.messages import Answer, Command, RequestKind
 from cohelm.link.scans import WholeScan
 from cohelm.link.station_bulk import StationBulk
-from cohelm.link.station_end import LinkState, StationEnd
+from cohelm.link.station_end import LinkState, Received, StationEnd
 
-
-class News(NamedTuple):
-    """A message from the robot."""
-
-    message: FromRobot | WholeScan
-    stamp: float
-    """The robot's clock then [s]."""
-    age: float
-    """How long ago that was [s]; NaN: not known."""
+News = Received[FromRobot | WholeScan]
+"""A message from the robot."""
 
 
 class RobotLink(Protocol):
@@ -81,29 +74,14 @@ class Linked:
         self.steer, self.ask, self.answer = self._end.steer, self._end.ask, self._end.answer
         self._bulk = StationBulk(keys, host, port, self._end.session)
         self._proposals = 0
-        self._status: object = None
-        self._scans: dict[int, object] = {}
-        self._discs: object = None
 
     def news(self) -> list[News]:
         """New messages since the last call."""
-        out: list[News] = []
-        received, scans, discs = self._end.status(), self._end.scans(), self._end.discs()
-        now = math.nan if received is None else received.stamp + received.age
-        if received is not None and received.status is not self._status:
-            self._status = received.status
-            out.append(News(received.status, received.stamp, received.age))
-        for scan in scans:
-            if scan is not self._scans.get(scan.lidar):
-                self._scans[scan.lidar] = scan
-                out.append(News(scan, scan.taken, now - scan.taken))
-        if discs is not None and discs is not self._discs:
-            self._discs = discs
-            out.append(News(discs, now, 0.0))
+        new: list[News] = [*self._end.news()]
         picture = self._bulk.picture()
         if picture is not None:
-            out.append(News(picture, picture.taken, now - picture.taken))
-        return out + [News(message, now, 0.0) for message in self._bulk.news()]
+            new.append(News(picture, picture.taken, self._end.age(picture.taken)))
+        return new + [News(message, math.nan, math.nan) for message in self._bulk.news()]
 
     def propose(self, points: Sequence[tuple[float, float]], only_check: bool) -> int:
         """Waypoints."""

@@ -10,9 +10,9 @@ from typing import NamedTuple
 from cohelm.core.types import CENTRED
 from cohelm.link.bulk_messages import Hello
 from cohelm.link.keys import Keys
-from cohelm.link.messages import Arming, Command, Mode, RequestKind, is_centred
+from cohelm.link.messages import Arming, Command, Mode, RequestKind, Status, is_centred
 from cohelm.link.station_bulk import StationBulk
-from cohelm.link.station_end import ReceivedStatus, StationEnd
+from cohelm.link.station_end import Received, StationEnd
 from cohelm.link.sticks.feel import damped, faded, returning, spring, wanted
 from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice, patience
 
@@ -56,7 +56,7 @@ def drive(
                 reading = helm.turn(time.monotonic())
                 status = end.status()
                 if status is not None and not driven:
-                    lease = status.status.lease
+                    lease = status.message.lease
                     driven = lease.driver == lease.you
                     if not taking or (lease.driver == 0 and end.answer(taking)):  # it was lost
                         taking = helm.take()
@@ -100,7 +100,7 @@ class _Reporter:
         self._last: dict[str, str] = {}
 
     def changes(
-        self, end: StationEnd, received: ReceivedStatus | None, reading: Reading, stuck: str
+        self, end: StationEnd, received: Received[Status] | None, reading: Reading, stuck: str
     ) -> None:
         """Report what differs from the last report."""
         state = end.state()
@@ -108,7 +108,7 @@ class _Reporter:
         self._report("stick", stuck if reading.valid else reading.why)
         if received is None:
             return
-        status = received.status
+        status = received.message
         mine = status.lease.driver == status.lease.you
         self._report(
             "lease", "you drive" if mine else f"{status.lease.driver_name or 'no one'} drives"
@@ -182,29 +182,29 @@ class Helm:
                 if not answer.granted:
                     self.refusals.append(f"{what}: {answer.reason}")
 
-    def _cue(self, last: ReceivedStatus | None, reading: Reading, now: float) -> Feel:
+    def _cue(self, last: Received[Status] | None, reading: Reading, now: float) -> Feel:
         dt = now - self._last if now > self._last else 0.0
         self._last = now
         push = CENTRED
-        if last is not None and last.status.lease.you == last.status.lease.driver:
+        if last is not None and last.message.lease.you == last.message.lease.driver:
             speed, yaw_rate = self._limits
-            push = wanted(last.status.nominal, last.status.applied, speed, yaw_rate)
+            push = wanted(last.message.nominal, last.message.applied, speed, yaw_rate)
             push = faded(push, last.age)
         self._push = damped(self._push, push, dt)
         if not self._device.force:  # vibration does not move the stick
             return Feel(self._spring, self._push)
         return Feel(self._spring, returning(self._push, reading.stick, self._spring))
 
-    def _pressed(self, button: Button, last: ReceivedStatus | None) -> None:
+    def _pressed(self, button: Button, last: Received[Status] | None) -> None:
         if button is Button.STOP:
             self._ask("stop", RequestKind.STOP)
         elif button is Button.RESET:
             self._ask("reset", RequestKind.RESET)
         elif last is not None and button is Button.MODE:
-            mode = Mode.AUTOMATIC if last.status.mode is Mode.SHARED else Mode.SHARED
+            mode = Mode.AUTOMATIC if last.message.mode is Mode.SHARED else Mode.SHARED
             self._ask(f"mode {mode.name.lower()}", RequestKind.MODE, mode)
         elif last is not None and button is Button.LEASE:
-            if last.status.lease.driver == last.status.lease.you:
+            if last.message.lease.driver == last.message.lease.you:
                 self._ask("give back the lease", RequestKind.GIVE)
             else:
                 self.take()
