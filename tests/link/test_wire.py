@@ -12,6 +12,7 @@ from cohelm.link.codec import Malformed
 from cohelm.link.wire import (
     DATAGRAMS,
     LARGEST,
+    VERSION,
     Header,
     encode,
     from_operator,
@@ -114,7 +115,8 @@ def test_each_direction_accepts_only_its_own_messages():
 
 
 def test_another_protocol_version_is_reported():
-    with pytest.raises(Malformed, match="version 3 of the link's protocol, and 15 here: install"):
+    said = f"version 3 of the link's protocol, and {VERSION} here: install"
+    with pytest.raises(Malformed, match=said):
         from_operator(b"\x03" + encode(HEADER, UPLINK)[1:])
 
 
