@@ -78,7 +78,7 @@ def drive(
                 on_route = pilot is not None and pilot.course.row == 0 and d.behavior == FOLLOWING
                 free = float(on_route and d.clearance_seen > FREE and d.verdict == UNTOUCHED)
                 turned = wrap(seen.pose.psi - truth.pose.psi)
-                row = (now, *truth.pose[:2], d.x_d, d.y_d, free, off, turned, float(seen.lost))
+                row = (now, *truth.pose[:2], *d.desired[:2], free, off, turned, float(seen.lost))
                 rows.append(row)
             if push and math.isnan(pushed) and now >= at:
                 gated._robot.push(push, 0.0, 0.0)

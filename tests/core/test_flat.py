@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from cohelm.core.flat import made, names, numbers, read, write
+from cohelm.core.flat import fill, made, named, names, numbers, read, write
 from cohelm.core.jit import jit
+from cohelm.core.row import MEANINGS, blank
 from cohelm.core.types import Floats
 from cohelm.pilot.step import START, Decision, PilotState, Settings
 from cohelm.robot.limits import Limits
@@ -69,7 +70,25 @@ def test_the_pilots_own_are_what_they_were():
     row = numbers(settings)
     assert row[names(Settings).index("fastest")] == 0.5
     assert made(Settings, row.tolist(), arrays=(settings.outline,)) == settings
-    assert names(Decision) == Decision._fields
+    decided = made(Decision, list(map(float, range(len(names(Decision))))))
+    assert numbers(decided).tolist() == [float(k) for k in range(len(names(Decision)))]
+    assert decided.safe == (0.0, 1.0)
+
+
+@jit
+def filled(row, value):
+    fill(row, value)
+
+
+def test_a_row_with_names_takes_the_numbers_that_it_has_a_name_for():
+    decided = made(Decision, list(map(float, range(len(names(Decision))))))
+    known = {name: part for name, part in named(decided).items() if name in MEANINGS}
+    assert (known["safe_v"], known["safe_omega"]) == decided.safe
+    for into in (fill, filled):
+        (row,) = blank(1)
+        into(row, decided)
+        assert {name: row[name] for name in known} == known
+        assert all(np.isnan(row[name]) for name in ("t", "x", "stick_x"))
 
 
 def test_a_row_that_is_too_short_is_an_error():

@@ -137,7 +137,7 @@ def test_a_stick_lost_in_use_latches_a_stop():
     with session:
         drive(session, 3.0 - session.loop.gated.now() - 0.02, Mode.SHARED)
         assert session.loop.supervisor.stick_state.arming == Arming.ARMED
-        assert session.loop.decision.authority_x < 0.2
+        assert session.loop.decision.authority.x < 0.2
         drive(session, 0.06)
         assert "no valid stick input" in session.loop.supervisor.paused  # at once it brakes
         drive(session, BRAKING)

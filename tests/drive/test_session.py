@@ -168,7 +168,7 @@ def test_a_robot_that_stands_reports_why_and_so_does_one_that_never_drove():
         assert session.state() == "automatic: held back: a zone"
         session.loop.seen = session.loop.seen._replace(twist=Twist(0.3, 0.0))
         assert session.state() == "automatic"  # it does drive
-        session.loop.decision = session.loop.decision._replace(nominal_v=0.5)
+        session.loop.decision = session.loop.decision._replace(nominal=Twist(0.5, 0.0))
         session.loop.seen = session.loop.seen._replace(twist=Twist(0.08, 0.0))
         assert session.state() == "automatic"  # for a moment only
         session._slow_since -= 2.1

@@ -28,9 +28,9 @@ def test_in_manual_mode_with_a_centred_stick_there_is_no_evasion(gently):
         seen = surroundings([walker], [1.0])
         driver.update_twist(Twist(0.0, 0.0))
         d = driver.by_hand(k * DT, Pose(0.0, 0.0, math.pi / 2), Stick(0.0, 0.0), seen, gently)
-        assert (d.safe_v, d.safe_omega) == (0.0, 0.0)
+        assert d.safe == (0.0, 0.0)
         assert d.behavior != EVADING
-        driver.record_applied(Twist(d.safe_v, d.safe_omega))
+        driver.record_applied(d.safe)
 
 
 @pytest.mark.parametrize("measured", [Twist(0.5, 0.0), Twist(-0.3, 0.0), Twist(0.0, 0.9)])

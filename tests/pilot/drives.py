@@ -65,7 +65,7 @@ def drive(
             pilot.take(pilot.plan(pose, twist, seen), pose, twist)
         stick = hand(k * DT, pose) if hand else None
         decision = pilot.step(k * DT, pose, twist, Stick(*stick) if stick else CENTRED, seen)
-        under_way.append(Twist(decision.safe_v, decision.safe_omega))
+        under_way.append(decision.safe)
         twist = achievable(under_way.pop(0), twist, settings.limits, DT)
         poses.append(pose)
         decisions.append(decision)

@@ -39,7 +39,7 @@ def test_the_pilot_decides_for_the_predicted_pose(delay):
     pilot = Pilot(through([[0.0, 0.0], [5.0, 0.0]], 0.5), SETTINGS, delay=delay)
     pilot.sent[:] = 0.5, 0.0
     d = pilot.step(0.0, Pose(0.0, 0.0, 0.0), Twist(0.5, 0.0), Stick(0.0, 0.0), NOTHING_NEAR)
-    there = d.x_d - (d.tracking_v - d.u_d) / SETTINGS.gains.k_x  # what (16) tracks from
+    there = d.desired.x - (d.tracking.v - d.desired.u) / SETTINGS.gains.k_x  # what (16) tracks from
     assert there == pytest.approx(0.5 * delay, abs=1e-6)
 
 

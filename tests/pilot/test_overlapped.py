@@ -41,7 +41,7 @@ def test_an_obstacle_in_the_footprint_holds_the_robot_whatever_the_command(
             pilot.take(pilot.plan(pose, twist, seen), pose, twist)
         stick = Stick(x, y) if leads else CENTRED
         d = pilot.step(k * DT, pose, twist, stick, seen)
-        twist = achievable(Twist(d.safe_v, d.safe_omega), twist, SETTINGS.limits, DT)
+        twist = achievable(d.safe, twist, SETTINGS.limits, DT)
         if clearance < 0.0:
             assert twist == Twist(0.0, 0.0)
             held += 1

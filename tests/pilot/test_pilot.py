@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.flat import flat, made
+from cohelm.core.flat import flat, made, numbers
 from cohelm.core.types import CENTRED, Pose, Stick, Twist, disc
 from cohelm.law.govern import CourseClock
 from cohelm.law.guard.surroundings import surroundings
@@ -82,7 +82,7 @@ def test_a_recovery_move_is_not_finished_elsewhere_after_the_robot_was_on_hold(p
     pilot.step(DT, here, still, CENTRED, NOTHING_NEAR)
     assert pilot.state.left.distance < 0.0
     decision = pilot.step(DT + pause, here, still, CENTRED, NOTHING_NEAR)
-    assert (decision.safe_v < 0.0) is goes_on
+    assert (decision.safe.v < 0.0) is goes_on
     assert decision.behavior == (ESCAPING if goes_on else FOLLOWING)
     assert (pilot.state.left == NO_MOVE) is not goes_on
     assert (pilot.state.moves, pilot.state.refused) == ((1, 4) if goes_on else (0, 0))
@@ -98,8 +98,8 @@ def test_a_route_goes_on_from_where_the_robot_was_driven_by_hand(away, at):
     moving = Twist(0.4, 0.0)
     pilot.step(0.0, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), CENTRED, NOTHING_NEAR)
     decision = pilot.step(5.0, Pose(away, 0.05, 0.0), moving, CENTRED, NOTHING_NEAR)
-    assert decision.x_d == pytest.approx(at, abs=0.06)
-    assert decision.nominal_v > 0.3 or away <= 0.0
+    assert decision.desired.x == pytest.approx(at, abs=0.06)
+    assert decision.nominal.v > 0.3 or away <= 0.0
 
 
 def test_a_loop_of_the_route_is_not_left_out_after_a_pause():
@@ -144,7 +144,7 @@ def test_the_reference_waits_while_the_operator_leads_and_takes_over_without_a_j
     doing = np.array([s.behavior for s in d.decisions])
     assert (doing[110:220] == LED).all()
     assert (doing[230:] == FOLLOWING).all()
-    ahead = np.array([s.x_d for s in d.decisions]) - d.poses[:, 0]
+    ahead = np.array([s.desired.x for s in d.decisions]) - d.poses[:, 0]
     assert np.abs(ahead[110:240]).max() < 0.3
     assert np.abs(np.diff(d.twists, axis=0)).max() < 2.0 * DT / 0.25 + 1e-9  # the wheels' limits
     assert d.arrived
@@ -155,18 +155,18 @@ def test_a_stick_that_is_not_a_number_stops_the_robot():
     pose, twist = Pose(0.0, 0.0, 0.0), Twist(0.3, 0.0)
     d = pilot.step(0.0, pose, twist, Stick(math.nan, 0.0), NOTHING_NEAR)
     assert d.verdict == INVALID
-    assert 0.0 <= d.safe_v < 0.3
-    assert all(math.isfinite(value) for value in d._replace(h=0.0, clearance_seen=0.0))
+    assert 0.0 <= d.safe.v < 0.3
+    assert np.isfinite(numbers(d._replace(h=0.0, clearance_seen=0.0))).all()
 
 
 def test_a_pose_that_is_not_a_number_stops_it_and_leaves_no_trace():
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
     d = pilot.step(0.0, Pose(math.nan, 0.0, 0.0), Twist(0.0, 0.0), CENTRED, NOTHING_NEAR)
     assert d.verdict == INVALID
-    assert (d.safe_v, d.safe_omega) == (0.0, 0.0)
+    assert d.safe == (0.0, 0.0)
     d = pilot.step(DT, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), CENTRED, NOTHING_NEAR)
     assert d.verdict != INVALID
-    assert d.safe_v > 0.0
+    assert d.safe.v > 0.0
 
 
 def test_the_step_is_pure_but_for_the_commands_under_way():
@@ -210,7 +210,7 @@ def test_an_evasion_that_monitors_hold_back_is_not_chosen_for_a_while():
     pilot, at_rest = Pilot(through(STRAIGHT, 0.5), SETTINGS), Twist(0.0, 0.0)
     wanted = []
     for k in range(round(4.0 / DT)):
-        wanted.append(pilot.step(k * DT, Pose(0.0, 0.0, 0.0), at_rest, CENTRED, comes).tracking_v)
+        wanted.append(pilot.step(k * DT, Pose(0.0, 0.0, 0.0), at_rest, CENTRED, comes).tracking.v)
         pilot.applied(at_rest)
     backs = np.array(wanted) < 0.0
     assert backs[: round(0.4 / DT)].all()
@@ -223,8 +223,8 @@ def test_an_evasion_that_monitors_hold_back_is_not_chosen_for_a_while():
     pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
     for k in range(round(2.0 / DT)):
         made = pilot.step(k * DT, Pose(0.0, 0.0, 0.0), at_rest, CENTRED, comes)
-        pilot.applied(Twist(made.safe_v, made.safe_omega))
-        assert made.tracking_v < 0.0
+        pilot.applied(made.safe)
+        assert made.tracking.v < 0.0
 
 
 def test_a_robot_that_requests_nothing_is_not_refused():
@@ -244,7 +244,7 @@ def test_the_nominal_command_is_slowed_down_on_the_same_arc():
         pilot = Pilot(through(STRAIGHT, 0.5), SETTINGS)
         d = pilot.step(0.0, Pose(0.0, 0.3, 0.2), Twist(0.0, 0.0), Stick(0.0, 0.0), NOTHING_NEAR,
                        fastest)  # fmt: skip
-        return d.nominal_v, d.nominal_omega
+        return d.nominal
 
     v, omega = requested(math.inf)
     slow_v, slow_omega = requested(0.02)
@@ -308,7 +308,7 @@ def test_a_turn_ends_where_the_robot_faces_its_path(sign):
     pilot.state = pilot.state._replace(left=RecoveryMove(0.0, 0.0, sign * 1.5))
     pose, twist = Pose(0.0, 0.0, -sign), Twist(0.0, 0.0)
     for k in range(150):
-        twist = Twist(*pilot.step(k * DT, pose, twist, CENTRED, NOTHING_NEAR)[:2])
+        twist = pilot.step(k * DT, pose, twist, CENTRED, NOTHING_NEAR).safe
         pose = arc(pose, twist, DT)
         assert sign * pose.psi < 0.15
     assert abs(pose.psi) < 0.1

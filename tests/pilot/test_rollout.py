@@ -27,7 +27,7 @@ def test_the_robot_drives_as_predicted(beside):
     driven = []
     for k in range(400):
         d = pilot.step(k * DT, pose, twist, Stick(0.0, 0.0), NOTHING_NEAR)
-        twist = Twist(d.safe_v, d.safe_omega)
+        twist = d.safe
         pose = arc(pose, twist, DT)
         driven.append(pose)
     assert np.hypot(*np.diff(predicted[:, :2], axis=0).T).sum() == pytest.approx(2.5, abs=0.2)

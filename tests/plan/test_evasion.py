@@ -207,7 +207,7 @@ def _least_gap(pilot, seen, steps):
         gaps.append(
             outline_clearance(pose, SALLY.outline, 0.5, obstacles.discs, np.empty((0, 4)), 9.0)
         )
-        twist = achievable(Twist(d.safe_v, d.safe_omega), twist, ON.limits, DT)
+        twist = achievable(d.safe, twist, ON.limits, DT)
         pose = arc(pose, twist, DT)
     return min(gaps)
 
@@ -236,7 +236,7 @@ def test_an_operator_who_leads_is_not_overruled():
     assert led
     assert EVADING not in {d.behavior for d in done.decisions[50:]}
     for d in led[50:]:
-        assert d.nominal_v == pytest.approx(d.operator_v, abs=0.1)
+        assert d.nominal.v == pytest.approx(d.operator.v, abs=0.1)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300, -1e300])
@@ -248,14 +248,7 @@ def test_the_requested_twist_is_finite_whatever_the_input(bad, column):
     obstacles = surroundings(rows, np.array([0.5, 0.5]))
     for k in range(12):
         d = pilot.step(k * DT, Pose(0.0, 0.0, 0.0), Twist(0.2, 0.0), CENTRED, obstacles)
-        requested = (
-            d.safe_v,
-            d.safe_omega,
-            d.nominal_v,
-            d.nominal_omega,
-            d.tracking_v,
-            d.tracking_omega,
-        )
+        requested = (*d.safe, *d.nominal, *d.tracking)
         assert np.isfinite(requested).all()
 
 
@@ -271,7 +264,7 @@ def test_a_mover_that_slows_down_is_predicted_to_stop_and_not_to_come_back():
         if k % 10 == 0:
             pilot.take(pilot.plan(pose, twist, seen), pose, twist)
         d = pilot.step(k * DT, pose, twist, CENTRED, seen)
-        twist = achievable(Twist(d.safe_v, d.safe_omega), twist, ON.limits, DT)
+        twist = achievable(d.safe, twist, ON.limits, DT)
         pose = arc(pose, twist, DT)
         went = max(went, math.hypot(pose.x, pose.y))
         x, v = x + v * DT, max(v - 0.7 * DT, 0.0)

@@ -3,7 +3,8 @@
 A call from Python into compiled code unpacks an array in 150 ns, and each named tuple in 800. So
 what goes in and comes out is one row: `numbers` and `made` in Python, `read` and `write` in
 compiled code. A bool is 0 or 1, an int a whole number below 2**53; arrays are none of the numbers,
-they are handed over beside the row: `flat` makes both.
+they are handed over beside the row: `flat` makes both. `named` and `fill` are for a row whose
+fields have names, as `core.row`.
 """
 
 from __future__ import annotations
@@ -65,11 +66,24 @@ def write(value: tuple[Any, ...], row: Floats, first: int) -> None:
     row[first : first + len(names(type(value)))] = _getter(type(value))(value)
 
 
+def named(value: tuple[Any, ...]) -> dict[str, float]:
+    """The numbers of a named tuple, by name as `core.row` has it: `clock_tau` for `clock.tau`."""
+    return dict(zip(_columns(type(value)), _getter(type(value))(value), strict=True))
+
+
+def fill(row: Any, value: tuple[Any, ...]) -> None:
+    """Write the numbers of a named tuple to those fields of a row that are called as in `named`;
+    for compiled code too."""
+    for column, number in named(value).items():
+        if column in row.dtype.names:
+            row[column] = number
+
+
 @overload(read, strict=False)
 def _read(of: Any, row: Any, first: Any, arrays: Any = ()) -> Any:
     if not isinstance(of, types.NamedTupleClass):
         return None
-    return _compilable(*_reader(cast(Any, of).instance_class))
+    return _compilable(*_reader(cast(Any, of).instance_class, "{}({})"))
 
 
 @overload(write, strict=False)
@@ -79,6 +93,22 @@ def _write(value: Any, row: Any, first: Any) -> Any:
     known = names(cast(Any, value).instance_class)
     lines = [f"    row[first + {i}] = value.{name}" for i, name in enumerate(known)]
     return _compilable("\n".join(["def made(value, row, first):", *lines]), {})
+
+
+@overload(fill, strict=False)
+def _fill(row: Any, value: Any) -> Any:
+    if not (isinstance(row, types.Record) and isinstance(value, types.BaseNamedTuple)):
+        return None
+    of: type = cast(Any, value).instance_class
+    fields = zip(_columns(of), names(of), strict=True)
+    known = cast(Any, row).fields
+    lines = [f"    row.{column} = value.{name}" for column, name in fields if column in known]
+    return _compilable("\n".join(["def made(row, value):", *lines]), {})
+
+
+@cache
+def _columns(of: type) -> tuple[str, ...]:
+    return tuple(name.replace(".", "_") for name in names(of))
 
 
 @cache
@@ -92,18 +122,20 @@ def _getter(of: type, numeric: bool = True) -> Callable[[Any], tuple[Any, ...]]:
 
 @cache
 def _maker(of: type) -> Callable[..., Any]:
-    return _compilable(*_reader(of))
+    source, known = _reader(of, "new({}, ({},))")  # the class's own is twice as slow
+    return _compilable(f"new = tuple.__new__\n{source}", known)
 
 
-def _reader(of: type) -> tuple[str, dict[str, type]]:
-    """The source of a function that makes one, and the classes it needs."""
-    classes: dict[str, type] = {}
+def _reader(of: type, call: str) -> tuple[str, dict[str, Any]]:
+    """The source of a function that makes one, and the classes it needs. call: of a class, with its
+    fields."""
+    classes: dict[str, Any] = {}
     counts = [0, 0]  # numbers, arrays
 
     def expression(kind: type) -> str:
         name = f"_{len(classes)}"
         classes[name] = kind
-        return f"{name}({', '.join(map(part, typing.get_type_hints(kind).values()))})"
+        return call.format(name, ", ".join(map(part, typing.get_type_hints(kind).values())))
 
     def part(kind: Any) -> str:
         if _is_tuple(kind):

@@ -297,7 +297,7 @@ class Session:
     def _crawls(self, seen: Seen | None) -> bool:
         """Whether it has been slow for a while, and should not be; to be called repeatedly."""
         decision, now = self.loop.decision, self.loop.gated.now()
-        wanted = 0.0 if decision is None else abs(decision.nominal_v)
+        wanted = 0.0 if decision is None else abs(decision.nominal.v)
         slow = seen is not None and abs(seen.twist.v) < _CRAWL < 0.5 * wanted
         self._slow_since = min(self._slow_since, now) if slow else math.inf
         return now - self._slow_since > _A_WHILE

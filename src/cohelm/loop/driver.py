@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ BY_HAND_YAW_RATE = 1.0
 """At full deflection in manual mode [rad/s]."""
 _COMPILING = 180.0  # the first plan may take this long [s]
 _EVERY = 0.2  # from one snapshot for the planner to the next [s]
-_SPEEDS = ("safe", "tracking", "operator", "nominal", "avoid")
+_TWISTS = ("safe", "tracking", "operator", "nominal", "avoid")
 _ROUNDING = 1e-6  # of times that add up, as 0.6 - 0.4 < 0.2 [s]
 _MISMATCH_V, _MISMATCH_OMEGA, _MISMATCH_PERIODS = 0.2, 0.4, 8
 """Where measured and commanded twist differ by more for so many periods, the measured counts."""
@@ -193,8 +194,9 @@ class Driver:
         if not backwards:
             return self._step(pilot, now, pose, CENTRED, obstacles)
         back = self._step(pilot, now, turned(pose), CENTRED, obstacles, -1.0)
-        speeds = {f"{name}_v": -getattr(back, f"{name}_v") for name in _SPEEDS}
-        return back._replace(**speeds, psi_d=wrap(back.psi_d + math.pi), u_d=-back.u_d)
+        twists: dict[str, Any] = {name: reversed_twist(getattr(back, name)) for name in _TWISTS}
+        psi, u = wrap(back.desired.psi + math.pi), -back.desired.u
+        return back._replace(**twists, desired=back.desired._replace(psi=psi, u=u))
 
     def _step(
         self, pilot: Pilot, now: float, pose: Pose, stick: Stick, obstacles: Surroundings,

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from cohelm.core.obstacles import Surroundings
-from cohelm.core.types import Floats, Twist
+from cohelm.core.types import Floats
 from cohelm.law.verdict import Verdict
 from cohelm.link.messages import AlarmKind, Severity
 from cohelm.link.operator import Operator
@@ -204,7 +204,7 @@ class Loop:
         stick = supervisor.stick_state
         caps = [NO_CAP, driver.speed_zone_cap(seen), supervisor.docking.cap]
         settings = driver.settings
-        if self.decision is not None and self.decision.safe_v < 0.0:  # a period ago
+        if self.decision is not None and self.decision.safe.v < 0.0:  # a period ago
             caps += [unseen_cap(seen.assumed_gap, settings)]
         if stick.delay > UNCAPPED_DELAY or seen.lost:
             clearance = driver.clearance(seen, obstacles)
@@ -217,7 +217,7 @@ class Loop:
 
     def _propose(self, readings: Readings, decision: Decision | None) -> Passed:
         """Propose to the gate; with wrong readings nothing, so that the watchdog trips."""
-        safe = Twist(decision.safe_v, decision.safe_omega) if decision is not None else STANDING
+        safe = STANDING if decision is None else decision.safe
         gate, problem = self.gated.gate, self.supervisor.problem
         if problem or readings.odometry is None:
             self.driver.record_applied(STANDING)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from cohelm.core.flat import named
 from cohelm.core.frames import compose
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.row import MEANINGS
@@ -83,7 +84,9 @@ def period_fields(r: PeriodReport) -> dict[str, Any]:
     """A report's numbers, by the names of `core.row.FIELDS`."""
     d, seen, stick_state = r.decision, r.seen, r.stick_state
     odometry, scan = r.readings.odometry, r.readings.scan
-    fields = dict.fromkeys(_NONE_DECIDED, 0.0) if d is None else d._asdict()
+    fields: dict[str, Any] = dict.fromkeys(_NONE_DECIDED, 0.0)
+    if d is not None:
+        fields = named(d) | {f"{name}_d": part for name, part in d.desired._asdict().items()}
     at = (math.nan, math.nan) if d is None else limiting(d, seen)
     return fields | {
         "t": r.now, "x": seen.pose.x, "y": seen.pose.y, "psi": seen.pose.psi,

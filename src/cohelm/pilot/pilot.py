@@ -114,7 +114,7 @@ class Pilot:
         row = self._out.tolist()
         self.state, decision = made(PilotState, row), made(Decision, row, _STATE)
         self.behavior = decision.behavior
-        self._safe = Twist(decision.safe_v, decision.safe_omega)
+        self._safe = decision.safe
         return decision
 
     def _begin_anew(self, pose: Pose, twist: Twist) -> None:

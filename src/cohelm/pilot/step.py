@@ -15,7 +15,7 @@ from cohelm.law.gains import Gains
 from cohelm.law.govern import CourseClock, PaceParams, govern, governed
 from cohelm.law.guard.rules import Rules
 from cohelm.law.guard.step import guard
-from cohelm.law.human import blend, operator_command
+from cohelm.law.human import Authority, Intent, blend, operator_command
 from cohelm.law.reference import desired
 from cohelm.law.step import control_step, total_command
 from cohelm.law.track import pose_error, track
@@ -102,20 +102,13 @@ class Decision(NamedTuple):
     I and J are 0, and h is infinite, with another filter than the barrier; tracking is of recovery
     or evasion too; obstacles are numbered discs, segments, points."""
 
-    safe_v: float
-    safe_omega: float
-    tracking_v: float
-    tracking_omega: float
-    operator_v: float
-    operator_omega: float
-    nominal_v: float
-    nominal_omega: float
-    avoid_v: float
-    avoid_omega: float
-    authority_x: float
-    authority_psi: float
-    intent_x: float
-    intent_psi: float
+    safe: Twist
+    tracking: Twist
+    operator: Twist
+    nominal: Twist
+    avoid: Twist
+    authority: Authority
+    intent: Intent
     I: float
     J: float
     h: float
@@ -133,12 +126,8 @@ class Decision(NamedTuple):
     """d tau / d t, in [0, 1]."""
     waited: float
     """How long clock or robot have stood still before the end of the path [s]."""
-    x_d: float
-    y_d: float
-    psi_d: float
-    u_d: float
-    r_d: float
-    """The desired pose, speed and yaw rate that were tracked (7)(10)."""
+    desired: Desired
+    """What was tracked (7)(10)."""
     e_p: float
     """E_P (51) [m and rad], of the pose when the command takes effect: the desired one is for
     then."""
@@ -202,17 +191,17 @@ def pilot_step(
             tau_c, operator, tau,
             Avoidance(u, 0.0, 0.0, math.inf, filtered.verdict, filtered.limiting),
         )  # fmt: skip
-        v, omega = filtered.v, filtered.omega  # also for INVALID: it brakes
+        safe = Twist(filtered.v, filtered.omega)  # also for INVALID: it brakes
     else:
         step = control_step(pose_ahead, target, stick, obstacles_ahead.discs, s.gains)
-        v, omega = step.safe_v, step.safe_omega
+        safe = step.safe
     d = len(sent)
     if d > 0:
-        sent[state.k % d, 0], sent[state.k % d, 1] = v, omega
+        sent[state.k % d, 0], sent[state.k % d, 1] = safe.v, safe.omega
     if recovering:
-        left = rest(left, Twist(v, omega), s.rules.dt)
-    clock = _standing(state, clock, Twist(v, omega), course, dt) if follows else clock
-    left, held, refused = _recovery_progress(state, left, Twist(v, omega), clock.rate, dt)
+        left = rest(left, safe, s.rules.dt)
+    clock = _standing(state, clock, safe, course, dt) if follows else clock
+    left, held, refused = _recovery_progress(state, left, safe, clock.rate, dt)
     awaits = recovering and left == NO_MOVE and state.moves >= MOVES
     row = row_on_route(line, pose, state.row, course, clock.tau)
     behavior = (
@@ -226,12 +215,9 @@ def pilot_step(
         state.barred,
     )  # fmt: skip
     return next_state, Decision(
-        v, omega, step.tracking_v, step.tracking_omega, step.operator_v, step.operator_omega,
-        step.nominal_v, step.nominal_omega, step.avoid_v, step.avoid_omega,
-        step.authority_x, step.authority_psi, step.intent_x, step.intent_psi,
+        safe, step.tracking, step.operator, step.nominal, step.avoid, step.authority, step.intent,
         step.I, step.J, step.h, step.verdict, step.limiting, clearance, change, behavior,
-        clock.tau, clock.rate, clock.waited,
-        target.x, target.y, target.psi, target.u, target.r, pose_error(pose_ahead, target),
+        clock.tau, clock.rate, clock.waited, target, pose_error(pose_ahead, target),
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from cohelm.core.flat import Flat, flat, made, read, write
 from cohelm.core.jit import jit
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.trace import Trace
-from cohelm.core.types import Desired, Floats, Pose, Twist
+from cohelm.core.types import Floats, Pose
 from cohelm.perceive.pipeline import Perception, Seen
 from cohelm.pilot.behavior import LED
 from cohelm.pilot.pilot import NOTHING_NEAR, taken
@@ -242,23 +242,17 @@ def _advance(
         )
         led = d.behavior == LED
         robot, saturated = moved(
-            k, dt, robot, Twist(d.safe_v, d.safe_omega), stick, settings.gains, settings.limits,
-            queue,
-        )  # fmt: skip
+            k, dt, robot, d.safe, stick, settings.gains, settings.limits, queue
+        )
         away = math.hypot(pose.x - scene.goal[0], pose.y - scene.goal[1])
         arrived = away < scene.near and pilot.row >= scene.done
         row = rows[j]
-        tracked = Desired(d.x_d, d.y_d, d.psi_d, d.u_d, d.r_d)
-        note(row, h[j], k * dt, pose, stick, tracked, d, robot, saturated, there)
-        row.e_p = d.e_p
+        note(row, h[j], k * dt, pose, stick, d.desired, d, robot, saturated, there)
         row.h = h[j].min() if len(there) > 0 else math.inf
         row.clearance = outline_clearance(
             pose, settings.outline, scene.reach, there, walls, NOWHERE
         )
-        row.clearance_seen, row.change = d.clearance_seen, d.change
-        row.behavior, row.course = d.behavior, number
-        row.tau, row.rate = d.tau, d.rate
-        row.to_go, row.arrived = away, arrived
+        row.course, row.to_go, row.arrived = number, away, arrived
         done = j + 1
         if arrived:
             break

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from cohelm.core.flat import fill
 from cohelm.core.jit import jit_inline
 from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.gains import Gains
@@ -58,7 +59,7 @@ def note(
     after: SimulatedState, saturated: bool, discs: Floats,
 ) -> None:  # fmt: skip
     """One step into its row of the trace, and h_i of every disc. s: what was decided and from what,
-    by the fields of `law.step.Step`."""
+    a `law.step.Step` or more."""
     for i in range(discs.shape[0]):
         dx, dy = pose.x - discs[i, X], pose.y - discs[i, Y]
         h[i] = dx * dx + dy * dy - discs[i, SAFE] * discs[i, SAFE]
@@ -67,15 +68,7 @@ def note(
     row.x_d, row.y_d, row.psi_d = desired.x, desired.y, desired.psi
     row.u_d, row.r_d = desired.u, desired.r
     row.stick_x, row.stick_psi = stick.x, stick.psi
-    row.safe_v, row.safe_omega = s.safe_v, s.safe_omega
-    row.tracking_v, row.tracking_omega = s.tracking_v, s.tracking_omega
-    row.operator_v, row.operator_omega = s.operator_v, s.operator_omega
-    row.nominal_v, row.nominal_omega = s.nominal_v, s.nominal_omega
-    row.avoid_v, row.avoid_omega = s.avoid_v, s.avoid_omega
-    row.authority_x, row.authority_psi = s.authority_x, s.authority_psi
-    row.intent_x, row.intent_psi = s.intent_x, s.intent_psi
-    row.I, row.J, row.h = s.I, s.J, s.h
-    row.verdict, row.limiting = s.verdict, s.limiting
+    fill(row, s)
     if 0 <= s.limiting < discs.shape[0]:
         row.limiting_x, row.limiting_y = discs[s.limiting, X], discs[s.limiting, Y]
     row.applied_v, row.applied_omega = after.applied.v, after.applied.omega

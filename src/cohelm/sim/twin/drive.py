@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.flat import fill
 from cohelm.core.frames import compose, inverse
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.trace import Trace
-from cohelm.core.types import SAFE, Desired, Floats, Pose, Stick, Twist, X, Y
+from cohelm.core.types import SAFE, Floats, Pose, Stick, Twist, X, Y
 from cohelm.law.guard.rules import Rules
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.human import supplied_energy
@@ -152,14 +153,12 @@ class TwinRun(ABC):
         row["stick_x"], row["stick_psi"] = self.stick
         row["authority_x"] = row["authority_psi"] = 1.0
         row["clearance_seen"] = math.inf
+        if d is not None:
+            fill(row, d)
         self.last = last = d or self.last
         if last is not None:
-            desired = Desired(last.x_d, last.y_d, last.psi_d, last.u_d, last.r_d)
-            row["x_d"], row["y_d"], row["psi_d"], row["u_d"], row["r_d"] = desired
-            row["e_p"] = pose_error(pose, desired)
-        if d is not None:
-            for name in _DECIDED:
-                row[name] = getattr(d, name)
+            row["x_d"], row["y_d"], row["psi_d"], row["u_d"], row["r_d"] = last.desired
+            row["e_p"] = pose_error(pose, last.desired)
         row["applied_v"], row["applied_omega"] = applied
         row["clearance"], row["energy"] = then.clearance, self.energy
         row["course"], row["to_go"], row["arrived"] = self.courses, away, reached
@@ -196,8 +195,7 @@ class _KnownPose(TwinRun):
         stick = self.operator_stick(k, discs)
         self._plan(k, pose, twist, obstacles, unobserved)
         decided = self.pilot.step(k * self.setup.dt, pose, twist, stick, obstacles, fastest)
-        safe = Twist(decided.safe_v, decided.safe_omega)
-        row["saturated"] = self.robot.send(safe) != safe
+        row["saturated"] = self.robot.send(decided.safe) != decided.safe
         self.robot.wait((k + 1) * self.setup.dt)
         self.moved(stick)
         self.write(row, k, then, decided)
@@ -236,15 +234,6 @@ def _unguarded(setup: Setup) -> Piloted:
         guarded=False, spline_speed=setup.spline_speed,
     )  # fmt: skip
     return Piloted(settings, np.zeros(len(setup.obstacles.discs)))
-
-
-_DECIDED = (
-    "safe_v", "safe_omega", "tracking_v", "tracking_omega", "operator_v", "operator_omega",
-    "nominal_v", "nominal_omega", "avoid_v", "avoid_omega", "authority_x", "authority_psi",
-    "intent_x", "intent_psi", "I", "J", "verdict", "limiting", "clearance_seen", "change",
-    "behavior", "tau", "rate",
-)  # fmt: skip
-"""Fields of a row that a decision has by the same name."""
 
 
 def _h(pose: Pose, discs: Floats) -> Floats:

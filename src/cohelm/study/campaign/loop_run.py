@@ -95,7 +95,7 @@ class Looped(TwinRun):
             self.courses = self.courses + 1 if self.course.row else 0
         decided = self.loop.decision
         if decided is not None:
-            row["saturated"] = self.gated.gate.out != (decided.safe_v, decided.safe_omega)
+            row["saturated"] = self.gated.gate.out != decided.safe
         self.write(row, k, then, decided)
 
     def _supervise(self, now: float) -> None:
