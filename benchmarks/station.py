@@ -23,9 +23,9 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-from cohelm.core.types import Pose, Stick, Twist
-from cohelm.law.verdict import Verdict
+from cohelm.core.types import Pose, Twist
 from cohelm.link import bulk_messages as b, messages as m
+from cohelm.link.codec import Reader, layout
 from cohelm.link.scans import WholeScan
 from cohelm.link.station_end import LinkState
 from cohelm.station.robot_link import News
@@ -130,17 +130,18 @@ def _still() -> list[b.FromRobot]:
     ]  # fmt: skip
 
 
+_NOTHING: m.Status = layout(m.Status).read(Reader(bytes(1000)))
+
+
 def _status(pose: Pose) -> m.Status:
     twist = Twist(0.6, 0.2)
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     ahead = tuple((pose.x + 0.1 * k * c, pose.y + 0.1 * k * s) for k in range(12))
-    return m.Status(
-        m.Lease(1, 1, "bench", 0, "", NAN), m.Mode.SHARED, "", m.Arming.ARMED, Stick(0.0, 0.0),
-        1.0, pose, twist, twist, twist, "",
-        Verdict.UNTOUCHED, 1.0, (NAN, NAN), 1.0, 0.1, pose,
-        math.inf, "",
-        m.Localised.GOOD, 0.01, False, m.DockPhase.AWAY, 0,
-        m.TimingReport(0.0, 0, 0.0, 0.0, 0.0, 0), (), (), ahead, 0.15,
+    return _NOTHING._replace(
+        lease=m.Lease(1, 1, "bench", 0, "", NAN), mode=m.Mode.SHARED, arming=m.Arming.ARMED,
+        authority=1.0, pose=pose, measured=twist, nominal=twist, applied=twist, clearance_seen=1.0,
+        limiting=(NAN, NAN), h=1.0, e_p=0.1, reference=pose, speed_cap=math.inf,
+        localised=m.Localised.GOOD, sigma=0.01, ahead=ahead, ahead_step=0.15,
     )  # fmt: skip
 
 

@@ -104,10 +104,10 @@ def period() -> list[str]:
 
 def messages() -> list[str]:
     """Every message of the link, with its largest size; and the version of all."""
-    from cohelm.link import wire
+    from cohelm.link import messages, wire
 
     head = ["| kind | message | way | largest [byte] | what |", "|---|---|---|---|---|"]
-    return [f"Version {wire.VERSION}:", "", *head] + [
+    return [f"Version {messages.VERSION}:", "", *head] + [
         f"| {kind} | {of.__name__} | {'up' if kind in wire.UP else 'down'}, "
         f"{'datagram' if of in wire.DATAGRAMS else 'bulk'} | {wire.largest(of)} | {_what(of)} |"
         for kind, (of, _) in wire.LAYOUTS.items()

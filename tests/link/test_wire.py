@@ -12,7 +12,6 @@ from cohelm.link.codec import Malformed
 from cohelm.link.wire import (
     DATAGRAMS,
     LARGEST,
-    VERSION,
     Header,
     encode,
     from_operator,
@@ -115,7 +114,7 @@ def test_each_direction_accepts_only_its_own_messages():
 
 
 def test_another_protocol_version_is_reported():
-    said = f"version 3 of the link's protocol, and {VERSION} here: install"
+    said = f"version 3 of the link's protocol, and {m.VERSION} here: install"
     with pytest.raises(Malformed, match=said):
         from_operator(b"\x03" + encode(HEADER, UPLINK)[1:])
 

@@ -24,6 +24,8 @@ from cohelm.core.types import CENTRED, Pose, Stick, Twist
 from cohelm.law.verdict import Verdict
 from cohelm.link.codec import UpTo, array, real, record, text, whole
 
+VERSION = 15
+"""Raised with every change of a message's bytes, here or in `bulk_messages`."""
 MOST_BEAMS = 500
 """Beams in one ScanPart."""
 MOST_ANSWERS = 1

@@ -28,6 +28,7 @@ from cohelm.link.bulk_messages import (
 )
 from cohelm.link.codec import Malformed, Reader, WireField, layout, reported
 from cohelm.link.messages import (
+    VERSION,
     Command,
     Discs,
     Long,
@@ -39,7 +40,6 @@ from cohelm.link.messages import (
     Uplink,
 )
 
-VERSION = 15
 LARGEST = 1150
 """Bytes of a datagram's message; with DTLS, UDP and IPv6 around it, below 1280 (RFC 8200)."""
 
