@@ -35,7 +35,7 @@ def test_it_drives_as_the_simulated_robot_of_the_same_site_does():
             track = []
 
             def until(loop, track=track):
-                track.append((*loop.seen.pose, *loop.gated.gate.out))
+                track.append((*loop.seen.pose, *loop.gated.gate.applied))
                 return loop.gated.now() > 5.0
 
             session.run(until, Mode.AUTOMATIC)

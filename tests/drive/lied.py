@@ -121,7 +121,7 @@ class _Judge:
     def watch(self, propose):
         def watched(proposal):
             passed = propose(proposal)
-            if passed.reason and proposal.twist != passed.out:
+            if passed.reason and proposal.twist != passed.applied:
                 self._note(passed.reason)
             return passed
 

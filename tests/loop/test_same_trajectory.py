@@ -70,7 +70,9 @@ def looped(model, setup, steps: int) -> np.ndarray:
 
     def until(loop: Loop) -> bool:
         truth = plant.truth()
-        rows.append((*truth.pose, *gated.gate.out, loop.decision.behavior if loop.decision else -1))
+        rows.append(
+            (*truth.pose, *gated.gate.applied, loop.decision.behavior if loop.decision else -1)
+        )
         assert loop.supervisor.mode == Mode.AUTOMATIC, gated.gate.reason
         return len(rows) == steps
 

@@ -53,7 +53,7 @@ def test_the_smallest_share_passes_on_the_same_arc_with_its_reason():
     half, third = Restriction(0.5, "half"), Restriction(1.0 / 3.0, "third")
     it, events = kept(Says(at_reading=half), Says(of_twist=third))
     passed = it.propose(Proposal(1, it.now(), Twist(0.3, 0.6)))
-    assert passed.out == pytest.approx((0.1, 0.2))
+    assert passed.applied == pytest.approx((0.1, 0.2))
     assert passed.reason == "third"
     assert any("limited: third" in event.text for event in events)
 
@@ -63,7 +63,7 @@ def test_a_fault_is_latched_whatever_other_monitors_report():
     it, _ = kept(Says(), watch)
     watch.of_twist = Restriction(1.0, "a broken sense", fault=True)
     passed = it.propose(Proposal(1, it.now(), Twist(0.3, 0.0)))
-    assert passed.out == (0.0, 0.0)
+    assert passed.applied == (0.0, 0.0)
     assert it.gate.mode == GateMode.FAULTED
     assert it.gate.reason == "a broken sense"
 
@@ -143,7 +143,7 @@ def test_a_robot_that_stops_harder_than_the_gate_brakes_is_stopped_and_not_at_fa
         if k == 1:
             assert it.drive(GateMode.AUTOMATIC) == ""
         if k == 60:
-            assert it.gate.out.v == pytest.approx(speed)
+            assert it.gate.applied.v == pytest.approx(speed)
             it.stop("the drive is over")
     assert (it.gate.mode, it.gate.reason) == (GateMode.STOPPED, "the drive is over")
 

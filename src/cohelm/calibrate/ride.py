@@ -169,7 +169,7 @@ class _Rider:
         resting = 0
         ended = gated.now()
         # a robot that brakes harder than its file states stands before the gate has braked to 0
-        while resting < 5 or (segment.hard and gated.gate.out != _STILL):
+        while resting < 5 or (segment.hard and gated.gate.applied != _STILL):
             odometry = self._period(_STILL, stopped=segment.hard)
             resting = resting + 1 if standing(odometry.twist) else 0
             if gated.now() - ended > _PATIENCE:
@@ -241,8 +241,8 @@ class _Rider:
         now = gated.now()
         passed = gated.propose(Proposal(self._sequence, stamp, twist))
         stopped = latched(gated.gate.mode)  # the robot brakes as hard as it can, not as the gate
-        out = _STILL if stopped else passed.out
-        self.made.commands.append((now, out.v, out.omega))
+        applied = _STILL if stopped else passed.applied
+        self.made.commands.append((now, applied.v, applied.omega))
         return passed.reason
 
     def _over_now(self) -> None:

@@ -237,7 +237,7 @@ class Rerouting:
 def stands(loop: Loop) -> bool:
     """Whether the robot stands, and is commanded to."""
     seen = loop.seen
-    return seen is not None and standing(seen.twist) and loop.gated.gate.out == STANDING
+    return seen is not None and standing(seen.twist) and loop.gated.gate.applied == STANDING
 
 
 def checker_of(

@@ -165,7 +165,7 @@ class Loop:
         self._late, self._took = late, gated.now() - began
         self._raise_alarms(seen)
         report = PeriodReport(
-            now, readings, seen, obstacles, supervisor.stick_state, decision, passed.out
+            now, readings, seen, obstacles, supervisor.stick_state, decision, passed.applied
         )
         words = supervisor.status_words(passed.reason, self.cap)
         self._reporter.report(report, self._loop_fields(seen), words, self.timing.recent)
@@ -221,10 +221,10 @@ class Loop:
         gate, problem = self.gated.gate, self.supervisor.problem
         if problem or readings.odometry is None:
             self.driver.record_applied(STANDING)
-            return Passed(gate.out, gate.reason or problem)
+            return Passed(gate.applied, gate.reason or problem)
         self._number += 1
         passed = self.gated.propose(Proposal(self._number, readings.odometry.stamp, safe))
-        self.driver.record_applied(STANDING if latched(self.gated.gate.mode) else passed.out)
+        self.driver.record_applied(STANDING if latched(self.gated.gate.mode) else passed.applied)
         return passed
 
     def _reshape(self, outline: Floats) -> None:
@@ -234,7 +234,7 @@ class Loop:
     def _settle_outline(self, seen: Seen, decision: Decision | None, passed: Passed) -> Passed:
         """Drop the previous outline once it is safe; while it makes the robot brake, say so."""
         verdict = Verdict.STANDING if decision is None else Verdict(decision.verdict)
-        stands = passed.out == STANDING and standing(seen.twist)
+        stands = passed.applied == STANDING and standing(seen.twist)
         self._outline_changing = self._shape.settle(verdict, stands)
         if not self._outline_changing:
             self.log.event("the earlier outline no longer applies")

@@ -138,7 +138,7 @@ class Supervisor:
         docking = self.docking
         if not docking.on:
             return
-        applied = self.gated.gate.out
+        applied = self.gated.gate.applied
         paused = bool(self._pauses)
         ended = docking.ended(now, seen, applied, self.stick_state.stick, paused, held)
         if ended is None:

@@ -152,9 +152,9 @@ class FilterNode:
         self._drive(nominal, fault)
         passed = gated.propose(Proposal(self._number, stamp, safe))
         self._number += 1
-        if math.isfinite(passed.out.v) and math.isfinite(passed.out.omega):
-            self._filter.sent(passed.out)
-        stands = passed.out == _STILL and standing(seen.twist)
+        if math.isfinite(passed.applied.v) and math.isfinite(passed.applied.omega):
+            self._filter.sent(passed.applied)
+        stands = passed.applied == _STILL and standing(seen.twist)
         reshaping = self._shape.settle(result.verdict, stands)
         gate = gated.gate
         kind, text = _reason(nominal, fault, result, passed, gate, self._report.topic("reset"))
@@ -164,7 +164,7 @@ class FilterNode:
             kind = "footprint"
             text = f"{text}: outline change: both outlines apply until the new one fits"
         row = Row(
-            kind, text, nominal.twist, safe, passed.out, result.verdict, result.change,
+            kind, text, nominal.twist, safe, passed.applied, result.verdict, result.change,
             result.clearance, latched(gate.mode), _place(result, seen), *_ages(now, readings),
             time.monotonic() - start,
         )  # fmt: skip

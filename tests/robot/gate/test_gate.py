@@ -15,9 +15,11 @@ RULES = GateRules(BOUNDS)
 NAN, INF = math.nan, math.inf
 
 
-def ready(now: float = 10.0, out: Twist = STANDING, mode: GateMode = GateMode.AUTOMATIC) -> Gate:
+def ready(
+    now: float = 10.0, applied: Twist = STANDING, mode: GateMode = GateMode.AUTOMATIC
+) -> Gate:
     """A gate in the middle of good work: the last proposal, number 7, came a period ago."""
-    return Gate(mode, "", out, now - 0.02, now - 0.02, 7, now - 0.02, 0, now - 0.02)
+    return Gate(mode, "", applied, now - 0.02, now - 0.02, 7, now - 0.02, 0, now - 0.02)
 
 
 def ask(gate: Gate, v: float, omega: float = 0.0, *, now=10.0, stamp=None, n=8):
@@ -39,16 +41,16 @@ def test_a_sound_proposal_within_the_bounds_passes_as_it_is():
 
 @pytest.mark.parametrize("mode", [GateMode.AUTOMATIC, GateMode.SHARED])
 def test_both_driving_modes_let_the_wheels_turn(mode):
-    assert ask(ready(mode=mode), 0.02)[1].out == Twist(0.02, 0.0)
+    assert ask(ready(mode=mode), 0.02)[1].applied == Twist(0.02, 0.0)
 
 
 @pytest.mark.parametrize("mode", [GateMode.IDLE, GateMode.STOPPED, GateMode.FAULTED])
 def test_in_all_other_modes_the_robot_brakes_and_stands(mode):
-    gate = ready(out=Twist(0.1, 0.0), mode=mode)._replace(reason="why")
+    gate = ready(applied=Twist(0.1, 0.0), mode=mode)._replace(reason="why")
     now, speeds = 10.0, []
     for n in range(8, 20):
         gate, passed = ask(gate, 0.5, now=now, n=n)
-        speeds.append(passed.out.v)
+        speeds.append(passed.applied.v)
         assert passed.reason == "why"
         now += 0.02
     assert speeds[:3] == pytest.approx([0.04, 0.0, 0.0])  # 2 m/s^2 for 20 ms, and 10 ms ahead
@@ -140,29 +142,29 @@ def test_too_high_a_speed_is_reported():
 
 def test_too_fast_a_change_is_made_as_fast_as_it_may():
     gate, passed = ask(ready(), 0.5)
-    assert passed.out == pytest.approx((2.0 * 0.03, 0.0))  # a period, and the jitter
+    assert passed.applied == pytest.approx((2.0 * 0.03, 0.0))  # a period, and the jitter
     assert passed.reason == "a change faster than the robot may make"
     gate, passed = ask(gate, 0.5, now=10.02, n=9)
-    assert passed.out == pytest.approx((2.0 * 0.05, 0.0))  # the jitter is not allowed twice
+    assert passed.applied == pytest.approx((2.0 * 0.05, 0.0))  # the jitter is not allowed twice
 
 
 def test_many_proposals_at_once_gain_no_speed():
     gate = ready()
     for n in range(8, 200):
         gate, passed = ask(gate, 0.5, n=n)
-    assert passed.out.v == pytest.approx(2.0 * 0.03)
+    assert passed.applied.v == pytest.approx(2.0 * 0.03)
 
 
 def test_what_acceleration_allows_is_saved_up_for_one_period_only():
     gate = ready()._replace(change_until=0.0)
-    assert ask(gate, 0.5)[1].out.v == pytest.approx(2.0 * 0.03)
+    assert ask(gate, 0.5)[1].applied.v == pytest.approx(2.0 * 0.03)
 
 
 def test_the_first_proposal_of_all_gains_no_more():
     gate, _ = ask(Gate(), 0.5)
     gate, said = g.drive(gate, GateMode.AUTOMATIC, 10.0, RULES)
     assert said == ""
-    assert ask(gate, 0.5, n=9)[1].out.v == pytest.approx(2.0 * 0.03)
+    assert ask(gate, 0.5, n=9)[1].applied.v == pytest.approx(2.0 * 0.03)
 
 
 # -- what is refused, and what is a fault --------------------------------------------------------
@@ -170,7 +172,7 @@ def test_the_first_proposal_of_all_gains_no_more():
 
 @pytest.mark.parametrize("n", [7, 6, -5])
 def test_out_of_order_is_refused_and_the_wheels_keep_what_they_have(n):
-    gate, passed = ask(ready(out=Twist(0.3, 0.1)), 0.2, n=n)
+    gate, passed = ask(ready(applied=Twist(0.3, 0.1)), 0.2, n=n)
     assert passed == Passed(Twist(0.3, 0.1), "out of order")
     assert (gate.refused, gate.last_proposal, gate.sequence, gate.mode) == (
         1,
@@ -185,15 +187,15 @@ def test_a_gap_in_the_numbers_is_no_disorder():
 
 
 def test_old_readings_are_refused():
-    gate, passed = ask(ready(out=Twist(0.3, 0.0)), 0.2, stamp=10.0 - 0.1001)
+    gate, passed = ask(ready(applied=Twist(0.3, 0.0)), 0.2, stamp=10.0 - 0.1001)
     assert passed == Passed(Twist(0.3, 0.0), "its readings are too old")
     assert (gate.refused, gate.last_proposal, gate.sequence) == (1, 9.98, 7)
     assert ask(ready(), 0.02, stamp=10.0 - 0.0999)[1].reason == ""
 
 
 def test_a_refused_proposal_does_not_move_a_robot_at_rest():
-    gate, passed = ask(ready(out=Twist(0.3, 0.0), mode=GateMode.IDLE), 0.2, n=3)
-    assert passed.out.v == pytest.approx(0.24)
+    gate, passed = ask(ready(applied=Twist(0.3, 0.0), mode=GateMode.IDLE), 0.2, n=3)
+    assert passed.applied.v == pytest.approx(0.24)
     assert gate.refused == 1
 
 
@@ -213,10 +215,10 @@ def test_a_refused_proposal_does_not_move_a_robot_at_rest():
     ],
 )
 def test_a_broken_sensor_is_a_fault_at_once(proposal, said):
-    gate, passed = g.propose(ready(out=Twist(0.3, 0.0)), proposal, 10.0, RULES)
+    gate, passed = g.propose(ready(applied=Twist(0.3, 0.0)), proposal, 10.0, RULES)
     assert gate.mode == GateMode.FAULTED
     assert gate.reason == passed.reason == said
-    assert passed.out == pytest.approx((0.24, 0.0))  # braking has begun
+    assert passed.applied == pytest.approx((0.24, 0.0))  # braking has begun
     assert (gate.refused, gate.last_proposal) == (1, 9.98)
 
 
@@ -226,7 +228,7 @@ def test_a_little_ahead_is_the_clocks_jitter():
 
 @pytest.mark.parametrize("mode", [GateMode.AUTOMATIC, GateMode.SHARED])
 def test_silence_trips_the_watchdog(mode):
-    gate = ready(out=Twist(0.3, 0.0), mode=mode)
+    gate = ready(applied=Twist(0.3, 0.0), mode=mode)
     assert g.due(gate, RULES) == pytest.approx(10.08)
     early, passed = g.tick(gate, 10.0799, RULES)
     assert early.mode == mode
@@ -234,7 +236,7 @@ def test_silence_trips_the_watchdog(mode):
     late, passed = g.tick(early, 10.0801, RULES)
     assert late.mode == GateMode.FAULTED
     assert passed.reason == late.reason == "no valid command for more than 100 ms"
-    assert passed.out.v == pytest.approx(0.24)
+    assert passed.applied.v == pytest.approx(0.24)
 
 
 def test_refused_proposals_are_silence():
@@ -248,7 +250,7 @@ def test_refused_proposals_are_silence():
 def test_a_late_proposal_does_not_hide_that_it_is_late():
     gate, passed = ask(ready(), 0.1, now=10.1)
     assert gate.mode == GateMode.FAULTED
-    assert passed.out == STANDING
+    assert passed.applied == STANDING
 
 
 @pytest.mark.parametrize("mode", [GateMode.IDLE, GateMode.STOPPED, GateMode.FAULTED])
@@ -259,16 +261,16 @@ def test_an_idle_robot_needs_no_watchdog(mode):
 
 
 def test_a_clock_that_goes_back_is_a_fault_and_the_new_time_counts():
-    gate = ready(out=Twist(0.3, 0.0))
+    gate = ready(applied=Twist(0.3, 0.0))
     gate, passed = g.tick(gate, 9.5, RULES)
     assert (gate.mode, gate.reason) == (GateMode.FAULTED, "the robot's clock went back")
-    assert passed.out.v == pytest.approx(0.24)
+    assert passed.applied.v == pytest.approx(0.24)
     assert gate.asked == -INF  # there was no proposal yet in the new time
     for k in range(1, 20):
         gate, passed = g.propose(
             gate, Proposal(8 + k, 9.5 + 0.02 * k, Twist(0.3, 0.0)), 9.5 + 0.02 * k, RULES
         )
-    assert passed.out == STANDING
+    assert passed.applied == STANDING
     assert g.reset(gate, 9.89, RULES)[1] == ""
 
 
@@ -298,10 +300,10 @@ def test_the_same_time_twice_is_no_step_back():
 
 @pytest.mark.parametrize("now", [NAN, INF, -INF])
 def test_a_clock_that_is_no_number_stops_at_once(now):
-    gate, passed = g.tick(ready(out=Twist(0.3, 0.0)), now, RULES)
+    gate, passed = g.tick(ready(applied=Twist(0.3, 0.0)), now, RULES)
     assert passed == Passed(STANDING, "the robot's clock is not a number")
     assert gate.mode == GateMode.FAULTED
-    assert gate.out == STANDING
+    assert gate.applied == STANDING
     assert gate.clock == 9.98
 
 
@@ -438,15 +440,15 @@ def test_only_a_reset_leads_out_and_it_moves_nothing(latch):
     gate = latch(ready(), "why")
     for n in range(8, 40):
         gate, passed = ask(gate, 0.5, now=10.0 + 0.02 * (n - 8), n=n)
-        assert passed.out == STANDING
+        assert passed.applied == STANDING
     assert g.drive(gate, GateMode.AUTOMATIC, 10.62, RULES) == (gate, "reset first: why")
     gate, said = g.reset(gate, 10.62, RULES)
     assert (gate.mode, gate.reason, said) == (GateMode.IDLE, "", "")
     gate, passed = ask(gate, 0.5, now=10.64, n=40)
-    assert passed.out == STANDING  # still nobody has chosen to drive
+    assert passed.applied == STANDING  # still nobody has chosen to drive
     gate, said = g.drive(gate, GateMode.SHARED, 10.64, RULES)
     assert (gate.mode, said) == (GateMode.SHARED, "")
-    assert ask(gate, 0.5, now=10.66, n=41)[1].out.v > 0.0
+    assert ask(gate, 0.5, now=10.66, n=41)[1].applied.v > 0.0
 
 
 def test_no_reset_where_there_is_nothing_to_reset():
@@ -457,7 +459,7 @@ def test_no_reset_where_there_is_nothing_to_reset():
 
 @pytest.mark.parametrize("out", [Twist(0.01, 0.0), Twist(0.0, 0.01)])
 def test_no_reset_while_the_wheels_still_turn(out):
-    gate = g.stop(ready(out=out), "why")
+    gate = g.stop(ready(applied=out), "why")
     assert g.reset(gate, 10.0, RULES) == (gate, "the robot is still braking")
 
 

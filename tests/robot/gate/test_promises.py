@@ -58,7 +58,7 @@ def played(events):
 @given(history)
 def test_whatever_comes_what_goes_out_is_within_the_bounds(events):
     for _, gate, _, _ in played(events):
-        v, omega = gate.out
+        v, omega = gate.applied
         assert abs(v) <= 1.0 + 1e-12
         assert abs(omega) <= 2.0 + 1e-12
         assert abs(v) + 0.25 * abs(omega) <= 1.2 + 1e-12
@@ -67,7 +67,7 @@ def test_whatever_comes_what_goes_out_is_within_the_bounds(events):
 @given(history)
 def test_in_any_stretch_of_time_the_wheels_gain_no_more_than_they_may(events):
     """But for a stop because the clock is no number, and a clock that was put back."""
-    seen = [(now, gate.out) for _, gate, now, _ in played(events)]
+    seen = [(now, gate.applied) for _, gate, now, _ in played(events)]
     for i in range(len(seen)):
         for j in range(i + 1, min(i + 12, len(seen))):
             stretch = seen[i : j + 1]
@@ -87,7 +87,7 @@ def test_nothing_but_a_reset_leads_out_of_a_latch_and_only_to_idle(events):
         if latched(before.mode) and not latched(gate.mode):
             assert what == "reset"
             assert gate.mode == GateMode.IDLE
-            assert gate.out == Twist(0.0, 0.0)
+            assert gate.applied == Twist(0.0, 0.0)
 
 
 @given(history)
@@ -102,8 +102,8 @@ def test_nothing_but_a_choice_makes_it_drive(events):
 def test_an_idle_robot_never_gets_faster(events):
     for before, gate, now, _ in played(events):
         if not driving(gate.mode) and math.isfinite(now):
-            assert abs(gate.out.v) <= abs(before.out.v)
-            assert abs(gate.out.omega) <= abs(before.out.omega)
+            assert abs(gate.applied.v) <= abs(before.applied.v)
+            assert abs(gate.applied.omega) <= abs(before.applied.omega)
 
 
 @given(history)

@@ -68,7 +68,7 @@ def test_a_robot_driven_over_an_edge_without_a_filter_counts_as_fallen(monkeypat
     def through(gated, proposal):
         gated._monitors = ()
         gated._robot.send(Twist(-0.3, 0.0))
-        return Passed(gated.gate.out, "")
+        return Passed(gated.gate.applied, "")
 
     monkeypatch.setattr(Watched, "propose", through)
     row = run_episode(beside_a_dock(math.pi), "guard")

@@ -49,7 +49,7 @@ def test_a_fault_and_a_silent_loop_are_reset_and_counted_in_a_campaign(monkeypat
 
     def silent(gated, proposal):
         if mute < gated.now() < mute + 0.5:
-            return Passed(gated.gate.out, "")
+            return Passed(gated.gate.applied, "")
         return propose(gated, proposal)
 
     monkeypatch.setattr(Twin, "read", pressed)

@@ -54,7 +54,7 @@ class Gate(NamedTuple):
     mode: GateMode = GateMode.IDLE
     reason: str = ""
     """Why it is stopped or faulted: the first reason, until the reset."""
-    out: Twist = STANDING
+    applied: Twist = STANDING
     """The twist sent to the wheels last."""
     change_until: float = -math.inf
     """The time up to which the allowed acceleration has been used [s]."""
@@ -75,7 +75,7 @@ class Gate(NamedTuple):
 class Passed(NamedTuple):
     """The result of a proposal."""
 
-    out: Twist
+    applied: Twist
     """For the wheels, now."""
     reason: str
     """Why it differs from the proposal; empty where it does not."""
@@ -92,7 +92,7 @@ def propose(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> tup
     if refusal:
         gate = gate._replace(refused=gate.refused + 1)
         if driving(gate.mode):  # the wheels keep what they have, and the watchdog counts on
-            return gate, Passed(gate.out, refusal)
+            return gate, Passed(gate.applied, refusal)
         return _brake(gate, now, rules)
     gate = gate._replace(last_proposal=now, sequence=proposal.sequence)
     if not driving(gate.mode):
@@ -102,16 +102,16 @@ def propose(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> tup
     reason = ""
     if goal != proposal.twist:
         reason = "faster than the robot may be"
-    elif gate.out != goal:
+    elif gate.applied != goal:
         reason = "a change faster than the robot may make"
-    return gate, Passed(gate.out, reason)
+    return gate, Passed(gate.applied, reason)
 
 
 def tick(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, Passed]:
     """Time passes without a proposal: check the watchdog; brake where nothing may drive."""
     gate = _check_watchdog(gate, now, rules)
     if driving(gate.mode):
-        return gate, Passed(gate.out, "")
+        return gate, Passed(gate.applied, "")
     return _brake(gate, now, rules)
 
 
@@ -143,7 +143,7 @@ def reset(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, str]:
     """
     if not latched(gate.mode):
         return gate, "there is nothing to reset"
-    if gate.out != STANDING:
+    if gate.applied != STANDING:
         return gate, "the robot is still braking"
     why = _not_alive(gate, now, rules)
     return (gate, why) if why else (gate._replace(mode=GateMode.IDLE, reason=""), "")
@@ -228,15 +228,15 @@ def _not_alive(gate: Gate, now: float, rules: GateRules) -> str:
 
 
 def _approach(gate: Gate, goal: Twist, now: float, rules: GateRules) -> Gate:
-    """Change the output towards a goal, as far as the accelerations allow by now."""
+    """Change the applied twist towards a goal, as far as the accelerations allow by now."""
     change_until = max(gate.change_until, now - rules.period)
-    out, used = towards(gate.out, goal, rules.bounds, now + rules.jitter - change_until)
-    return gate._replace(out=out, change_until=change_until + used)
+    applied, used = towards(gate.applied, goal, rules.bounds, now + rules.jitter - change_until)
+    return gate._replace(applied=applied, change_until=change_until + used)
 
 
 def _brake(gate: Gate, now: float, rules: GateRules) -> tuple[Gate, Passed]:
     """Brake to standing, or stand."""
     if not math.isfinite(now):
-        return gate._replace(out=STANDING), Passed(STANDING, gate.reason)
+        return gate._replace(applied=STANDING), Passed(STANDING, gate.reason)
     gate = _approach(gate, STANDING, now, rules)
-    return gate, Passed(gate.out, gate.reason or "idle")
+    return gate, Passed(gate.applied, gate.reason or "idle")

@@ -106,7 +106,7 @@ class LocalGatedRobot:
             self.fault(self._fault)
         self._check_wait("read", begun)
         if self._monitors:
-            now, applied = self._robot.now(), self._gate.out
+            now, applied = self._robot.now(), self._gate.applied
             stopped = latched(self._gate.mode)
             self._restriction = self._strictest(
                 [monitor.observe(now, readings, applied, stopped) for monitor in self._monitors]
@@ -205,9 +205,9 @@ class LocalGatedRobot:
         if latched(gate.mode):
             return passed
         begun = self._robot.now()
-        tried = self._called("send", passed.out)
+        tried = self._called("send", passed.applied)
         self._check_wait("send", begun)
-        if tried != passed.out:
+        if tried != passed.applied:
             passed = Passed(tried, passed.reason or "the robot does not do more")
         if passed.reason and driving(gate.mode):
             self._log_once(f"{'refused' if refused else 'limited'}: {passed.reason}")

@@ -49,7 +49,7 @@ class Watched(LocalGatedRobot):
         if driving(self.gate.mode):
             by_monitor = self.monitor_share < 1.0
             acted.monitors += by_monitor
-            acted.gate += not by_monitor and passed.out != proposal.twist
+            acted.gate += not by_monitor and passed.applied != proposal.twist
         return passed
 
 
@@ -95,7 +95,7 @@ class Looped(TwinRun):
             self.courses = self.courses + 1 if self.course.row else 0
         decided = self.loop.decision
         if decided is not None:
-            row["saturated"] = self.gated.gate.out != decided.safe
+            row["saturated"] = self.gated.gate.applied != decided.safe
         self.write(row, k, then, decided)
 
     def _supervise(self, now: float) -> None:
