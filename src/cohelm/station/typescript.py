@@ -26,13 +26,10 @@ HEAD = """// Made from station/messages.py and link/; a test holds them equal. T
 // python -m cohelm.station.typescript > src/cohelm/station/web/src/messages.ts
 """
 _PLAIN = {float: "number", int: "number", str: "string", bool: "boolean", type(None): "null"}
-_STAMPED = """export interface Status extends StatusFields {
-  /** The robot's clock when it was sent [s]. */
+_STAMPED = """  /** The robot's clock when it was sent [s]. */
   stamp: number
   /** Age when it was sent to the page [s]. */
-  age: number
-}
-"""
+  age: number"""
 
 
 def text() -> str:
@@ -41,7 +38,7 @@ def text() -> str:
     robots = messages.FROM_ROBOT
     up = [_interface(model, known=True) for model in _inner(from_page)]
     down = map(_interface, (*_inner(robots), *from_page, *own, *robots))
-    blocks = [HEAD, *up, *down, _STAMPED]
+    blocks = [HEAD, *up, *down]
     names = [model.__name__ for model in (*own, *robots)]
     for name, members in (("FromPage", [m.__name__ for m in from_page]), ("ToPage", names)):
         blocks.append(f"export type {name} = {' | '.join(members)}\n")
@@ -90,8 +87,7 @@ def _may_be_unknown(hint: Any) -> bool:
 
 def _interface(model: type[Any], known: bool = False) -> str:
     """known: whether all its numbers are."""
-    name = "StatusFields" if model.__name__ == "Status" else model.__name__
-    lines = [f"/** {_line(model.__doc__ or '')} */", f"export interface {name} {{"]
+    lines = [f"/** {_line(model.__doc__ or '')} */", f"export interface {model.__name__} {{"]
     if model in messages.FROM_ROBOT:
         lines.append(f"  type: '{model.__name__}'")
     hints = typing.get_type_hints(model, include_extras=True)
@@ -101,6 +97,8 @@ def _interface(model: type[Any], known: bool = False) -> str:
             lines.append(f"  /** {_line(described[field])} */")
         unknown = not known and hasattr(model, "_fields") and _may_be_unknown(hint)
         lines.append(f"  {field}: {_type(hint)}{' | null' if unknown else ''}")
+    if model is messages.Status:
+        lines.append(_STAMPED)
     return "\n".join([*lines, "}\n"])
 
 

@@ -196,7 +196,7 @@ export interface Hello {
 }
 
 /** Down, at 50 Hz: the robot's state. What a record has too is called as there: as a field of `core.row`, where a tuple is one for each part (`nominal_v`, `nominal_omega`), or of `recorded_status.StatusWords`. */
-export interface StatusFields {
+export interface Status {
   type: 'Status'
   lease: Lease
   mode: 'hold' | 'shared' | 'automatic' | 'manual'
@@ -248,6 +248,10 @@ export interface StatusFields {
   ahead: Array<[number, number]>
   /** Time between two of its points [s]. */
   ahead_step: number | null
+  /** The robot's clock when it was sent [s]. */
+  stamp: number
+  /** Age when it was sent to the page [s]. */
+  age: number
 }
 
 /** Down: round obstacles, the nearest 40. */
@@ -309,13 +313,6 @@ export interface PlaybackPosition {
   at: number | null
   playing: boolean
   speed: number | null
-}
-
-export interface Status extends StatusFields {
-  /** The robot's clock when it was sent [s]. */
-  stamp: number
-  /** Age when it was sent to the page [s]. */
-  age: number
 }
 
 export type FromPage = Steer | Do | Waypoints | Got | Play
