@@ -16,8 +16,7 @@ class StatusWords(NamedTuple):
 
     driver: int
     """Client number; 0: nobody drives."""
-    name: str
-    """The driver's."""
+    driver_name: str
     mode: Mode
     stopped: str
     """Why it is stopped; empty: it is not."""

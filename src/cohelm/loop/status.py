@@ -122,7 +122,7 @@ def status(
     return Status(
         **{name: made(kind, columns) for name, kind, columns in _IN_ROW},
         **{name: getattr(words, name) for name in _IN_WORDS},
-        lease=Lease(0, words.driver, words.name, 0, "", math.nan),
+        lease=Lease(0, words.driver, words.driver_name, 0, "", math.nan),
         authority=min(f("authority_x"), f("authority_psi")),
         pose=Pose(f("x"), f("y"), f("psi")),
         limiting=(f("limiting_x"), f("limiting_y")),

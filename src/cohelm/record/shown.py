@@ -100,7 +100,7 @@ def from_message(topic: str, message: Any) -> StatusWords | Map | ZoneMap | Poly
 
 def _words(texts: StatusWords) -> Iterator[Any]:
     ok, error = DiagnosticStatus.OK, DiagnosticStatus.ERROR
-    yield _word(ok, "driver", texts.name, number=texts.driver)
+    yield _word(ok, "driver", texts.driver_name, number=texts.driver)
     yield _word(ok, "mode", texts.mode.name)
     yield _word(error if texts.stopped else ok, "stopped", texts.stopped)
     yield _word(ok, "why", texts.why)
