@@ -80,7 +80,7 @@ def field(n: int, seed: int = 1) -> Field:
         discs=rows,
         poses=tuple(poses),
         desired=tuple(desired),
-        wishes=np.array([s.nominal for s in done]),
+        wishes=np.array([[s.nominal_v, s.nominal_omega] for s in done]),
         shaped=float(np.mean([s.I > s.J for s in done])),
     )
 

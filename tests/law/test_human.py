@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from cohelm.core.types import Desired, Pose, Stick, discs
+from cohelm.core.types import Desired, Pose, Stick, Twist, discs
 from cohelm.law.gains import Gains
 from cohelm.law.human import Authority, authority, blend, human, intent, limited, supplied_energy
 from cohelm.law.step import step
@@ -104,12 +104,12 @@ def test_full_authority_on_either_side_is_that_sides_command(automatic, person):
 def test_the_shared_command_never_leaves_the_two_commands(pose, desired, gains, data):
     s = step(pose, desired, data.draw(states.sticks(gains.dead_band)), EMPTY, gains)
     for a, b, shared in (
-        (s.tracking.v, s.operator.v, s.nominal.v),
-        (s.tracking.omega, s.operator.omega, s.nominal.omega),
+        (s.tracking_v, s.operator_v, s.nominal_v),
+        (s.tracking_omega, s.operator_omega, s.nominal_omega),
     ):
         slack = 1e-14 * (abs(a) + abs(b))
         assert min(a, b) - slack <= shared <= max(a, b) + slack
-    assert s.safe == s.nominal
+    assert (s.safe_v, s.safe_omega) == (s.nominal_v, s.nominal_omega)
 
 
 def supplied(path):
@@ -142,4 +142,4 @@ def test_a_stick_released_gives_back_what_was_put_in(x, psi):
 def test_a_stick_at_rest_leaves_the_controller_alone():
     desired = Desired(0.2, 0.1, 0.2, 0.5, 0.1)
     s = step(Pose(0.0, 0.0, 0.0), desired, Stick(0.0, 0.0), EMPTY)
-    assert s.safe == s.tracking
+    assert Twist(s.safe_v, s.safe_omega) == Twist(s.tracking_v, s.tracking_omega)

@@ -34,15 +34,17 @@ def test_every_number_of_a_control_step_is_the_papers(data):
     ours = step(pose, desired, stick, discs, gains)
 
     same = {"rel": CLOSE, "abs": CLOSE}
-    assert ours.tracking == pytest.approx(tuple(reported.tau_c), **same)
-    assert ours.operator == pytest.approx(tuple(reported.tau_h), **same)
-    assert ours.authority == pytest.approx(tuple(reported.k_c), **same)
-    assert ours.nominal == pytest.approx(tuple(reported.tau), **same)
-    assert ours.intent == pytest.approx(tuple(paper.intent(np.array(stick), parameters)), **same)
-    assert ours.avoid == pytest.approx(
+    assert (ours.tracking_v, ours.tracking_omega) == pytest.approx(tuple(reported.tau_c), **same)
+    assert (ours.operator_v, ours.operator_omega) == pytest.approx(tuple(reported.tau_h), **same)
+    assert (ours.authority_x, ours.authority_psi) == pytest.approx(tuple(reported.k_c), **same)
+    assert (ours.nominal_v, ours.nominal_omega) == pytest.approx(tuple(reported.tau), **same)
+    assert (ours.intent_x, ours.intent_psi) == pytest.approx(
+        tuple(paper.intent(np.array(stick), parameters)), **same
+    )
+    assert (ours.avoid_v, ours.avoid_omega) == pytest.approx(
         tuple(reported.u), rel=CLOSE, abs=CLOSE * (1 + np.abs(reported.u).max())
     )
-    assert ours.safe == pytest.approx(
+    assert (ours.safe_v, ours.safe_omega) == pytest.approx(
         tuple(reported.U), rel=CLOSE, abs=CLOSE * (1 + np.abs(reported.u).max())
     )
     if gains.barrier:

@@ -143,7 +143,7 @@ def test_cbfpy_passes_a_free_command_as_ours_does():
 def test_our_step_keeps_the_distance_required_of_the_peer():
     def ours(pose: Pose) -> Twist:
         done = step(pose, Desired(pose.x, pose.y, 0.0, 0.5, 0.0), Stick(0.0, 0.0), HEAD_ON)
-        return done.safe
+        return Twist(done.safe_v, done.safe_omega)
 
     assert least_h(ours) > 0.0
 

@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from cohelm.core.flat import made, names, write
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.scalars import is_finite
 from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
 from cohelm.law.barrier import Avoidance, barrier
 from cohelm.law.gains import Gains
-from cohelm.law.human import Authority, Intent, OperatorCommand, blend, operator_command
+from cohelm.law.human import OperatorCommand, blend, operator_command
 from cohelm.law.track import track
 from cohelm.law.verdict import INVALID, UNTOUCHED
 
@@ -21,20 +18,28 @@ from cohelm.law.verdict import INVALID, UNTOUCHED
 class Step(NamedTuple):
     """The result of one control step, with all intermediate quantities."""
 
-    safe: Twist
-    """U, the command (49)."""
-    tracking: Twist
+    safe_v: float
+    """Commanded surge speed, first entry of U (49) [m/s]."""
+    safe_omega: float
+    """Commanded yaw rate, second entry of U (49) [rad/s]."""
+    tracking_v: float
+    tracking_omega: float
     """tau_c, the tracking law's command (15)."""
-    operator: Twist
+    operator_v: float
+    operator_omega: float
     """tau_h, the operator's command (38)."""
-    nominal: Twist
+    nominal_v: float
+    nominal_omega: float
     """tau, the blend (34)."""
-    avoid: Twist
+    avoid_v: float
+    avoid_omega: float
     """u, the collision-avoidance input (33)."""
-    authority: Authority
-    """K_c, the automatic share of each axis."""
-    intent: Intent
-    """V_h (41)(42)."""
+    authority_x: float
+    authority_psi: float
+    """Diagonal of K_c: the automatic share of each axis."""
+    intent_x: float
+    intent_psi: float
+    """V_hx and V_hpsi (41)(42)."""
     I: float
     J: float
     """Both sides of the filter's test (31)(32)."""
@@ -57,16 +62,18 @@ def _avoidance(pose: Pose, tau: Twist, discs: Floats, gains: Gains) -> Avoidance
 @jit_inline
 def total_command(tau_c: Twist, operator: OperatorCommand, tau: Twist, avoid: Avoidance) -> Step:
     """U = tau + u (49), with all intermediate quantities; zero where any is not finite."""
-    safe = Twist(tau.v + avoid.input.v, tau.omega + avoid.input.omega)
-    if not (is_finite(safe.v) and is_finite(safe.omega) and operator.valid):
-        zero = Twist(0.0, 0.0)
-        return Step(
-            zero, zero, zero, zero, zero, Authority(0.0, 0.0), Intent(0.0, 0.0), 0.0, 0.0, 0.0,
-            INVALID, -1,
-        )  # fmt: skip
+    v, omega = tau.v + avoid.input.v, tau.omega + avoid.input.omega
+    valid = is_finite(v) and is_finite(omega) and operator.valid
     return Step(
-        safe, tau_c, operator.twist, tau, avoid.input, operator.authority, operator.intent,
-        avoid.I, avoid.J, avoid.h, avoid.verdict, avoid.limiting,
+        _or_0(valid, v), _or_0(valid, omega),
+        _or_0(valid, tau_c.v), _or_0(valid, tau_c.omega),
+        _or_0(valid, operator.twist.v), _or_0(valid, operator.twist.omega),
+        _or_0(valid, tau.v), _or_0(valid, tau.omega),
+        _or_0(valid, avoid.input.v), _or_0(valid, avoid.input.omega),
+        _or_0(valid, operator.authority.x), _or_0(valid, operator.authority.psi),
+        _or_0(valid, operator.intent.x), _or_0(valid, operator.intent.psi),
+        _or_0(valid, avoid.I), _or_0(valid, avoid.J), _or_0(valid, avoid.h),
+        avoid.verdict if valid else INVALID, avoid.limiting if valid else -1,
     )  # fmt: skip
 
 
@@ -79,6 +86,12 @@ def control_step(pose: Pose, desired: Desired, stick: Stick, discs: Floats, gain
     return total_command(tau_c, operator, tau, _avoidance(pose, tau, discs, gains))
 
 
+@jit_inline
+def _or_0(valid: bool, value: float) -> float:
+    """The value, or 0 where an input was not finite."""
+    return value if valid else 0.0
+
+
 @jit
 def _flat(
     x: float, y: float, psi: float,
@@ -86,20 +99,18 @@ def _flat(
     stick_x: float, stick_psi: float,
     k_x: float, k_psi: float, K: float, C: float, k_cbf: float, k_hx: float, k_hpsi: float,
     k_s: float, dead_band: float, nominal: float, use_barrier: bool, joint: bool, true_sign: bool,
-    discs: Floats, out: Floats,
-) -> None:  # fmt: skip
+    discs: Floats,
+) -> Step:  # fmt: skip
     gains = Gains(
         k_x, k_psi, K, C, k_cbf, k_hx, k_hpsi, k_s, dead_band, nominal,
         use_barrier, joint, true_sign,
     )  # fmt: skip
-    done = control_step(
+    return control_step(
         Pose(x, y, psi), Desired(x_d, y_d, psi_d, u_d, r_d), Stick(stick_x, stick_psi), discs, gains
     )
-    write(done, out, 0)
 
 
 _PAPER = Gains()
-_NUMBERS = len(names(Step))
 
 
 def step(pose: Pose, desired: Desired, stick: Stick, discs: Floats, gains: Gains = _PAPER) -> Step:
@@ -110,9 +121,6 @@ def step(pose: Pose, desired: Desired, stick: Stick, discs: Floats, gains: Gains
     that is not finite: a NaN or infinity in pose, reference, stick or (with the barrier on) in
     a disc's place, motion or safe distance gives a standing command with verdict INVALID.
 
-    Arguments are spread on the way in: numba unpacks a float in 30 ns, a named tuple in 800; the
-    result comes out as a row, see `core.flat`.
+    Arguments are spread on the way in: numba unpacks a float in 30 ns, a named tuple in 800.
     """
-    out = np.empty(_NUMBERS)
-    _flat(*pose, *desired, *stick, *gains, discs, out)
-    return made(Step, out.tolist())
+    return _flat(*pose, *desired, *stick, *gains, discs)

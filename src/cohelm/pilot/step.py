@@ -194,7 +194,7 @@ def pilot_step(
         safe = Twist(filtered.v, filtered.omega)  # also for INVALID: it brakes
     else:
         step = control_step(pose_ahead, target, stick, obstacles_ahead.discs, s.gains)
-        safe = step.safe
+        safe = Twist(step.safe_v, step.safe_omega)
     d = len(sent)
     if d > 0:
         sent[state.k % d, 0], sent[state.k % d, 1] = safe.v, safe.omega
@@ -215,8 +215,11 @@ def pilot_step(
         state.barred,
     )  # fmt: skip
     return next_state, Decision(
-        safe, step.tracking, step.operator, step.nominal, step.avoid, step.authority, step.intent,
-        step.I, step.J, step.h, step.verdict, step.limiting, clearance, change, behavior,
+        safe, Twist(step.tracking_v, step.tracking_omega),
+        Twist(step.operator_v, step.operator_omega), Twist(step.nominal_v, step.nominal_omega),
+        Twist(step.avoid_v, step.avoid_omega), Authority(step.authority_x, step.authority_psi),
+        Intent(step.intent_x, step.intent_psi), step.I, step.J, step.h, step.verdict, step.limiting,
+        clearance, change, behavior,
         clock.tau, clock.rate, clock.waited, target, pose_error(pose_ahead, target),
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.trace import Trace
-from cohelm.core.types import Desired, Floats
+from cohelm.core.types import Desired, Floats, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.reference import tabulate
 from cohelm.law.step import control_step
@@ -73,7 +73,8 @@ def _advance(
             person, operator, recorded_stick, pose, now, obstacles.noticed, k, dt, seed
         )
         s = control_step(pose, desired, stick, now, gains)
-        state, saturated = moved(k, dt, state, s.safe, stick, gains, limits, queue)
+        command = Twist(s.safe_v, s.safe_omega)
+        state, saturated = moved(k, dt, state, command, stick, gains, limits, queue)
         row = rows[j]
         note(row, h[j], k * dt, pose, stick, desired, s, state, saturated, now)
         row.e_p = pose_error(pose, desired)

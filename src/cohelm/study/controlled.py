@@ -15,7 +15,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.obstacles import Obstacles
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, VX, VY, Desired, Floats, Pose, Stick, Twist, X, Y
-from cohelm.law.human import Authority, Intent, human, limited
+from cohelm.law.human import human, limited
 from cohelm.law.reference import desired
 from cohelm.law.step import Step
 from cohelm.law.track import pose_error
@@ -186,8 +186,8 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
         away = math.hypot(pose.x - goal[0], pose.y - goal[1])
         operator = human(limited(stick, gains), gains)
         decided = Step(
-            command, command, operator, command, Twist(*_NOT_SAID), Authority(1.0, 1.0),
-            Intent(*_NOT_SAID), *_NOT_SAID, math.nan, UNTOUCHED if sound else INVALID, -1,
+            *command, *command, *operator, *command, *_NOT_SAID, 1.0, 1.0, *_NOT_SAID, *_NOT_SAID,
+            math.nan, UNTOUCHED if sound else INVALID, -1,
         )  # fmt: skip
         row = rows[k]
         note(row, h[k], t, pose, stick, wanted, decided, robot, saturated, there)
