@@ -56,9 +56,7 @@ def how_ended(process: SpawnProcess, within: float) -> str:
     code = process.exitcode
     if code is None:
         return ""
-    if code < 0:
-        return f"killed by {signal.Signals(-code).name}"
-    return f"it exited with code {code}" + ("; see above" if code else "")
+    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"it exited with code {code}"
 
 
 def detach(process: SpawnProcess) -> None:

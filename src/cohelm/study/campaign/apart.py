@@ -51,7 +51,7 @@ def drive(setup: Setup, make: Callable[[], Controller]) -> Trace:
         while (answer := child.received()) is None:
             late = time.monotonic() > shared[_DUE]
             if late or child.gone:
-                how = child.end(0.0 if late else 1.0).partition(";")[0]  # read elsewhere
+                how = child.end(0.0 if late else 1.0)
                 ended = f"ended its process{how and f' ({how})'}"
                 slow = f"did not answer within {_LATER:g} s ({_FIRST:g} s for the first time)"
                 raise CohelmError(f"the law {slow if late else ended} at t = {shared[_T]:.2f} s")
