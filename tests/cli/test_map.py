@@ -23,6 +23,7 @@ from cohelm.study import mapping
 from cohelm.study.map_files import shades
 from cohelm.study.mapping_session import MappingSession
 from tests.perceive.drives import LIDAR, TOUR, along, drive
+from tests.scenario.test_carmen import flaser, written
 from tests.study.test_bags import bag
 
 SALLY = load.robot("sally").model_copy(update={"lidar": LIDAR})
@@ -179,6 +180,16 @@ def test_a_file_that_is_no_record_is_refused_in_one_sentence(cohelm, tmp_path):
         done = cohelm("map", str(tmp_path / given))
         assert done.code == 2
         assert said in done.err
+
+
+def test_what_of_a_carmen_log_could_not_be_used_is_said(cohelm, tmp_path):
+    lines = [flaser(t, pose=(0.1 * t, 0.0, 0.0)) for t in (1.0, 2.0, 9e9, 3.0, 4.0, 5.0)]
+    written(tmp_path, *lines)
+    left_out = "scans with a time far from those around them: 1, the first in line 3"
+    done = cohelm("map", "a.log", "--out", "m")
+    assert done.code == 0, done.err
+    assert f"warning: a.log: left out: {left_out}" in " ".join(done.err.split())
+    assert json.loads((tmp_path / "m" / "mapping.json").read_text())["left_out"] == left_out
 
 
 def test_a_bag_with_other_topics_is_mapped(cohelm, tmp_path):

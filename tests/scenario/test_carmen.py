@@ -100,6 +100,10 @@ def test_damaged_lines_are_left_out_and_the_others_read(tmp_path):
         )
     )  # fmt: skip
     assert [s.stamp for s in made.scans] == [1.0, 3.5, 4.0]
+    assert made.left_out == (
+        "lines damaged or cut short: 4, the first in line 2; "
+        "scans with another number of beams than most: 1, the first in line 5"
+    )
     assert all(np.isfinite(o.pose).all() for o in made.odometry)
 
 
@@ -122,6 +126,7 @@ def test_the_intel_log_is_read_whole():
     made = read_log(INTEL)
     assert len(made.scans) == 910
     assert len(made.odometry) > 10_000
+    assert made.left_out == ""
     assert made.lidar.beams == 180
 
 
@@ -150,6 +155,8 @@ def test_a_line_whose_time_is_none_is_left_out(tmp_path):
     assert len(made.scans) == len(made.odometry) == 78
     assert made.scans[-1].stamp == made.odometry[-1].stamp == 4079.0
     assert made.scans[0].stamp == made.odometry[0].stamp == 5.0
+    said = "scans with a time far from those around them: 2, the first in line 41"
+    assert made.left_out == said
 
 
 def around(unit, backwards=1.0):
@@ -191,7 +198,9 @@ def test_scans_without_time_and_without_a_pose_of_their_own_are_refused(tmp_path
 
 def test_a_scan_that_was_written_down_twice_is_read_once(tmp_path):
     lines = [flaser(float(k)) for k in range(40)]
-    assert len(read_log(written(tmp_path, *lines, lines[-1])).scans) == 40
+    made = read_log(written(tmp_path, *lines, lines[-1]))
+    assert len(made.scans) == 40
+    assert made.left_out == "scans with the time of another: 1, the first in line 41"
 
 
 def described(first="-1.0", step="0.5", n=5, ranges="1 2 3 4 5"):

@@ -161,6 +161,8 @@ def map_(
                 f"cohelm map {plain(again)} --out {plain(typed(folder))}"
             )
             raise
+    if result.left_out:
+        say(f"[yellow]warning:[/yellow] {plain(str(record))}: left out: {plain(result.left_out)}")
     if not result.record_whole:
         say(f"[bold red]failed:[/bold red] {plain(str(record))} is cut short or damaged; the map "
             "goes as far as it does")  # fmt: skip

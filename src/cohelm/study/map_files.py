@@ -41,6 +41,8 @@ class MapResult:
     height_m: float
     resolution_m: float
     seconds: float
+    left_out: str = ""
+    """What of the record could not be used, and how much; empty: nothing."""
     localized: LocalizedDrive | None = None
     """The drive again, on the map that was made of it, if that was asked for."""
 
@@ -53,7 +55,7 @@ def occupancy(drawn: Raster) -> OccupancyMap:
 
 
 def outcome(
-    session: MappingSession, made: MappingResult, drawn: Raster, seconds: float
+    session: MappingSession, made: MappingResult, drawn: Raster, seconds: float, left_out: str
 ) -> MapResult:
     """Of what was mapped and drawn, in so many seconds."""
     path = np.array([pose[:2] for pose in made.poses])
@@ -64,7 +66,7 @@ def outcome(
         marks=tuple(_as_option(mark) for mark in session.marks), odometry_scale=made.scale,
         travelled_m=float(np.hypot(*np.diff(path, axis=0).T).sum()),
         width_m=columns * drawn.resolution, height_m=rows * drawn.resolution,
-        resolution_m=drawn.resolution, seconds=seconds,
+        resolution_m=drawn.resolution, seconds=seconds, left_out=left_out,
     )  # fmt: skip
 
 

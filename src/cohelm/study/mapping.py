@@ -175,7 +175,8 @@ def mapped(
         )
     session.save(folder)  # closing loops takes a while, too
     _shown(session, folder)
-    return _finished(session, folder, progress, start, recorded if localise else None)
+    again = recorded if localise else None
+    return _finished(session, folder, progress, start, recorded.left_out, again)
 
 
 def marked(
@@ -235,16 +236,16 @@ def _marked(session: MappingSession) -> tuple[Mapper, NDArray[np.bool_]]:
 
 
 def _finished(
-    session: MappingSession, folder: Path, progress: Progress, start: float,
+    session: MappingSession, folder: Path, progress: Progress, start: float, left_out: str = "",
     again: RecordedDrive | None = None,
 ) -> MapResult:  # fmt: skip
-    """again: a drive to localize on the map."""
+    """left_out: of the record, as in `RecordedDrive`. again: a drive to localize on the map."""
     survey, out = _marked(session)
     try:
         made = survey.finished(lambda share: progress("closing loops", 0.6 + 0.3 * share))
         progress("drawing", 0.9)
         drawn = _drawn(session, made, out)
-        result = outcome(session, made, drawn, time.perf_counter() - start)
+        result = outcome(session, made, drawn, time.perf_counter() - start, left_out)
         session.save(folder)
         write(folder, session, made, drawn, result)
         if again is not None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -52,11 +52,15 @@ class RecordedDrive(NamedTuple):
     """As the record, or the convention of its kind, describes it."""
     whole: bool = True
     """Whether the record was finished, and is not damaged."""
+    left_out: str = ""
+    """What of it could not be used, and how much; empty: nothing."""
 
 
 class _Line(NamedTuple):
     """What one line holds; NaN or None for what it does not."""
 
+    number: int
+    """From 1 on."""
     logged: float
     """When it was written down, its last number [s]."""
     sent: float
@@ -68,23 +72,34 @@ class _Line(NamedTuple):
     laser: Floats | None = None
 
 
+class _StampedScan(NamedTuple):
+    stamp: float
+    number: int
+    """Of its line."""
+    ranges: Floats
+    first: float
+    step: float
+
+
 def read_log(path: Path | str) -> RecordedDrive:
     """A drive from a CARMEN log, plain or gzip.
 
     Scans of another number of beams than most, and lines that are cut short or hold no numbers,
-    or have a time a minute from those around them, are left out. Time is when a line was written
-    down, or when it was sent; where neither goes on from scan to scan, but each scan has its pose
-    in its line, they count as ten a second, in their order. Raises CohelmError where there is no
-    such file, no scan with a pose in it, no time, or headings in degrees.
+    or have a time a minute from those around them, are left out, and so said. Time is when a line
+    was written down, or when it was sent; where neither goes on from scan to scan, but each scan
+    has its pose in its line, they count as ten a second, in their order. Raises CohelmError where
+    there is no such file, no scan with a pose in it, no time, or headings in degrees.
     """
     data = io.BytesIO(contents(path, "a CARMEN log", _LARGEST))
     lines: list[_Line] = []
-    for line in io.TextIOWrapper(data, encoding="utf-8-sig", errors="replace"):
+    left_out: dict[str, list[int]] = defaultdict(list)  # numbers of lines, by what they are
+    for number, line in enumerate(io.TextIOWrapper(data, "utf-8-sig", errors="replace"), 1):
         words = line.split()
         try:
-            found = _read(words) if words else None
+            found = _read(number, words) if words else None
         except (ValueError, IndexError, OverflowError):
-            continue  # a line that is damaged or cut short; the others count
+            left_out["lines damaged or cut short"].append(number)
+            continue
         if found is not None:
             lines.append(found)
     scans = [one for one in lines if one.scan is not None]
@@ -103,22 +118,31 @@ def read_log(path: Path | str) -> RecordedDrive:
         )
     odometry: dict[float, Odometry] = {}
     with_scans: dict[float, Odometry] = {}  # these are where their scans were taken
-    found_scans: list[tuple[float, Floats, float, float]] = []  # stamp, ranges, first, step
+    found_scans: list[_StampedScan] = []
     mount = Pose(0.0, 0.0, 0.0)
     for one, stamp in zip(lines, stamps, strict=True):
-        if one.pose is not None and math.isfinite(stamp):
+        if not math.isfinite(stamp):
+            if one.scan is not None:
+                left_out["scans with a time far from those around them"].append(one.number)
+            continue
+        if one.pose is not None:
             # its speeds are not reliable: some drivers write 0, others deg/s
             x, y, psi = one.pose[:3].tolist()
             among = odometry if one.scan is None else with_scans
             among.setdefault(stamp, Odometry(stamp, Pose(x, y, psi), Twist(0.0, 0.0)))
-        if one.scan is not None and math.isfinite(stamp):
+        if one.scan is not None:
             if not found_scans and one.pose is not None and one.laser is not None:
                 mount = _mount(one.laser, one.pose)
-            found_scans.append((stamp, *one.scan))
-    return _drive(path, {**odometry, **with_scans}, found_scans, mount)
+            found_scans.append(_StampedScan(stamp, one.number, *one.scan))
+    lidar, scans = _scans(path, found_scans, mount, left_out)
+    odometry |= with_scans
+    told = (f"{what}: {len(at)}, the first in line {at[0]}" for what, at in left_out.items())
+    return RecordedDrive(
+        [odometry[t] for t in sorted(odometry)], scans, lidar, left_out="; ".join(told)
+    )
 
 
-def _read(words: list[str]) -> _Line | None:
+def _read(number: int, words: list[str]) -> _Line | None:
     """What a line holds; None: nothing of concern. ValueError, IndexError: it is damaged."""
     kind = words[0]
     if kind not in ("ODOM", "FLASER", "ROBOTLASER1", "RAWLASER1"):
@@ -129,19 +153,19 @@ def _read(words: list[str]) -> _Line | None:
     except ValueError:
         sent = math.nan
     if kind == "ODOM":
-        return _Line(logged, sent, _pose(_numbers(words[1:6])))
+        return _Line(number, logged, sent, _pose(_numbers(words[1:6])))
     if kind == "FLASER":
         n = _beams(words[1])
         after = _numbers(words[2 + n : 8 + n])
         scan = (_numbers(words[2 : 2 + n]), *_convention(n))
-        return _Line(logged, sent, _pose(after[3:6]), scan, _pose(after[:3]))
+        return _Line(number, logged, sent, _pose(after[3:6]), scan, _pose(after[:3]))
     first, step, n = float(words[2]), float(words[4]), _beams(words[8])
     scan = (_numbers(words[9 : 9 + n]), first, step)
     if kind == "RAWLASER1":
-        return _Line(logged, sent, None, scan)
+        return _Line(number, logged, sent, None, scan)
     rest = words[9 + n :]
     poses = _numbers(rest[1 + int(rest[0]) :][:6])
-    return _Line(logged, sent, _pose(poses[3:6]), scan, _pose(poses[:3]))
+    return _Line(number, logged, sent, _pose(poses[3:6]), scan, _pose(poses[:3]))
 
 
 def _stamps(lines: list[_Line]) -> list[float] | None:
@@ -175,21 +199,24 @@ def _goes_on(times: list[float]) -> bool:
     return len(times) < 2 or float(np.mean(np.diff(finite) > 0.0)) >= _LATER
 
 
-def _drive(
-    path: Path | str, odometry: dict[float, Odometry],
-    found: list[tuple[float, Floats, float, float]], mount: Pose,
-) -> RecordedDrive:  # fmt: skip
-    beams = Counter(len(ranges) for _, ranges, _, _ in found).most_common(1)[0][0]
-    found = sorted((f for f in found if len(f[1]) == beams), key=lambda f: f[0])
-    (first, step), _ = Counter(f[2:] for f in found).most_common(1)[0]
+def _scans(
+    path: Path | str, found: list[_StampedScan], mount: Pose, left_out: dict[str, list[int]]
+) -> tuple[LidarModel, list[Scan]]:
+    """In the order of time, with the laser that took them."""
+    beams = Counter(len(f.ranges) for f in found).most_common(1)[0][0]
+    alike = sorted((f for f in found if len(f.ranges) == beams), key=lambda f: f.stamp)
+    if others := [f.number for f in found if len(f.ranges) != beams]:
+        left_out["scans with another number of beams than most"] = others
+    (first, step), _ = Counter(f[3:] for f in alike).most_common(1)[0]
     if not (abs(first) <= 2.0 * _TURN and _FINEST <= step <= _TURN / (beams - 1)):  # nor for NaN
         raise CohelmError(
             f"{path}: its laser has {beams} beams {step:g} apart from {first:g} on, and a scan "
             "goes round once at most: give a log with its angles in radians"
         )
     scans: list[Scan] = []
-    for stamp, ranges, _, _ in found:
+    for stamp, number, ranges, *_ in alike:
         if scans and stamp <= scans[-1].stamp:
+            left_out["scans with the time of another"].append(number)
             continue
         seen = np.where(np.isfinite(ranges) & (ranges < _FAR) & (ranges > 0.0), ranges, math.inf)
         scans.append(Scan(stamp, len(scans), seen, 0.0))
@@ -207,7 +234,7 @@ def _drive(
         )
     except ValidationError as error:
         raise faults(path, error) from error
-    return RecordedDrive([odometry[t] for t in sorted(odometry)], scans, lidar)
+    return lidar, scans
 
 
 def _check_in_metres(path: Path | str, ranges: Floats) -> None:
