@@ -198,6 +198,7 @@ def test_a_scan_that_is_none_is_left_out_and_a_bag_without_any_refused(tmp_path)
 
     found = drive(bag(tmp_path / "some", 2, spoil=without({0, 3})))
     assert [round(scan.stamp, 6) for scan in found.scans] == [0.2, 0.4, 0.8]
+    assert found.left_out.startswith("2 of 5 scans: /robot7/laser holds no scan: 63 ranges, 0 rad")
     with pytest.raises(CohelmError, match=r"none: /robot7/laser holds no scan: .*: fix its driver"):
         drive(bag(tmp_path / "none", 2, spoil=without(range(5))))
 

@@ -108,7 +108,7 @@ class Ranges:
     """Maps ranges onto the beams of a model."""
 
     def __init__(self, model: LidarModel, mount: Mount) -> None:
-        self._model, self._mount = model, mount
+        self.model, self._mount = model, mount
         numbers = model.lidar()
         self._first, self._step = numbers.first, numbers.step
         self._yaw = model.mount.psi - mount.pose.psi
@@ -120,15 +120,15 @@ class Ranges:
         """(beams,) [m]: NaN where nothing was measured, which drivers also report as 0; -inf too
         near, inf nothing there. Several on one beam: the nearest. CohelmError for an invalid
         scan."""
-        found = layout(scan, "the scan")
+        found = layout(scan, "the message")
         if found != self._layout:
             self._layout, self._beams = found, self._beams_of(found)
         with np.errstate(invalid="ignore"):  # bytes may be any kind of NaN
             ranges: Floats = np.array(scan.ranges, dtype=np.float64)
         ranges[ranges == 0.0] = math.nan
-        ranges[ranges < self._model.range_min_m] = -math.inf
-        made: Floats = np.full(self._model.beams, math.nan)
-        inside = self._beams < self._model.beams
+        ranges[ranges < self.model.range_min_m] = -math.inf
+        made: Floats = np.full(self.model.beams, math.nan)
+        inside = self._beams < self.model.beams
         np.fmin.at(made, self._beams[inside], ranges[inside])
         return made
 

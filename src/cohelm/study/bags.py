@@ -15,7 +15,7 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose, Twist
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
-from cohelm.ros.laser import Ranges, layout, lidar_model, taken
+from cohelm.ros.laser import Ranges, lidar_model, taken
 from cohelm.ros.transforms import Mount, StaticTransforms, mount_of, yaw_of
 from cohelm.scenario.worlds.carmen import RecordedDrive
 from cohelm.scenario.worlds.file import faults
@@ -69,7 +69,6 @@ def _read(
     odometry: dict[float, Odometry] = {}
     seen: list[tuple[float, Any]] = []
     zero, psi, body = math.nan, 0.0, ""
-    wrong = f"{scans_from} is empty: record it"
     for connection, at, raw in reader.messages(connections=some):
         m: Any = reader.deserialize(raw, connection.msgtype)
         if connection.topic in _TRANSFORMS:
@@ -77,11 +76,7 @@ def _read(
             continue
         stamp = m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec or 1e-9 * at
         if connection.topic == scans_from:
-            try:
-                layout(m, scans_from)
-                seen.append((stamp, m))
-            except CohelmError as error:
-                wrong = str(error)
+            seen.append((stamp, m))
             continue
         place, heading, twist = m.pose.pose.position, yaw_of(m.pose.pose.orientation), m.twist.twist
         if not all(map(math.isfinite, (place.x, place.y, heading))):
@@ -93,27 +88,41 @@ def _read(
             stamp - zero, Pose(place.x, place.y, psi), Twist(twist.linear.x, twist.angular.z)
         )
     if not seen:
-        raise CohelmError(f"{path}: {wrong}")
+        raise CohelmError(f"{path}: {scans_from} is empty: record it")
     if not odometry:
         raise CohelmError(
             f"{path}: {odometry_from} is empty, or holds no pose that is a number (an orientation "
             "of zeros is none): record it"
         )
     seen.sort(key=lambda one: one[0])
-    first = seen[0][1]
-    mount = _mount(path, transforms, body, first.header.frame_id, given)
+    mount = _mount(path, transforms, body, seen[0][1].header.frame_id, given)
+    on_beams: Ranges | None = None
+    scans: list[Scan] = []
+    wrong: list[str] = []
+    for stamp, m in seen:
+        try:
+            on_beams = on_beams or Ranges(_lidar(m, scans_from, mount), mount)
+            ranges = on_beams.of(m)
+        except CohelmError as error:
+            wrong.append(str(error))
+            continue
+        ranges[ranges >= on_beams.model.range_max_m] = math.inf
+        later, duration = taken(m, mount)
+        scans.append(Scan(stamp + later - zero, len(scans), ranges, duration))
+    if on_beams is None:
+        raise CohelmError(f"{path}: {wrong[0]}")
+    left_out = f"{len(wrong)} of {len(seen)} scans: {wrong[0]}" if wrong else ""
+    return RecordedDrive(
+        [odometry[t] for t in sorted(odometry)], scans, on_beams.model, left_out=left_out
+    )
+
+
+def _lidar(first: Any, topic: str, mount: Mount) -> LidarModel:
+    """Of a bag, by its first scan."""
     first.range_min = max(float(first.range_min), 0.0)
     if not first.range_min < first.range_max < math.inf:
         first.range_max = _FARTHEST
-    lidar = lidar_model(first, scans_from, mount, _RATE, 0.0, None)
-    on_beams = Ranges(lidar, mount)
-    scans: list[Scan] = []
-    for stamp, m in seen:
-        ranges = on_beams.of(m)
-        ranges[ranges >= lidar.range_max_m] = math.inf
-        later, duration = taken(m, mount)
-        scans.append(Scan(stamp + later - zero, len(scans), ranges, duration))
-    return RecordedDrive([odometry[t] for t in sorted(odometry)], scans, lidar)
+    return lidar_model(first, topic, mount, _RATE, 0.0, None)
 
 
 def _topic(reader: AnyReader, path: Path, kind: str, given: str, option: str) -> str:
