@@ -36,10 +36,10 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Mode
 from cohelm.loop.planning import MAX_PLAN_AGE
 from cohelm.robot.gate.modes import GateMode, latched
-from cohelm.robot.keep.processes import children
 from cohelm.robot.keep.record_pipe import HUNG_AFTER
 from cohelm.robot.port import Readings
 from tests.drive.wrapped import wrapped
+from tests.robot.keep.test_processes import children
 
 PROCESSES = ("loop", "gate", "planner", "recorder")
 STARTED = 900.0  # with nothing compiled, on a busy machine [s]

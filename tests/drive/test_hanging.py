@@ -12,10 +12,10 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Mode
 from cohelm.loop.loop import Loop
 from cohelm.loop.planning import MAX_PLAN_AGE
-from cohelm.robot.keep.processes import children
 from cohelm.robot.keep.record_pipe import HUNG_AFTER
 from tests.drive.faults import CORRIDOR
 from tests.patience import OwnTime
+from tests.robot.keep.test_processes import children
 
 pytestmark = pytest.mark.xdist_group("realtime")
 

@@ -10,6 +10,7 @@ from cohelm.core.types import Pose, Stick, Twist
 from cohelm.law.verdict import Verdict
 from cohelm.link import messages as m
 from cohelm.link.codec import Reader, layout
+from cohelm.link.robot_end import RobotEnd
 from cohelm.link.station_end import StationEnd
 from tests.patience import looks
 
@@ -37,6 +38,12 @@ def until(
             return time.monotonic() - began
         turn()
     raise AssertionError("it did not come about")
+
+
+def clients(robot: RobotEnd) -> dict[int, str]:
+    """Who is connected: names by number."""
+    with robot._lock:
+        return {c.number: c.channel.name for c in robot._clients.identified()}
 
 
 def answered(

@@ -276,7 +276,7 @@ def main(seconds: float, seed: int, memory: Path | None = None) -> list[str]:
             for name in ("link robot", "link bulk", "link station")
             if name not in alive
         ]
-        print(dict(attack.sent), dict(attack.robot.counts), dict(attack.robot.refused_counts))
+        print(dict(attack.sent), dict(attack.robot.counts), dict(attack.robot._listener.counts))
         ages = sorted(attack.ages.elements())
         print(f"{len(ages)} steps heard the driver, age 99 %: {ages[int(0.99 * len(ages))]} ms")
         return attack.wrong

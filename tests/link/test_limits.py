@@ -25,7 +25,7 @@ from cohelm.link.messages import Command, Device, Request, RequestKind, Uplink
 from cohelm.link.robot_end import TAKEOVER_AFTER, RobotEnd
 from cohelm.link.station_end import StationEnd
 from cohelm.link.wire import Header, encode, from_operator, may_stop
-from tests.link.ends import CENTRED, STATUS, answered, until
+from tests.link.ends import CENTRED, STATUS, answered, clients, until
 
 pytestmark = pytest.mark.xdist_group("realtime")
 HERE = "127.0.0.1"
@@ -215,18 +215,18 @@ def test_one_station_can_not_use_all_client_slots_or_displace_the_driver(keys, r
                     one.say(command(int(1e4 * time.monotonic()) % 2**31, session=100 + k))
             time.sleep(0.05)
 
-        until(lambda: robot.refused_counts["too many clients"] >= 3, turn=speak)
-        assert len(robot.clients()) == MAX_CLIENTS_PER_KEY
+        until(lambda: robot._listener.counts["too many clients"] >= 3, turn=speak)
+        assert len(clients(robot)) == MAX_CLIENTS_PER_KEY
         with StationEnd(second, HERE, robot.address[1]) as other:
             until(other.status, turn=speak)
-            assert len(robot.clients()) == MAX_CLIENTS_PER_KEY + 1 <= MAX_CLIENTS
+            assert len(clients(robot)) == MAX_CLIENTS_PER_KEY + 1 <= MAX_CLIENTS
             assert robot.driver == driver.status().message.lease.you
             # who falls silent makes room, but never the driver
             with StationEnd(first, HERE, robot.address[1]) as late:
                 until(
                     late.status, within=TAKEOVER_AFTER + 8.0, turn=lambda: robot.send_status(STATUS)
                 )
-            assert robot.driver in robot.clients()
+            assert robot.driver in clients(robot)
 
 
 def test_a_driver_reconnects_on_a_new_channel_though_all_client_slots_are_taken(robot, raw):
@@ -235,7 +235,7 @@ def test_a_driver_reconnects_on_a_new_channel_though_all_client_slots_are_taken(
     until(lambda: robot.driver)
     for k in range(MAX_CLIENTS_PER_KEY - 1):
         raw().say(command(1, session=100 + k))
-    until(lambda: len(robot.clients()) == MAX_CLIENTS_PER_KEY)
+    until(lambda: len(clients(robot)) == MAX_CLIENTS_PER_KEY)
     again = raw()  # the same person, from another network
     again.say(command(2, session=1))
     again.say(command(3, Request(2, RequestKind.STOP, 0, time.monotonic()), session=1))

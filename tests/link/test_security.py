@@ -15,7 +15,7 @@ from cohelm.link.messages import RequestKind
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.station_end import StationEnd
 from tests.link import fuzz
-from tests.link.ends import STATUS, until
+from tests.link.ends import STATUS, clients, until
 from tests.link.fuzz import HERE, Attack
 
 pytestmark = pytest.mark.xdist_group("realtime")
@@ -36,13 +36,13 @@ def stranger(keys: Keys) -> Keys:
 
 def test_an_unpaired_station_is_refused_and_logged_while_driving_continues(driven, caplog):
     with StationEnd(stranger(driven.keys), HERE, driven.port) as station:
-        until(lambda: driven.robot.refused_counts["certificate verify failed"] >= 2)
+        until(lambda: driven.robot._listener.counts["certificate verify failed"] >= 2)
         assert station.status() is None
         assert not station.state().connected
         until(lambda: "the robot does not accept this station (" in station.state().why)
     assert "refused 127.0.0.1: certificate verify failed" in caplog.text
     assert in_force(driven).stick == fuzz.STICK
-    assert list(driven.robot.clients().values()) == ["local"]
+    assert list(clients(driven.robot).values()) == ["local"]
 
 
 def test_another_robot_at_the_address_is_told_from_one_that_is_silent():
@@ -125,7 +125,7 @@ def test_a_flood_of_hellos_and_handshakes_does_not_disturb_the_driver(driven):
         if time.monotonic() - began > 3.0:
             break
     assert finished > 20
-    counts = driven.robot.refused_counts
+    counts = driven.robot._listener.counts
     assert counts["too many handshakes"] + counts["certificate verify failed"] > 10
     ages = sorted((driven.ages - before).elements())
     assert len(ages) > 20.0 * (time.monotonic() - began)  # of 50 a second, on a busy machine
@@ -167,13 +167,13 @@ def test_an_independent_client_connects_only_with_a_paired_key(tmp_path):
         paired = connects(keys, port)
         assert "Cipher is ECDHE-ECDSA-" in paired
         assert "Verify return code: 0 (ok)" in paired
-        assert not robot.refused_counts
+        assert not robot._listener.counts
         for unpaired, why in (
             (pair_here("other")[1], "certificate verify failed"),
             (None, "peer did not return a certificate"),
         ):
             connects(unpaired, port)
-            until(lambda why=why: robot.refused_counts[why] >= 1)
+            until(lambda why=why: robot._listener.counts[why] >= 1)
         # and the protocol in it is no business of openssl's
         with StationEnd(keys, HERE, port) as station:
             until(station.status, turn=lambda: robot.send_status(STATUS))

@@ -146,6 +146,22 @@ class Faults:
         return message
 
 
+class Tampered(ServedRobot):
+    """One whose messages are changed before they are published, or left out."""
+
+    def __init__(
+        self, tamper: Callable[[str, Any], Any], transport: Transport, *robot: Any, **options: Any
+    ) -> None:
+        """tamper: of a topic and a message makes what is published instead; None: nothing."""
+        self._tamper = tamper
+        super().__init__(transport, *robot, **options)
+
+    def _send(self, topic: str, message: Any) -> None:
+        message = self._tamper(topic, message)
+        if message is not None:
+            super()._send(topic, message)
+
+
 def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
     """The robot's process: `line` names faults, asks for the truth, or ends it."""
     faults, ended = Faults(), threading.Event()
@@ -155,9 +171,7 @@ def serve(line: Any, walls: Any, name: str, options: dict[str, Any]) -> None:
     plant = {"kinematic": Kinematic, "twin": Twin}[options.pop("plant", "kinematic")]
     robot = plant(named(name), Pose(0.0, 0.0, 0.0), world(([], walls)), seed=3, clock=clock)
     transport = options.pop("way", Connection()).open("base")
-    served = ServedRobot(
-        transport, robot, Topics(), tamper=faults, simulated=rate is not None, **options
-    )
+    served = Tampered(faults, transport, robot, Topics(), simulated=rate is not None, **options)
     line.send("ready")
 
     def over() -> bool:

@@ -19,6 +19,7 @@ from cohelm.link.bulk_messages import Map
 from cohelm.perceive.pipeline import Seen
 from cohelm.record.ros2 import header, transform
 from cohelm.robot.port import Odometry
+from cohelm.ros import localized
 from cohelm.ros.clock import Clock, seconds
 from cohelm.ros.found import Found
 from cohelm.ros.localized import PATH, POSE, Localized
@@ -76,6 +77,12 @@ def pair(request):
         transport.close()
 
 
+@pytest.fixture(autouse=True)
+def _at_once(monkeypatch):
+    """Others that publish the transform are there before these tests begin."""
+    monkeypatch.setattr(localized, "_LISTENS", 0.0)
+
+
 NUMBERS = itertools.count()
 
 
@@ -91,7 +98,7 @@ class Robot:
     def __init__(self, transport, space: str, ahead: float = 0.0, **options) -> None:
         self.odom, self.said = f"wheels_{next(NUMBERS)}", list[str]()
         self.localized = Localized(
-            transport, found(space, self.odom, ahead), self.said.append, listens=0.0, **options
+            transport, found(space, self.odom, ahead), self.said.append, **options
         )
         self.now = 100.0
         self.taken: list[tuple[float, float]] = []

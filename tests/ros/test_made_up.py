@@ -17,13 +17,12 @@ pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machi
 from cohelm.core.types import Pose
 from cohelm.robot.clock import WallClock
 from cohelm.ros.dds import DdsTransport
-from cohelm.ros.served import ServedRobot
 from cohelm.ros.topics import Topics
 from cohelm.scenario.load import load_robot
 from cohelm.sim.kinematic import Kinematic
 from cohelm.sim.world import world
 from tests.few import first
-from tests.ros.stage import HALL, alone
+from tests.ros.stage import HALL, Tampered, alone
 from tests.ros.transports import bridge
 
 pytestmark = pytest.mark.xdist_group("bridge")  # which a worker starts once
@@ -73,7 +72,7 @@ def rover(tmp_path_factory):
         "/rover_12", out="platform/cmd_vel", odom="base/odometry/filtered", scan="laser/front",
         further=("rear=laser/rear", "cloud=ouster/points"),
     )  # fmt: skip
-    served = ServedRobot(transport, robot, topics, stamped=True, tamper=its_own)
+    served = Tampered(its_own, transport, robot, topics, stamped=True)
     thread = threading.Thread(target=served.run, args=(over.is_set,), daemon=True)
     thread.start()
     yield file

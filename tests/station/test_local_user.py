@@ -14,6 +14,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.link.local_credentials import credentials_of_drive, shared_credentials
 from cohelm.station.serve import Server
+from tests.link.ends import clients
 from tests.station.bare import Bare
 from tests.station.servers import served
 from tests.station.visitor import session
@@ -144,7 +145,7 @@ def test_another_user_of_this_machine_gets_nothing_but_the_empty_page(
         "link": False, "bulk": False, "plain": 0,
     }  # fmt: skip
     assert bare.end.driver == 0
-    assert bare.end.clients() == {}
+    assert clients(bare.end) == {}
     assert not server.station.operators
 
 

@@ -82,7 +82,7 @@ class RobotEnd(IoThread):
         self.record: Callable[[bool], str] = lambda on: "this robot does not record"
         """Starts or ends a record, as the driver requests; returns why not, or ""."""
         self.counts: Counter[str] = Counter()
-        """Messages that were not used, by reason; `refused_counts` has those not let in."""
+        """Messages that were not used, by reason."""
         self._start()
 
     # ---- for the loop ------------------------------------------------------------------
@@ -126,11 +126,6 @@ class RobotEnd(IoThread):
             which = (part.lidar, part.start) if isinstance(part, ScanPart) else 0
             self._put((type(part), which), part)
 
-    def clients(self) -> dict[int, str]:
-        """The connected clients: names by number."""
-        with self._lock:
-            return {c.number: c.channel.name for c in self._clients.identified()}
-
     def client_of(self, fingerprint: str, session: int) -> int | None:
         """The number of a connected client, by its certificate and session."""
         with self._lock:
@@ -153,11 +148,6 @@ class RobotEnd(IoThread):
     def driver(self) -> int:
         """The driver's number; 0: none."""
         return self._held.driver
-
-    @property
-    def refused_counts(self) -> Counter[str]:
-        """The number of refused connections, by reason."""
-        return self._listener.counts
 
     def round_trips(self) -> dict[int, tuple[float, float]]:
         """Newest and shortest round trip of each client [s]."""

@@ -35,7 +35,7 @@ NODE = "cohelm_robot"
 POSE, PATH = "geometry_msgs/msg/PoseWithCovarianceStamped", "nav_msgs/msg/Path"
 MAP = "map"
 """Default frame of the map."""
-LISTENS = 2.0
+_LISTENS = 2.0
 """Before the first transform: other publishers of it are discovered by then [s]."""
 _EVERY = 0.03
 """From one transform to the next, at least [s]."""
@@ -62,13 +62,13 @@ class Localized:
 
     def __init__(
         self, transport: Transport, found: Found, log: Callable[[str], None],
-        frame: str = MAP, transforms: bool = True, listens: float = LISTENS,
+        frame: str = MAP, transforms: bool = True,
     ) -> None:  # fmt: skip
         """log: receives sentences for the user. frame: the map's. transforms: whether to publish
-        map -> odom at all. listens: for others that do, before the first [s]."""
+        map -> odom at all."""
         self._transport, self._found, self._log = transport, found, log
         self.frame, self._transforms = frame, transforms
-        self._begins = time.monotonic() + listens
+        self._begins = time.monotonic() + _LISTENS
         space = found.topics.namespace
         own = resolved("tf", space)
         self._topics = tuple(dict.fromkeys((own, "/tf")))

@@ -57,8 +57,6 @@ _TOUCHES = 0.02
 _BODY, _LASER, _ODOM = "base_link", "laser", "odom"
 _HEIGHT = 0.2
 """Default height of a LiDAR above the body's origin [m]."""
-Tamper = Callable[[str, Any], Any]
-"""Of a topic and a message makes what is published instead; None: nothing."""
 
 
 class ServedRobot:
@@ -66,12 +64,12 @@ class ServedRobot:
 
     def __init__(
         self, transport: Transport, robot: RobotPort, topics: Topics, *, stamped: bool = False,
-        tamper: Tamper = lambda _, message: message, simulated: bool = False,
+        simulated: bool = False,
     ) -> None:  # fmt: skip
         """stamped: whether it wants TwistStamped. simulated: its stamps are of a simulated time,
         published on /clock, and not of the wall's."""
         self._simulated, self._ticked = simulated, -math.inf
-        self._robot, self._topics, self.tamper = robot, topics, tamper
+        self._robot, self._topics = robot, topics
         self._transport = transport
         self._arrived = threading.Condition()
         self._command: Twist | None = None
@@ -154,9 +152,7 @@ class ServedRobot:
         return topic
 
     def _send(self, topic: str, message: Any) -> None:
-        message = self.tamper(topic, message)
-        if message is not None:
-            self._publishers[topic].send(message)
+        self._publishers[topic].send(message)
 
     def _on_command(self, received: Received) -> None:
         message = received.message

@@ -1,5 +1,6 @@
 """What works for a robot's process: deaf to a terminal, and gone with it unless it was let go."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -10,6 +11,18 @@ from pathlib import Path
 import pytest
 
 WITHIN = 10.0  # on a busy machine [s]
+
+
+def children(pid: int) -> dict[str, int]:
+    """The PIDs of a process's children of cohelm, by name."""
+    found: dict[str, int] = {}
+    for status in Path("/proc").glob("[0-9]*/status"):
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            text = status.read_text()
+            name = text.partition("\n")[0].partition("\t")[2]
+            if f"PPid:\t{pid}\n" in text and name.startswith("cohelm"):
+                found[name] = int(status.parent.name)
+    return found
 
 
 def alive(pid: int) -> bool:

@@ -64,18 +64,6 @@ def detach(process: SpawnProcess) -> None:
     multiprocessing.process._children.discard(process)  # pyright: ignore
 
 
-def children(pid: int) -> dict[str, int]:
-    """The PIDs of a process's children of cohelm, by name."""
-    found: dict[str, int] = {}
-    for status in Path("/proc").glob("[0-9]*/status"):
-        with contextlib.suppress(OSError):  # it has ended meanwhile
-            text = status.read_text()
-            name = text.partition("\n")[0].partition("\t")[2]
-            if f"PPid:\t{pid}\n" in text and name.startswith("cohelm"):
-                found[name] = int(status.parent.name)
-    return found
-
-
 def lead_group() -> None:
     """This process's later children are of a group of its own, unless they leave it.
 
