@@ -1,5 +1,7 @@
 """The picture of any one run, with and without obstacles, walls or a person."""
 
+import math
+
 import pytest
 from PIL import Image
 
@@ -42,6 +44,13 @@ def test_a_collision_is_named_in_the_title():
     run_over = made("lab-avoid", "law.filter=none", "obstacles.0.center_m=[0, 0.2]")
     assert run_over.metrics.contact
     assert "IN CONTACT" in said(figure_run(run_over))
+
+
+def test_the_title_has_the_clearance_to_the_millimetre_that_is_kept():
+    run = made("lab-avoid")
+    kept = math.floor(1000.0 * run.metrics.min_clearance_m)
+    assert kept % 10
+    assert f"outline 0.{kept:03d} m clear" in said(figure_run(run))
 
 
 def test_a_run_that_does_not_reach_the_end_of_its_reference_is_reported_so():

@@ -128,7 +128,7 @@ def clear(run: Run) -> str:
     m = run.metrics
     if math.isinf(m.min_clearance_m):
         return "with nothing to touch"
-    return "IN CONTACT" if m.contact else f"{math.floor(100 * m.min_clearance_m):d} cm clear"
+    return "IN CONTACT" if m.contact else f"{rounded_down(m.min_clearance_m)} m clear"
 
 
 def counted(count: int, total: int) -> str:
