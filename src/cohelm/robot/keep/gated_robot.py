@@ -128,6 +128,7 @@ class LocalGatedRobot:
         share = self.monitor_share = restriction.share
         if share < 1.0:
             proposal = proposal._replace(twist=Twist(share * twist.v, share * twist.omega))
+        self._rules = self._rules._replace(slow=self._slow())
         gate, passed = gates.propose(self._gate, proposal, now, self._rules)
         if share < 1.0 and driving(gate.mode):
             passed = passed._replace(reason=restriction.reason)
@@ -226,7 +227,6 @@ class LocalGatedRobot:
         would know only that no command came. begun: when it was called [s]."""
         took = self._robot.now() - begun
         self._took[call] = max(took, _FADES * self._took[call])
-        self._rules = self._rules._replace(slow=self._slow())
         if driving(self._gate.mode) and took > self._rules.watchdog:
             why = f"{call} of the robot's driver took {took:.2f} s"
             self.fault(f"{gates.silence(self._rules)}: {why}")
