@@ -6,17 +6,26 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from cohelm.link.bulk_messages import Alarms, WholeAlarm
+from cohelm.link.bulk_messages import Alarms, LineKind, Polyline, WholeAlarm
 from cohelm.link.messages import Alarm, Arming, Mode, Severity
 from cohelm.station.serve import Server
 from tests.few import first
 from tests.link.ends import STATUS
 from tests.station.bare import Bare
 from tests.station.conftest import CHROMIUM, FLAGS
-from tests.station.person import alarms, page_of, request_control, stopped, take, who
+from tests.station.person import (
+    alarms,
+    page_of,
+    request_control,
+    stopped,
+    take,
+    until as do_until,
+    who,
+)
 from tests.station.servers import served
 from tests.station.test_alarms import LONG
 
@@ -32,6 +41,11 @@ SEEN = """(one, end) => {
   return [left + 3, left + width - 3].every((x) => one.contains(document.elementFromPoint(x, at)))
 }"""
 """Whether the first, or the last, line of it is in sight, and nothing lies over it."""
+WHOLE = """(one) => {
+  const { left, right, top, bottom } = one.getBoundingClientRect()
+  const corners = [left + 3, right - 3].flatMap((x) => [[x, top + 3], [x, bottom - 3]])
+  return corners.every(([x, y]) => one.contains(document.elementFromPoint(x, y)))
+}"""
 SIZES = ((360, 740), (390, 780), (740, 330), (820, 1180), (1280, 800), (1024, 600))
 UNREACHABLE = """() => {
   const out = [...document.querySelectorAll('button, input, .pad')].filter((one) => {
@@ -220,6 +234,50 @@ def test_whatever_the_letters_all_that_is_pressed_is_on_the_screen_and_free(
             page.set_viewport_size({"width": width, "height": height})
             page.wait_for_timeout(100)
             assert page.evaluate(UNREACHABLE) == [], (width, height)
+
+
+@pytest.mark.parametrize(("width", "height"), first([(740, 330), (390, 780)]))
+def test_with_large_letters_what_removes_a_waypoint_is_whole(
+    browser: Browser, tmp_path: Path, width: int, height: int
+) -> None:
+    with (
+        letters_of(browser, 32) as large,
+        Bare(tmp_path, STANDS) as robot,
+        served(robot.connect) as server,
+    ):
+        page = driving_phone(large, server, width, height)
+        robot.bulk.publish(Polyline(LineKind.WAYPOINTS, np.array([[1, 2], [-13, 4]], np.float32)))
+        panel = page.get_by_role("dialog", name="Edit the route")
+
+        def open_anew() -> None:  # with the route that has come by then
+            if panel.is_visible():
+                panel.get_by_role("button", name="Close").tap()
+            page.get_by_role("button", name="Edit route").tap()
+
+        removes = panel.get_by_role("button", name="Remove waypoint 1")
+        do_until(lambda: expect(removes).to_have_count(1, timeout=1_000), open_anew)
+        assert removes.evaluate(WHOLE)
+        assert panel.get_by_role("list").evaluate("(one) => one.scrollWidth <= one.clientWidth")
+
+
+@pytest.mark.parametrize(("width", "height"), first([(700, 800), (700, 450)]))
+def test_a_narrow_window_without_touch_keeps_no_room_for_pads_that_it_does_not_show(
+    context: BrowserContext, tmp_path: Path, width: int, height: int
+) -> None:
+    with Bare(tmp_path, STANDS) as robot, served(robot.connect) as server:
+        page = page_of(context, server)
+        page.set_viewport_size({"width": width, "height": height})
+        take(page)
+        expect(page.locator(".pad").first).to_be_hidden()
+        lowest = "[...document.querySelectorAll('.station > *')].map(lowest)"
+        lowest = lowest.replace("lowest", "(one) => one.getBoundingClientRect().bottom")
+        assert max(page.evaluate(lowest)) >= height - 15
+        side, authority = (page.locator(one).bounding_box() for one in ("aside", ".authority"))
+        assert side is not None
+        assert authority is not None
+        assert side["x"] <= authority["x"]
+        assert authority["x"] + authority["width"] <= side["x"] + side["width"]
+        assert side["y"] <= authority["y"]
 
 
 def test_a_number_that_is_out_of_the_normal_is_marked_by_more_than_its_colour(
