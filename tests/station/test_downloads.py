@@ -124,7 +124,7 @@ def test_nothing_but_plain_records_can_be_fetched(
 def test_a_slow_download_is_complete_and_uses_bounded_memory(
     server: Server, bare: Bare, tmp_path: Path
 ) -> None:
-    content = written(tmp_path, 24_000_000)
+    content = written(tmp_path, 10_000_000)
     link, answer = begun(server, "/records/run.mcap")
     before, got, most = memory(), bytearray(), 0
     end = time.monotonic() + 1.5
@@ -135,7 +135,7 @@ def test_a_slow_download_is_complete_and_uses_bounded_memory(
     got += answer.read()
     link.close()
     assert hashlib.sha256(got).digest() == hashlib.sha256(content).digest()
-    assert most < MEMORY
+    assert most < 0.5 * len(content)
 
 
 @pytest.mark.slow
@@ -384,11 +384,11 @@ def test_published_messages_do_not_accumulate_at_a_station_that_does_not_read(
 
 
 def test_a_robot_that_sends_more_than_requested_is_disconnected(bare: Bare, tmp_path: Path) -> None:
-    written(tmp_path, 40_000_000)
+    written(tmp_path, 20_000_000)
     end = StationEnd(bare.keys, "127.0.0.1", bare.port)
     with end, StationBulk(bare.keys, "127.0.0.1", bare.port, end.session) as careless:
         until(lambda: careless.connected and end.status())
-        careless.send(Fetch("run.mcap", 0, 40_000_000))
+        careless.send(Fetch("run.mcap", 0, 20_000_000))
         until(lambda: careless._unread > 8_000_000, within=30.0)
         until(lambda: not careless.connected, within=30.0)
         assert sum(len(p.data) for p in careless.news() if isinstance(p, Piece)) < 17_000_000
