@@ -323,6 +323,12 @@ def test_a_site_that_is_no_scenario_is_named_whatever_robot_drives_there(cohelm,
     refused(cohelm("robot", "sally", "--scenario", "s.yaml"), "s.yaml:1: needs keys of its own")
 
 
+def test_an_option_that_was_mistyped_is_offered_and_no_other(cohelm):
+    refused(cohelm("run", "minimal", "--otu", "x"), "no such option: --otu; did you mean --out?")
+    said = cohelm("stick", "evdev", "--station", "x")
+    refused(said, "no such option: --station; see `cohelm stick --help`")
+
+
 def test_a_link_that_leads_nowhere_is_no_file(cohelm, tmp_path):
     (tmp_path / "lost.yaml").symlink_to("nowhere.yaml")
     said = cohelm("run", "lost.yaml")

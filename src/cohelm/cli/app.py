@@ -18,7 +18,7 @@ import typer.core
 
 from cohelm import __version__
 from cohelm.cli.output import plain, say
-from cohelm.core.errors import CohelmError
+from cohelm.core.errors import CohelmError, did_you_mean
 
 _MAY_BE_EMPTY = ("lock",)
 """Options of which an empty value means none."""
@@ -204,6 +204,8 @@ def _explain(error: Any) -> None:
         text = f"{text.rstrip('.')}: {second}"
     if meant := _meant(error):
         text = f"{text.partition(' (')[0].rstrip('.')}: here that is {meant}"
+    elif known := getattr(error, "possibilities", None):
+        text = f"no such option: {error.option_name}{did_you_mean(error.option_name, known)}"
     text = re.sub(r"Input should be (.*?)(, unable to parse .*)?$", r"must be \1", text)
     hint = f"{text.rstrip('.')}; see `{error.ctx.command_path} --help`"
     say(f"[bold red]error:[/bold red] {plain(hint[0].lower() + hint[1:])}")
