@@ -19,7 +19,15 @@ from cohelm.core.frames import between
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.pose_graph import Link, solved
 from cohelm.perceive.match.scan_matching import MatchParams, align
-from cohelm.perceive.match.surfaces import Surfaces, moved, normals, surfaces, thinned
+from cohelm.perceive.match.surfaces import (
+    FlatPoints,
+    Surfaces,
+    flat_points,
+    moved,
+    seen_from,
+    surfaces,
+    thinned,
+)
 from tests.perceive.killian import Log
 
 _NEAR = 3  # steps between two scans that one edge each leads to
@@ -57,10 +65,10 @@ def fits(log: Log, poses: list[Pose]) -> tuple[Floats, Floats]:
     off: list[tuple[float, float]] = []
     for a, b, edge in log.loops:
         around, guesses = _around(log, seen, a), (edge, between(poses[a], poses[b]))
-        held = [align(around, *seen[b], guess, _HELD, care).rms for guess in guesses]
+        held = [align(around, seen[b], guess, _HELD, care).rms for guess in guesses]
         rms.append((held[0], held[1]))
         loose = np.diag([25.0, 25.0, 100.0])
-        best = [align(around, *seen[b], guess, loose, care) for guess in guesses]
+        best = [align(around, seen[b], guess, loose, care) for guess in guesses]
         apart = between(best[0].pose, best[1].pose)
         firm = min(np.linalg.eigvalsh(fit.information[:2, :2])[0] for fit in best) > _FIRM
         if firm and np.hypot(apart.x, apart.y) < 0.03:
@@ -78,7 +86,7 @@ def unseen(log: Log, poses: list[Pose]) -> tuple[Floats, NDArray[np.bool_]]:
     firm: list[bool] = []
     for a, b, edge in log.loops:
         here = between(poses[a], poses[b])
-        fit = align(_around(log, seen, a), *seen[b], here, _HELD, MatchParams(rounds=30))
+        fit = align(_around(log, seen, a), seen[b], here, _HELD, MatchParams(rounds=30))
         information, axes = np.linalg.eigh(fit.information[:2, :2])
         apart.append(np.abs(np.array([here.x - edge.x, here.y - edge.y]) @ axes))
         firm.append(bool(information[0] > _FIRM))
@@ -107,7 +115,7 @@ def decided(log: Log, poses: list[Pose]) -> Decided:
     rows: list[tuple[float, ...]] = []
     for a, b, edge in log.loops:
         here = between(poses[a], poses[b])
-        fit = align(_around(log, seen, a), *seen[b], here, _HELD, MatchParams(rounds=30))
+        fit = align(_around(log, seen, a), seen[b], here, _HELD, MatchParams(rounds=30))
         axis = np.linalg.eigh(fit.information[:2, :2])[1][:, 0]
         shifts, share = _along(_cloud(log, a), _cloud(log, b), here, axis)
         best = int(share.argmax())
@@ -177,19 +185,19 @@ def among_themselves(log: Log, folds: int = 5) -> tuple[Floats, Floats]:
     return np.array(whole), held_out
 
 
-def _seen(log: Log) -> list[tuple[Floats, Floats]]:
+def _seen(log: Log) -> list[FlatPoints]:
     """Points of each scan with their normals."""
-    seen: list[tuple[Floats, Floats]] = []
+    seen: list[FlatPoints] = []
     for glimpse in log.seen:
         near = np.hypot(*glimpse.points.T) < _FAR
-        seen.append(normals(glimpse.points[near], glimpse.beams[near], log.lidar.step))
+        seen.append(flat_points(glimpse.points[near], glimpse.beams[near], log.lidar))
     return seen
 
 
-def _around(log: Log, seen: list[tuple[Floats, Floats]], a: int) -> Surfaces:
+def _around(log: Log, seen: list[FlatPoints], a: int) -> Surfaces:
     """Points of the scans around scan a, in its frame, by the sequential edges."""
     near = range(max(0, a - _AROUND), min(len(seen), a + _AROUND + 1))
     ways = [between(log.odometry[a], log.odometry[i]) for i in near]
-    points = [moved(way, seen[i][0], True) for way, i in zip(ways, near, strict=True)]
-    across = [moved(way, seen[i][1], False) for way, i in zip(ways, near, strict=True)]
-    return surfaces(*thinned(np.vstack(points), np.vstack(across), 0.04), 0.05, 0.65)
+    placed = [seen_from(way, seen[i]) for way, i in zip(ways, near, strict=True)]
+    flat = FlatPoints(*(np.vstack(parts) for parts in zip(*placed, strict=True)))
+    return surfaces(thinned(flat, 0.04), 0.05, 0.65)

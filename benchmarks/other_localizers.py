@@ -17,7 +17,7 @@ from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.match.odometry_covariance import inverted
 from cohelm.perceive.match.scan_matching import MatchParams, align
-from cohelm.perceive.match.surfaces import facing, normals
+from cohelm.perceive.match.surfaces import FlatPoints, flat_points
 from cohelm.perceive.scan.deskew import DeskewedScan, deskew
 from cohelm.perceive.scan.odometry_buffer import EMPTY, extended, pose_at
 from cohelm.robot.port import Readings
@@ -70,15 +70,11 @@ class PlainIcp(Other):
     """Point-to-line ICP on the map from the odometry's pose; without adaptation or validation."""
 
     def correct(self, step: Pose, seen: DeskewedScan) -> None:
-        points, across = normals(seen.points, seen.beams, self.lidar.step)
-        every = max(1, -(-len(points) // 360))
-        points = np.ascontiguousarray(points[::every])
-        mount = self.lidar.mount
-        across = facing(points, np.ascontiguousarray(across[::every]), mount.x, mount.y)
+        flat = flat_points(seen.points, seen.beams, self.lidar)
+        every = max(1, -(-len(flat.points) // 360))
+        flat = FlatPoints(*(np.ascontiguousarray(part[::every]) for part in flat))
         weak = 1e-3 * np.eye(3)
-        fit = align(
-            self.known.surfaces, points, across, compose(self.pose, step), weak, MatchParams()
-        )
+        fit = align(self.known.surfaces, flat, compose(self.pose, step), weak, MatchParams())
         self.pose, self.covariance = fit.pose, inverted(fit.information + weak)
 
 

@@ -13,7 +13,7 @@ from cohelm.perceive.localize.localization_map import MOST_BORDER, map_from_occu
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.map.mapping_scans import mapping_scans
 from cohelm.perceive.map.raster import raster
-from cohelm.perceive.match.surfaces import MOST_CELLS, surfaces
+from cohelm.perceive.match.surfaces import MOST_CELLS, FlatPoints, surfaces
 from cohelm.perceive.pipeline import Perception
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import LidarModel
@@ -60,7 +60,7 @@ def test_a_drive_across_half_the_earth_is_refused_and_asks_for_no_memory():
         raster([HERE, Pose(math.inf, 0.0, 0.0)], points, HERE, 0.025)
     far = np.array([[0.0, 0.0], [20_000.0, 20_000.0]])
     with pytest.raises(CohelmError, match="check the odometry for jumps"):
-        surfaces(far, np.ones((2, 2)), 0.05, 0.65)
+        surfaces(FlatPoints(far, np.ones((2, 2))), 0.05, 0.65)
     assert MOST_CELLS * 8 < 2**30
 
 

@@ -25,7 +25,7 @@ from cohelm.perceive.match.odometry_covariance import (
     updated,
 )
 from cohelm.perceive.match.scan_matching import MatchParams, align
-from cohelm.perceive.match.surfaces import moved, surfaces
+from cohelm.perceive.match.surfaces import FlatPoints, seen_from, surfaces
 from cohelm.robot.port import Odometry, Scan
 from tests.perceive import killian
 from tests.perceive.buildings import loop_errors, surveying
@@ -188,7 +188,7 @@ def test_views_of_two_places_count_together_only_where_the_way_between_these_is_
         if k > 0:
             information = weak if k % 10 == 0 else firm
             step = Link(k - 1, k, between(graph.poses[-1], pose), information, False)
-        graph.add(Place(k, np.empty((0, 2)), np.empty((0, 2))), pose, step)
+        graph.add(Place(k, FlatPoints(np.empty((0, 2)), np.empty((0, 2)))), pose, step)
 
     def seen(lap: int, k: int) -> None:
         graph.add_contradicting(Link(10 * lap + k, 20 + k, Pose(0.0, 0.0, 0.0), firm, True))
@@ -297,12 +297,12 @@ def lined(walls, pose):
         n = int(math.hypot(x2 - x1, y2 - y1) / 0.05)
         points.append(np.linspace((x1, y1), (x2, y2), n))
         across.append(np.tile((y1 - y2, x2 - x1) / np.hypot(x2 - x1, y2 - y1), (n, 1)))
-    back = between(pose, Pose(0.0, 0.0, 0.0))
-    return moved(back, np.vstack(points), True), moved(back, np.vstack(across), False)
+    flat = FlatPoints(np.vstack(points), np.vstack(across))
+    return seen_from(between(pose, Pose(0.0, 0.0, 0.0)), flat)
 
 
 def known(walls):
-    made = surfaces(*lined(walls, Pose(0.0, 0.0, 0.0)), 0.05, 0.65)
+    made = surfaces(lined(walls, Pose(0.0, 0.0, 0.0)), 0.05, 0.65)
     return made._replace(
         back=np.arange(len(made.points))
     )  # without thickness, seen from both sides
@@ -315,13 +315,12 @@ def test_a_scan_is_not_matched_to_the_other_side_of_a_wall():
     left = lined([*sides, [4.0, 3.0, 4.0, 0.0]], Pose(0.0, 0.0, 0.0))  # faces the one room,
     right = lined([[4.2, 0.0, 4.2, 3.0]], Pose(0.0, 0.0, 0.0))  # and the next
     graph, home = PlaceGraph(), Pose(0.0, 0.0, 0.0)
-    graph.add(Place(0, left[0], -left[1]), home, None)
-    graph.add(Place(1, right[0], -right[1]), home, Link(0, 1, home, np.eye(3), False))
+    left, right = (one._replace(normals=-one.normals) for one in (left, right))
+    graph.add(Place(0, left), home, None)
+    graph.add(Place(1, right), home, Link(0, 1, home, np.eye(3), False))
     around = graph.surfaces_around([0, 1], None)
     for first in (0.13, 0.25):
-        fit = align(
-            around, left[0], -left[1], Pose(first, 0.0, 0.0), 1e-3 * np.eye(3), MatchParams()
-        )
+        fit = align(around, left, Pose(first, 0.0, 0.0), 1e-3 * np.eye(3), MatchParams())
         assert abs(fit.pose.x) < 0.01
 
 
@@ -345,7 +344,7 @@ def two_laps(torn):
         if k > 0:
             information = weak if k == len(lap) else firm
             step = Link(k - 1, k, between(graph.poses[-1], pose), information, False)
-        graph.add(Place(k, *lined(RING, lap[k % len(lap)])), pose, step)
+        graph.add(Place(k, lined(RING, lap[k % len(lap)])), pose, step)
     return graph
 
 
@@ -390,7 +389,7 @@ def test_where_the_path_revisits_a_place_that_is_not_linked_a_loop_is_searched_o
 def test_a_submap_is_found_metres_and_degrees_from_where_drift_put_it():
     true, thought = Pose(3.0, 2.5, 0.3), Pose(5.5, 0.0, 0.0)
     trail = np.column_stack((np.linspace(1.0, 21.0, 60), np.full(60, 2.0)))
-    fits = revisits(known(RING), *lined(RING, true), trail, np.full(60, 5.0), thought, 0.5)
+    fits = revisits(known(RING), lined(RING, true), trail, np.full(60, 5.0), thought, 0.5)
     assert fits[0].pose == pytest.approx(true, abs=0.01)
     assert fits[0].share > 0.9
 
@@ -402,7 +401,7 @@ def test_two_bays_alike_are_both_found():
     part = np.array([[1, 0, 9, 0], [1, 4, 9, 4], [5, 4, 5, 3]], dtype=float)
     trail = np.column_stack((np.linspace(2.0, 28.0, 80), np.full(80, 2.0)))
     seen = lined(part, Pose(5.0, 2.0, 0.0))
-    fits = revisits(known(bays), *seen, trail, np.full(80, 12.0), Pose(9.0, 2.0, 0.0), 0.2)
+    fits = revisits(known(bays), seen, trail, np.full(80, 12.0), Pose(9.0, 2.0, 0.0), 0.2)
     assert sorted(f.pose.x for f in fits[:2]) == pytest.approx([5.0, 15.0], abs=0.05)
     assert fits[1].share > fits[0].share - 0.02
 
@@ -414,12 +413,13 @@ def bays_passed(bays, thought):
     graph = PlaceGraph()
 
     def add(pose, at):
-        points, across = lined(walls, at)
-        near = np.abs(points[:, 0]) < 4.0
+        flat = lined(walls, at)
+        near = np.abs(flat.points[:, 0]) < 4.0
+        seen = FlatPoints(*(part[near] for part in flat))
         k = len(graph)
         step = Link(k - 1, k, between(graph.poses[-1], pose), np.eye(3), False) if k else None
-        graph.add(Place(k, points[near], across[near]), pose, step)
-        return points[near], across[near]
+        graph.add(Place(k, seen), pose, step)
+        return seen
 
     for k in range(90):
         pose = Pose(2.0 + 0.3 * k, 1.5, 0.0)
@@ -464,7 +464,7 @@ def test_how_far_drift_strays_is_learnt_from_loops_and_a_false_one_hardly_counts
 def test_nothing_is_searched_farther_than_the_possible_drift():
     trail = np.array([[3.0, 2.5]])
     seen = lined(RING, Pose(3.0, 2.5, 0.0))
-    assert not revisits(known(RING), *seen, trail, np.array([2.0]), Pose(9.0, 2.5, 0.0), 0.2)
+    assert not revisits(known(RING), seen, trail, np.array([2.0]), Pose(9.0, 2.5, 0.0), 0.2)
 
 
 @pytest.mark.slow

@@ -24,7 +24,14 @@ from cohelm.core.frames import between, compose, inverse
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.perceive.match.scan_matching import MatchParams, align
-from cohelm.perceive.match.surfaces import Surfaces, facing, moved, normals, surfaces, thinned
+from cohelm.perceive.match.surfaces import (
+    FlatPoints,
+    Surfaces,
+    flat_points,
+    seen_from,
+    surfaces,
+    thinned,
+)
 from cohelm.robot.model import RobotModel
 from cohelm.robot.sensors import Lidar
 
@@ -130,7 +137,7 @@ def _matched(lidar: Lidar, rests: list[Rest], moves: list[Floats]) -> list[Pose]
     """
     params = MatchParams(reach=_REACH, least=0.08, sigma=0.02, rounds=40)
     known: Surfaces | None = None
-    points, across = np.empty((0, 2)), np.empty((0, 2))
+    around: list[FlatPoints] = []
     poses: list[Pose] = []
     seen, reported = 0.0, 0.0
     at = Pose(0.0, 0.0, 0.0)
@@ -141,8 +148,8 @@ def _matched(lidar: Lidar, rests: list[Rest], moves: list[Floats]) -> list[Pose]
             body = _integrated(moves[number - 1], 1.0, heading)
             step = compose(inverse(lidar.mount), compose(body, lidar.mount))
             guess = compose(poses[-1], step)
-            fit = None if known is None else align(known, *flat, guess, _NOTHING, params)
-            if fit is None or not (fit.share > _LEAST and len(flat[0]) > 20):
+            fit = None if known is None else align(known, flat, guess, _NOTHING, params)
+            if fit is None or not (fit.share > _LEAST and len(flat.points) > 20):
                 raise CohelmError(
                     "the scans can not be matched with each other: the LiDAR needs walls within "
                     "its range that stay, and its mount known to some 10 cm and 5 degrees"
@@ -153,10 +160,9 @@ def _matched(lidar: Lidar, rests: list[Rest], moves: list[Floats]) -> list[Pose]
             if 0.1 < abs(turned) < 1.5:
                 seen, reported = seen + small * math.copysign(1.0, turned), reported + abs(turned)
         poses.append(at)
-        p, n = flat
-        p, n = moved(at, p, True), moved(at, facing(p, n, 0.0, 0.0), False)
-        points, across = np.vstack((points, p)), np.vstack((across, n))
-        known = surfaces(*thinned(points, across, _CELL), 2.0 * _CELL, _REACH)
+        around.append(seen_from(at, flat))
+        every = FlatPoints(*(np.vstack(parts) for parts in zip(*around, strict=True)))
+        known = surfaces(thinned(every, _CELL), 2.0 * _CELL, _REACH)
     return poses
 
 
@@ -165,26 +171,26 @@ def _at_rest(rest: Rest) -> Floats:
     return np.median(np.where(np.isfinite(rest.scans), rest.scans, math.inf), axis=0)
 
 
-def _flat(lidar: Lidar, ranges: Floats) -> tuple[Floats, Floats]:
-    """Points on something flat, and the directions across it, in the sensor's frame."""
-    points = scan_points(ranges, lidar.beams)
-    points, across = normals(points, np.flatnonzero(np.isfinite(ranges)), lidar.step)
-    return _smoothed(points, across), across
+def _flat(lidar: Lidar, ranges: Floats) -> FlatPoints:
+    """Points on something flat, in the sensor's frame."""
+    points, beams = scan_points(ranges, lidar.beams), np.flatnonzero(np.isfinite(ranges))
+    return _smoothed(flat_points(points, beams, lidar._replace(mount=Pose(0.0, 0.0, 0.0))))
 
 
-def _smoothed(points: Floats, across: Floats) -> Floats:
+def _smoothed(flat: FlatPoints) -> FlatPoints:
     """Each moved along its normal onto the middle of its neighbours. Walls as thick as the noise
     would hold a match wherever it begins: there is a point near enough to everything."""
+    points, normals = flat
     away, count = np.zeros(len(points)), np.ones(len(points))
     for shift in range(1, _NEIGHBOURS + 1):
         for a, b in ((slice(shift, None), slice(None, -shift)),
                      (slice(None, -shift), slice(shift, None))):  # fmt: skip
             d = points[b] - points[a]
             near = np.hypot(d[:, 0], d[:, 1]) < _NEAR
-            near &= np.abs(np.sum(across[a] * across[b], axis=1)) > _SAME_WAY
-            away[a] += np.where(near, np.sum(d * across[a], axis=1), 0.0)
+            near &= np.abs(np.sum(normals[a] * normals[b], axis=1)) > _SAME_WAY
+            away[a] += np.where(near, np.sum(d * normals[a], axis=1), 0.0)
             count[a] += near
-    return points + (away / count)[:, None] * across
+    return FlatPoints(points + (away / count)[:, None] * normals, normals)
 
 
 def _noise(rests: list[Rest]) -> float:

@@ -21,7 +21,7 @@ from cohelm.perceive.localize.caution import LocalizerParams
 from cohelm.perceive.localize.global_search import candidates, search, search_blocks
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.match.scan_matching import MatchParams, align, independent
-from cohelm.perceive.match.surfaces import facing, normals
+from cohelm.perceive.match.surfaces import FlatPoints, flat_points
 from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from cohelm.sim.grid import Grid
@@ -111,11 +111,11 @@ def checked(
         pose = Pose(float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
         ranges = _simulated(pose, lidar, grid)
         measure(lidar, seed, k, ranges)
-        points, across = _surface_points(ranges, lidar)
-        if not _position_sigma(pose, known, points, across) <= _SURE:
+        flat = _surface_points(ranges, lidar)
+        if not _position_sigma(pose, known, flat) <= _SURE:
             few.append(pose)
             continue
-        other = _look_alike(pose, ranges, known, grid, lidar, points, across)
+        other = _look_alike(pose, ranges, known, grid, lidar, flat)
         if other is not None:
             alike.append(Alike(pose, other))
     occupied, free = occupancy.cells >= OCCUPIED, occupancy.cells == FREE
@@ -136,20 +136,18 @@ def _simulated(pose: Pose, lidar: Lidar, grid: Grid) -> Floats:
     return ranges
 
 
-def _surface_points(ranges: Floats, lidar: Lidar) -> tuple[Floats, Floats]:
-    """Points of a scan on flat surfaces and their normals, body frame, (m, 2) each."""
+def _surface_points(ranges: Floats, lidar: Lidar) -> FlatPoints:
+    """Points of a scan on flat surfaces and their normals, body frame."""
     beams = np.flatnonzero(np.isfinite(ranges))
     ends = placed(lidar.beams[beams] * ranges[beams, None], lidar.mount)
-    points, across = normals(ends, beams, lidar.step)
-    points, across = np.ascontiguousarray(points), np.ascontiguousarray(across)
-    return points, facing(points, across, lidar.mount.x, lidar.mount.y)
+    return flat_points(ends, beams, lidar)
 
 
-def _position_sigma(pose: Pose, known: LocalizationMap, points: Floats, across: Floats) -> float:
+def _position_sigma(pose: Pose, known: LocalizationMap, flat: FlatPoints) -> float:
     """Standard deviation of the position in its worst direction, by the scan alone [m]."""
     params = MatchParams()
-    fit = align(known.surfaces, points, across, pose, _ANY, params)
-    information = independent(known.surfaces, points, across, pose, params, fit.rms)
+    fit = align(known.surfaces, flat, pose, _ANY, params)
+    information = independent(known.surfaces, flat, pose, params, fit.rms)
     if not (fit.share > 0.0 and np.linalg.eigvalsh(information)[0] > 1e-9):
         return math.inf
     covariance = np.linalg.inv(information)[:2, :2]
@@ -157,16 +155,15 @@ def _position_sigma(pose: Pose, known: LocalizationMap, points: Floats, across: 
 
 
 def _look_alike(
-    pose: Pose, ranges: Floats, known: LocalizationMap, grid: Grid, lidar: Lidar, points: Floats,
-    across: Floats,
-) -> Pose | None:  # fmt: skip
+    pose: Pose, ranges: Floats, known: LocalizationMap, grid: Grid, lidar: Lidar, flat: FlatPoints
+) -> Pose | None:
     """Another pose on the map from which the scan would be the same; None if there is none."""
-    state = search(points, known.places, True)
+    state = search(flat.points, known.places, True)
     while not state.over:
         state = search_blocks(state, known, 500)
     params = MatchParams()._replace(reach=_REACH)
     for guess in candidates(state, _FOUND):
-        there = align(known.surfaces, points, across, guess, _ANY, params).pose
+        there = align(known.surfaces, flat, guess, _ANY, params).pose
         apart = math.hypot(there.x - pose.x, there.y - pose.y) > _APART
         if not (apart or abs(wrap(there.psi - pose.psi)) > _TURNED):
             continue

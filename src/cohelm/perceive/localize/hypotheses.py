@@ -26,7 +26,7 @@ from cohelm.perceive.localize.scan_judge import ScanJudge
 from cohelm.perceive.localize.verdict import Belief, PlaceVerdict, SearchContext
 from cohelm.perceive.match.odometry_covariance import UNKNOWN, inverted, joined, moved, updated
 from cohelm.perceive.match.scan_matching import align, independent
-from cohelm.perceive.match.surfaces import moved as shifted
+from cohelm.perceive.match.surfaces import FlatPoints, moved as shifted
 from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
 
@@ -56,7 +56,7 @@ class Hypotheses:
         self._last = LastMetres(PARAMS.view, PARAMS.kept)
         self._since = SinceLost(PARAMS.remembered, np.empty(0))
         self._search: Search | None = None
-        self._searched: tuple[Floats, Floats, Floats] | None = None
+        self._searched: tuple[FlatPoints, Floats] | None = None
         self._candidates: list[tuple[Pose, Floats | None]] = []
         self._base = _NOWHERE  # odometry step since the sweep of the search
         self._answered = False  # whether `all` is the result of a complete search,
@@ -140,7 +140,7 @@ class Hypotheses:
             self._last.add(sweep.points, sweep.ranges, sweep.stamp)
 
     def begin_search(
-        self, points: Floats, across: Floats, sweep: DeskewedScan, here: Pose, joint: Floats
+        self, flat: FlatPoints, sweep: DeskewedScan, here: Pose, joint: Floats
     ) -> None:  # fmt: skip
         """Begin a search, near by at first, then everywhere. here, joint: the predicted pose and
         its covariance."""
@@ -160,7 +160,7 @@ class Hypotheses:
         led = [(own, self.left.joint if self.left else joint)] if known else []
         led += [(self.before.pose, self.before.joint)] if self.before else []
         self._candidates += [(pose, inverted(sure[:3, :3])) for pose, sure in led]
-        self._searched = (points, across, sweep.ranges)
+        self._searched = (flat, sweep.ranges)
         self._tried_logs, self._search_stamp = [], self._stamp
         self._searched_again = self.cold_start and bool(self.all)
         self._base = _NOWHERE
@@ -171,7 +171,7 @@ class Hypotheses:
         """One slice of the search, if any; about 3 ms. Returns whether that ended it."""
         if self._searched is None:
             return False
-        points, across, ranges = self._searched
+        flat, ranges = self._searched
         if self._search is not None:
             self._search = search_blocks(self._search, self.known, PARAMS.places)
             if self._search.over:
@@ -182,7 +182,7 @@ class Hypotheses:
                 self._search = None
             return False
         for pose, prior in self._candidates[:4]:
-            self._tried_logs.append(self._consider(pose, prior, points, across, ranges, lost))
+            self._tried_logs.append(self._consider(pose, prior, flat, ranges, lost))
         self._candidates = self._candidates[4:]
         if self._candidates:
             return False
@@ -206,7 +206,7 @@ class Hypotheses:
             self.whole_map = self.cold_start or not self.whole_map
 
     def follow(
-        self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats, joint: Floats
+        self, step: Pose, sweep: DeskewedScan, flat: FlatPoints, joint: Floats
     ) -> None:  # fmt: skip
         """Lost: predict all hypotheses, and match and judge some. joint: predicted already."""
         since, match_params = self._since, self.judge.match_params
@@ -230,12 +230,10 @@ class Hypotheses:
         for hypothesis in oldest:
             held = self.cold_start or hypothesis.led
             prior = inverted(hypothesis.covariance if held else hypothesis.covariance + _BESIDE)
-            fit = align(self.known.surfaces, points, across, hypothesis.pose, prior, match_params)
+            fit = align(self.known.surfaces, flat, hypothesis.pose, prior, match_params)
             own = joined(hypothesis.covariance, joint[3:, 3:])
             # each wall counts once, so that a hypothesis is not held to where it began
-            information = independent(
-                self.known.surfaces, points, across, fit.pose, match_params, fit.rms
-            )
+            information = independent(self.known.surfaces, flat, fit.pose, match_params, fit.rms)
             information = (since.share if hypothesis.stale else 0.0) * information
             hypothesis.pose, hypothesis.covariance = fit.pose, updated(own, information)[:3, :3]
             hypothesis.judged = self.judge.judge(fit.pose, sweep.ranges)
@@ -308,9 +306,8 @@ class Hypotheses:
         return found
 
     def _consider(
-        self, guess: Pose, prior: Floats | None, points: Floats, across: Floats, ranges: Floats,
-        lost: bool,
-    ) -> float:  # fmt: skip
+        self, guess: Pose, prior: Floats | None, flat: FlatPoints, ranges: Floats, lost: bool
+    ) -> float:
         """Match a candidate, and keep it as a hypothesis if it fits. prior: (3, 3), its information
         matrix; None: weak. Returns its log likelihood."""
         match_params, led = self.judge.match_params, prior is not None
@@ -318,14 +315,12 @@ class Hypotheses:
         if prior is None:
             prior = np.diag([1.0, 1.0, 4.0])
             match_params = match_params._replace(reach=0.6, rounds=30)
-        fit = align(self.known.surfaces, points, across, guess, prior, match_params)
+        fit = align(self.known.surfaces, flat, guess, prior, match_params)
         judged = self.judge.judge(fit.pose, ranges)
         if not self._possible(compose(fit.pose, self._base), judged, 0.05):
             return -1e3
         joint = joined(wide, UNKNOWN)
-        information = independent(
-            self.known.surfaces, points, across, fit.pose, match_params, fit.rms
-        )
+        information = independent(self.known.surfaces, flat, fit.pose, match_params, fit.rms)
         covariance = updated(joint, information)[:3, :3]
         pose = compose(fit.pose, self._base)
         new = self.judge.weighed(judged)

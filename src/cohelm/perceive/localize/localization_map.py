@@ -13,7 +13,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.frames import eye, placed, turned
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.match.surfaces import Surfaces, one_each, row_at, surfaces
+from cohelm.perceive.match.surfaces import FlatPoints, Surfaces, one_each, row_at, surfaces
 from cohelm.robot.sensors import Lidar
 
 _FARTHEST = 2.0  # cap of the distances to walls [m]
@@ -66,9 +66,9 @@ def map_from_occupancy(
     if 2 * len(cells) < found:  # free space does not reach half of the walls
         beside = scipy.ndimage.binary_dilation(free, iterations=3, mask=~occupied)
         cells, facing = _faces(occupied, beside)
-    points, across = _lined(cells * resolution, facing, max(0.15, 3.0 * resolution))
-    points, across = one_each(points, across, max(0.03, resolution))
-    points, across = placed(points, origin), turned(across, origin.psi)
+    lined = _lined(cells * resolution, facing, max(0.15, 3.0 * resolution))
+    points, normals = one_each(lined, max(0.03, resolution))
+    flat = FlatPoints(placed(points, origin), turned(normals, origin.psi))
     distance = scipy.ndimage.distance_transform_edt(~occupied) * resolution
     gap = np.minimum(distance, _FARTHEST).astype(np.float32)
     every = max(round(_SIDE / resolution), 1)
@@ -76,7 +76,7 @@ def map_from_occupancy(
     open_ = (free & (gap > _ROOM))[rows, columns]
     own = np.column_stack((columns[open_] + 0.5, rows[open_] + 0.5)) * resolution
     return LocalizationMap(
-        surfaces(points, across, max(resolution, 0.025), _REACH, back=True),
+        surfaces(flat, max(resolution, 0.025), _REACH, back=True),
         gap, ~(occupied | free), float(resolution), origin, placed(own, origin),
     )  # fmt: skip
 
@@ -96,7 +96,7 @@ def _faces(occupied: NDArray[np.bool_], free: NDArray[np.bool_]) -> tuple[Floats
     return np.vstack(cells), np.vstack(facing)
 
 
-def _lined(points: Floats, facing: Floats, reach: float) -> tuple[Floats, Floats]:
+def _lined(points: Floats, facing: Floats, reach: float) -> FlatPoints:
     """Points on the line fitted to neighbours within `reach` [m] that do not face the other way,
     and its normal, to the side that they face."""
     pairs = scipy.spatial.cKDTree(points).query_pairs(reach, output_type="ndarray")
@@ -105,7 +105,7 @@ def _lined(points: Floats, facing: Floats, reach: float) -> tuple[Floats, Floats
 
 
 @jit
-def _fitted(points: Floats, facing: Floats, pairs: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def _fitted(points: Floats, facing: Floats, pairs: NDArray[np.int64]) -> FlatPoints:
     n = len(points)
     sums = np.zeros((n, 6))
     sides = facing.copy()
@@ -121,7 +121,7 @@ def _fitted(points: Floats, facing: Floats, pairs: NDArray[np.int64]) -> tuple[F
         sums[i, 4] += dx * dy
         sums[i, 5] += dy * dy
         sides[i] += facing[j]
-    out, across = np.empty((n, 2)), np.empty((n, 2))
+    out, normals = np.empty((n, 2)), np.empty((n, 2))
     m = 0
     for i in range(n):
         k, sx, sy = sums[i, 0], sums[i, 1], sums[i, 2]
@@ -136,9 +136,9 @@ def _fitted(points: Floats, facing: Floats, pairs: NDArray[np.int64]) -> tuple[F
             nx, ny = -nx, -ny
         off = (sx * nx + sy * ny) / k
         out[m, 0], out[m, 1] = points[i, 0] + off * nx, points[i, 1] + off * ny
-        across[m, 0], across[m, 1] = nx, ny
+        normals[m, 0], normals[m, 1] = nx, ny
         m += 1
-    return out[:m].copy(), across[:m].copy()
+    return FlatPoints(out[:m].copy(), normals[:m].copy())
 
 
 @jit_inline

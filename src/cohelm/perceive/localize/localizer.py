@@ -34,7 +34,7 @@ from cohelm.perceive.match.odometry_covariance import (
     updated,
 )
 from cohelm.perceive.match.scan_matching import align, independent
-from cohelm.perceive.match.surfaces import facing, normals
+from cohelm.perceive.match.surfaces import FlatPoints, flat_points
 from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
 
@@ -102,21 +102,19 @@ class Localizer:
         step = self._wheels.corrected(step)
         self._hypotheses.led_on(step)
         self._check.led_on(step)
-        points, across = normals(sweep.points, sweep.beams, self.lidar.step)
-        every = max(1, -(-len(points) // PARAMS.points))
+        flat = flat_points(sweep.points, sweep.beams, self.lidar)
+        every = max(1, -(-len(flat.points) // PARAMS.points))
         # contiguous: other strides would compile another specialization
-        points = np.ascontiguousarray(points[::every])
-        mount = self.lidar.mount
-        across = facing(points, np.ascontiguousarray(across[::every]), mount.x, mount.y)
+        flat = FlatPoints(*(np.ascontiguousarray(part[::every]) for part in flat))
         self._hypotheses.keep_view(step, sweep)
         self._alarm.compare(
             odometry, sweep.stamp, sweep.ranges, step, self.located.pose, self.located.lost
         )
         self._hypotheses.alarm_updated()
         if self.located.lost:
-            self._relocalize(step, sweep, points, across)
+            self._relocalize(step, sweep, flat)
         else:
-            self._track(step, sweep, points, across)
+            self._track(step, sweep, flat)
         return self.located
 
     def search_step(self) -> Localization:
@@ -127,7 +125,7 @@ class Localizer:
                 self._hypotheses.widen()
         return self.located
 
-    def _track(self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats) -> None:
+    def _track(self, step: Pose, sweep: DeskewedScan, flat: FlatPoints) -> None:
         """Predict by odometry, correct by matching, and check whether the whole scan fits."""
         check, match_params = self._check, self._judge.match_params
         predicted, joint = moved(self.located.pose, self._joint, step)
@@ -135,7 +133,7 @@ class Localizer:
         self._hypotheses.carried(step, joint)
         spread = joint[:3, :3]
         prior = inverted(spread)
-        fit = align(self.known.surfaces, points, across, predicted, prior, match_params)
+        fit = align(self.known.surfaces, flat, predicted, prior, match_params)
         judged = self._judge.judge(fit.pose, sweep.ranges)
         distance = math.hypot(step.x, step.y)
         may_have_moved = check.may_have_moved
@@ -143,7 +141,7 @@ class Localizer:
         weak_prior = np.diag([4.0, 4.0, 16.0])
         if may_have_moved and not fits:
             wider = match_params._replace(reach=0.6)
-            wider_fit = align(self.known.surfaces, points, across, predicted, weak_prior, wider)
+            wider_fit = align(self.known.surfaces, flat, predicted, weak_prior, wider)
             wider_judged = self._judge.judge(wider_fit.pose, sweep.ranges)
             if wider_judged.log > judged.log + 1.0 and self._judge.fair(wider_judged, PARAMS.good):
                 fit, judged, pushed = wider_fit, wider_judged, True
@@ -157,9 +155,7 @@ class Localizer:
         innovation = np.array([
             fit.pose.x - predicted.x, fit.pose.y - predicted.y, wrap(fit.pose.psi - predicted.psi),
         ])  # fmt: skip
-        information = independent(
-            self.known.surfaces, points, across, fit.pose, match_params, fit.rms
-        )
+        information = independent(self.known.surfaces, flat, fit.pose, match_params, fit.rms)
         both = np.eye(3) + reported[:3, :3] @ information
         off = innovation @ information @ np.linalg.solve(both, innovation)
         # moved, or started elsewhere than stated: the place that fits is one candidate
@@ -173,7 +169,7 @@ class Localizer:
             self._hypotheses.left = Departure(predicted, reported, check.log_odds, check.was_known)
             self._joint = self._reported_joint = joint
             self.located = Localization(predicted, reported[:3, :3].copy(), judged.agree, True, why)
-            self._begin_search(points, across, sweep)
+            self._begin_search(flat, sweep)
             if jumped:
                 self._hypotheses.add(fit.pose)
             return
@@ -204,27 +200,27 @@ class Localizer:
         if due and not self._hypotheses.searching:
             self._hypotheses.whole_map = long_unfitted
             check.begin(persistent, self._log_likelihood)
-            self._begin_search(points, across, sweep)
+            self._begin_search(flat, sweep)
             self._pose_set = self._pose_set and not self._hypotheses.searching
 
-    def _relocalize(self, step: Pose, sweep: DeskewedScan, points: Floats, across: Floats) -> None:
+    def _relocalize(self, step: Pose, sweep: DeskewedScan, flat: FlatPoints) -> None:
         """Lost: predict by odometry, and update the hypotheses."""
         pose, self._joint = moved(self.located.pose, self._joint, step)
         self.located = self.located._replace(pose=pose, covariance=self._joint[:3, :3].copy())
-        self._hypotheses.follow(step, sweep, points, across, self._joint)
+        self._hypotheses.follow(step, sweep, flat, self._joint)
         if self._hypotheses.has_results:
             self._decide()
         if self.located.lost and self._hypotheses.search_due:
-            self._begin_search(points, across, sweep)
+            self._begin_search(flat, sweep)
 
-    def _begin_search(self, points: Floats, across: Floats, sweep: DeskewedScan) -> None:
+    def _begin_search(self, flat: FlatPoints, sweep: DeskewedScan) -> None:
         """Begin a search with a sweep, if it has enough points."""
-        if len(points) < 20:
+        if len(flat.points) < 20:
             if self.located.lost:
                 self.located = self.located._replace(reason="the LiDAR sees too little")
             self._check.on = False
             return
-        self._hypotheses.begin_search(points, across, sweep, self.located.pose, self._joint)
+        self._hypotheses.begin_search(flat, sweep, self.located.pose, self._joint)
 
     def _decide(self) -> None:
         """Drop refuted hypotheses; believe one if no other comes near it; else continue."""

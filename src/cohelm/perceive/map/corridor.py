@@ -15,7 +15,7 @@ import numpy as np
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.match.surfaces import Surfaces, row_at
+from cohelm.perceive.match.surfaces import FlatPoints, Surfaces, row_at
 
 _STEP = 0.05  # between two places [m]
 _SIGMA = 0.05  # of a point from its surface, of two submaps [m]
@@ -34,25 +34,24 @@ class Shift(NamedTuple):
 
 @jit
 def shifted(
-    known: Surfaces, points: Floats, across: Floats, pose: Pose, axis: Floats, reach: float,
-    weight: float,
-) -> Shift:  # fmt: skip
-    """The likeliest shift, within `reach` [m], of points (n, 2) with normals (n, 2) in the frame of
-    a pose.
+    known: Surfaces, flat: FlatPoints, pose: Pose, axis: Floats, reach: float, weight: float
+) -> Shift:
+    """The likeliest shift, within `reach` [m], of points with normals in the frame of a pose.
 
-    known, points: with normals towards the visible side. axis: (2,), of unit length. weight: of a
+    known, flat: with normals towards the visible side. axis: (2,), of unit length. weight: of a
     point, the share of its error that is its own. The lead is 0 where the likeliest is the
     farthest.
     """
     half = math.ceil(reach / _STEP)
     count = 2 * half + 1
     likelihood = np.zeros(count)
+    points, normals = flat.points, flat.normals
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     for k in range(len(points)):
         qx = pose.x + c * points[k, 0] - s * points[k, 1]
         qy = pose.y + s * points[k, 0] + c * points[k, 1]
-        ax = c * across[k, 0] - s * across[k, 1]
-        ay = s * across[k, 0] + c * across[k, 1]
+        ax = c * normals[k, 0] - s * normals[k, 1]
+        ay = s * normals[k, 0] + c * normals[k, 1]
         for n in range(count):
             px, py = qx + (n - half) * _STEP * axis[0], qy + (n - half) * _STEP * axis[1]
             i = row_at(known, px, py)

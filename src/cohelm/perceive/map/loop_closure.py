@@ -24,7 +24,7 @@ from cohelm.perceive.map.place_graph import PlaceGraph, agree
 from cohelm.perceive.map.pose_graph import ROUGH, Link, into_axes, loop_link, off, spread
 from cohelm.perceive.match.odometry_covariance import inverted
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit, align
-from cohelm.perceive.match.surfaces import Surfaces, row_at
+from cohelm.perceive.match.surfaces import FlatPoints, Surfaces, row_at
 
 _SIDE, _STEP = 0.3, math.radians(3.0)  # the fine raster of places and headings
 _NEAR = 0.25  # of a point from its surface, at that raster [m]
@@ -125,7 +125,7 @@ class LoopClosure:
 
 
 def _search_loop(
-    graph: PlaceGraph, k: int, newest: tuple[Floats, Floats], covariance: Floats, reach: Floats,
+    graph: PlaceGraph, k: int, newest: FlatPoints, covariance: Floats, reach: Floats,
     subset: NDArray[np.bool_],
 ) -> tuple[Link | None, float]:  # fmt: skip
     """The link of place k to an old place of a subset, if its submap fits uniquely there, and the
@@ -140,7 +140,7 @@ def _search_loop(
     known = graph.surfaces_around(old.tolist(), None)
     turn = 0.1 + 3.0 * math.sqrt(float(covariance[near, 2, 2].max()))
     found: list[tuple[float, ScanFit, int]] = []
-    for fit in revisits(known, *newest, trail[near], reach[near], here, turn):
+    for fit in revisits(known, newest, trail[near], reach[near], here, turn):
         a = int(old[np.hypot(trail[old, 0] - fit.pose.x, trail[old, 1] - fit.pose.y).argmin()])
         if graph.separated(a, k):
             continue
@@ -161,7 +161,7 @@ def _search_loop(
 
 
 def distinct(
-    graph: PlaceGraph, link: Link, newest: tuple[Floats, Floats], share: float, covariance: Floats
+    graph: PlaceGraph, link: Link, newest: FlatPoints, share: float, covariance: Floats
 ) -> bool:
     """Whether a loop is a true revisit, and no look-alike.
 
@@ -186,7 +186,7 @@ def distinct(
             range(max(0, first - PARAMS.submap), min(last + PARAMS.submap, link.b)), None
         )
         reach = np.full(last - first, math.inf)
-        fits = revisits(known, *newest, trail[first:last], reach, here, math.pi)
+        fits = revisits(known, newest, trail[first:last], reach, here, math.pi)
         for fit in fits:
             counted = any(_same(fit.pose, one) for one in (there, *lookalikes))
             if fit.share > share - PARAMS.alone and not counted:
@@ -220,17 +220,17 @@ def _mahalanobis(there: Pose, seen: Pose, covariance: Floats) -> float:
 
 
 def revisits(
-    known: Surfaces, points: Floats, across: Floats, trail: Floats, reach: Floats, here: Pose,
-    turn: float,
-) -> list[ScanFit]:  # fmt: skip
-    """Fits of points (n, 2) with normals, in the frame of the robot, best first, each apart from
-    all better ones.
+    known: Surfaces, flat: FlatPoints, trail: Floats, reach: Floats, here: Pose, turn: float
+) -> list[ScanFit]:
+    """Fits of points with normals, in the frame of the robot, best first, each apart from all
+    better ones.
 
     trail: (k, 2), earlier positions, and reach: (k,), search radius of each around `here` [m].
     turn: largest heading difference [rad].
     """
-    chosen = np.linspace(0, len(points) - 1, min(_POINTS, len(points))).astype(int)
-    few, sides = points[chosen], across[chosen]
+    n = len(flat.points)
+    chosen = np.linspace(0, n - 1, min(_POINTS, n)).astype(int)
+    few = FlatPoints(flat.points[chosen], flat.normals[chosen])
     side, step = _COARSE * _SIDE, _COARSE * _STEP
     wide = math.ceil(BESIDE / side)
     around = np.array([
@@ -245,14 +245,14 @@ def revisits(
     places = np.asarray(side * cells + here[:2], dtype=np.float64)
     steps = math.ceil(min(turn, math.pi) / step)
     headings = here.psi + step * np.arange(-steps, steps + 1, dtype=np.float64)
-    most = _most_hits(known, few, sides, here, _COARSE * cells, headings)
+    most = _most_hits(known, few, here, _COARSE * cells, headings)
     starts: list[tuple[int, Pose]] = []
-    for place, heading in _peaks(known, few, sides, places, headings, most):
+    for place, heading in _peaks(known, few, places, headings, most):
         least = starts[_BEST - 1][0] if len(starts) >= _BEST else -1
-        start = _refined(known, few, sides, places[place], headings[heading], least)
+        start = _refined(known, few, places[place], headings[heading], least)
         starts = sorted([*starts, start], key=lambda start: -start[0])
     params = MatchParams(reach=0.6, rounds=30)
-    fits = [align(known, points, across, start, _LOOSE, params) for _, start in starts[:_BEST]]
+    fits = [align(known, flat, start, _LOOSE, params) for _, start in starts[:_BEST]]
     fits.sort(key=lambda fit: -fit.share)
     return [f for i, f in enumerate(fits) if not any(_same(f.pose, g.pose) for g in fits[:i])]
 
@@ -262,15 +262,16 @@ def _same(a: Pose, b: Pose) -> bool:
 
 
 @jit
-def _turned(points: Floats, across: Floats, heading: float) -> Floats:
+def _turned(flat: FlatPoints, heading: float) -> Floats:
     """(n, 4): points and their normals, turned."""
+    points, normals = flat.points, flat.normals
     c, s = math.cos(heading), math.sin(heading)
     out = np.empty((len(points), 4))
     for n in range(len(points)):
         out[n, 0] = c * points[n, 0] - s * points[n, 1]
         out[n, 1] = s * points[n, 0] + c * points[n, 1]
-        out[n, 2] = c * across[n, 0] - s * across[n, 1]
-        out[n, 3] = s * across[n, 0] + c * across[n, 1]
+        out[n, 2] = c * normals[n, 0] - s * normals[n, 1]
+        out[n, 3] = s * normals[n, 0] + c * normals[n, 1]
     return out
 
 
@@ -297,26 +298,26 @@ def _hits(known: Surfaces, seen: Floats, x: float, y: float, near: float, least:
 
 @jit
 def _most_hits(
-    known: Surfaces, points: Floats, across: Floats, here: Pose, cells: Ints, headings: Floats
+    known: Surfaces, flat: FlatPoints, here: Pose, cells: Ints, headings: Floats
 ) -> Ints:
     """(places, headings): upper bounds of the hits on the coarse raster.
 
     cells: (places, 2), from `here`, in squares of the fine raster. A point counts wherever in its
     square it is.
     """
-    margin = 1 + int(np.sqrt((points**2).sum(axis=1).max()) / _SIDE)
+    margin = 1 + int(np.sqrt((flat.points**2).sum(axis=1).max()) / _SIDE)
     u0, v0 = cells[:, 0].min() - margin, cells[:, 1].min() - margin
     wide = cells[:, 0].max() + margin + 1 - u0
     high = cells[:, 1].max() + margin + 1 - v0
     may_hit = np.zeros((high, wide), np.uint64)
     _mark(may_hit, known, here.x + _SIDE * u0, here.y + _SIDE * v0)
     places = ((cells[:, 1] - v0 - margin) * wide + cells[:, 0] - u0 - margin).astype(np.uint64)
-    flat, most = may_hit.ravel(), np.zeros((len(headings), len(cells)), np.int64)
+    squares, most = may_hit.ravel(), np.zeros((len(headings), len(cells)), np.int64)
     for t in range(len(headings)):
-        seen, row = _turned(points, across, headings[t]), most[t]
+        seen, row = _turned(flat, headings[t]), most[t]
         for n in range(len(seen)):
             u, v = math.floor(seen[n, 0] / _SIDE), math.floor(seen[n, 1] / _SIDE)
-            from_first = flat[(v + margin) * wide + u + margin :]
+            from_first = squares[(v + margin) * wide + u + margin :]
             way = np.uint64(_way(math.atan2(seen[n, 3], seen[n, 2])) % _WAYS)
             for k in range(len(places)):
                 row[k] += np.int64(from_first[places[k]] >> way & np.uint64(1))
@@ -358,7 +359,7 @@ def _way(psi: float) -> int:
 
 @jit
 def _peaks(
-    known: Surfaces, points: Floats, across: Floats, places: Floats, headings: Floats, most: Ints
+    known: Surfaces, flat: FlatPoints, places: Floats, headings: Floats, most: Ints
 ) -> list[tuple[int, int]]:
     """Numbers of place and heading of the best on the coarse raster, each apart from all better
     ones. most: upper bounds of the hits; only those are counted that the bounds leave in question.
@@ -372,7 +373,7 @@ def _peaks(
         if best[k] <= 0:
             break
         if not counted[k, t]:
-            seen = _turned(points, across, headings[t])
+            seen = _turned(flat, headings[t])
             most[k, t] = _hits(known, seen, places[k, 0], places[k, 1], _BROAD, -1)
             counted[k, t] = True
             best[k] = most[k].max()
@@ -389,14 +390,14 @@ def _peaks(
 
 @jit
 def _refined(
-    known: Surfaces, points: Floats, across: Floats, place: Floats, heading: float, least: int
+    known: Surfaces, flat: FlatPoints, place: Floats, heading: float, least: int
 ) -> tuple[int, Pose]:
     """The most hits on the fine raster around a place and heading of the coarse one, and the pose;
     if not more than `least`, any number that is not either."""
     headings = heading + _STEP * np.arange(-_COARSE, _COARSE + 1)
-    seen = np.empty((len(headings), len(points), 4))
+    seen = np.empty((len(headings), len(flat.points), 4))
     for t in range(len(headings)):
-        seen[t] = _turned(points, across, headings[t])
+        seen[t] = _turned(flat, headings[t])
     best, pose = least, Pose(place[0], place[1], heading)
     for i in range(-_COARSE, _COARSE + 1):
         for j in range(-_COARSE, _COARSE + 1):

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between, compose
 from cohelm.core.scalars import wrap
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Pose
 from cohelm.perceive.map.loop_closure import LoopClosure, revisits
 from cohelm.perceive.map.mapper_params import PARAMS
 from cohelm.perceive.map.mapping_scans import MappingScan
@@ -35,7 +35,7 @@ from cohelm.perceive.match.odometry_covariance import (
     updated,
 )
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit, align
-from cohelm.perceive.match.surfaces import Surfaces, facing, normals, one_each
+from cohelm.perceive.match.surfaces import FlatPoints, Surfaces, facing, flat_points, one_each
 from cohelm.robot.sensors import Lidar
 
 _SET_DOWN = 0.5  # a robot is put back by hand within this of its last position [m]
@@ -86,20 +86,20 @@ class Mapper:
 
     def add(self, scan: MappingScan) -> None:
         """Add the next scan of the drive."""
-        points, across = self._surfaces(scan)
+        flat = self._surfaces(scan)
         if self._submap is None:
             self._odometry = scan.odometry
-            self._add_place(points, across, None)
+            self._add_place(flat, None)
             return
         if self._odometry is None:
-            self._pose, self._odometry = self._start_pose(points, across), scan.odometry
+            self._pose, self._odometry = self._start_pose(flat), scan.odometry
             self._joint = joined(np.diag(ROUGH**2), self._joint[3:, 3:])
         step = self._wheels.corrected(between(self._odometry, scan.odometry))
         self._odometry = scan.odometry
         predicted, joint = predict(self._pose, self._joint, step, PARAMS.mount)
         prior = inverted(joint[:3, :3])
-        fit = align(self._submap, points, across, predicted, prior, MatchParams())
-        if len(points) < 20 or fit.share < 0.3:
+        fit = align(self._submap, flat, predicted, prior, MatchParams())
+        if len(flat.points) < 20 or fit.share < 0.3:
             fit = ScanFit(predicted, np.zeros((3, 3)), 0.0, math.inf)
         shift = np.array([
             fit.pose.x - predicted.x, fit.pose.y - predicted.y, wrap(fit.pose.psi - predicted.psi)
@@ -109,7 +109,7 @@ class Mapper:
         self._pose = fit.pose
         since = between(self._graph.poses[-1], fit.pose)
         if math.hypot(since.x, since.y) > PARAMS.apart or abs(since.psi) > PARAMS.apart:
-            self._add_place(points, across, since)
+            self._add_place(flat, since)
         else:
             self._scans.append((len(self._graph) - 1, since))
 
@@ -186,14 +186,14 @@ class Mapper:
         closure.looked, closure.wide, closure.met = state["looked"].tolist()
         closure.drift_errors = state["strayed"].tolist()
         made._graph.places = [  # those of older versions face either way
-            place._replace(across=made._towards_lidar(place.points, place.across)[1])
+            place._replace(flat=facing(place.flat, lidar.mount.x, lidar.mount.y))
             for place in made._graph.places
         ]
         if made._graph.places:
             made._update_submap()
         return made
 
-    def _start_pose(self, points: Floats, across: Floats) -> Pose:
+    def _start_pose(self, flat: FlatPoints) -> Pose:
         """Start pose of a drive that continues where the last one ended: within _SET_DOWN of it and
         turned by a right angle at most, since a corridor looks alike both ways."""
         here = self._pose
@@ -201,7 +201,7 @@ class Mapper:
         known = self._graph.surfaces_around(np.flatnonzero(gaps < PARAMS.behind).tolist(), None)
         near, trail = np.array([_SET_DOWN]), np.array([here[:2]])
         fits = [
-            fit for fit in revisits(known, points, across, trail, near, here, 0.5 * math.pi)
+            fit for fit in revisits(known, flat, trail, near, here, 0.5 * math.pi)
             if math.hypot(fit.pose.x - here.x, fit.pose.y - here.y) < _SET_DOWN
         ]  # fmt: skip
         alone = len(fits) == 1 or (len(fits) > 1 and fits[1].share < fits[0].share - PARAMS.alone)
@@ -212,23 +212,18 @@ class Mapper:
             )
         return fits[0].pose
 
-    def _surfaces(self, scan: MappingScan) -> tuple[Floats, Floats]:
+    def _surfaces(self, scan: MappingScan) -> FlatPoints:
         gaps = np.hypot(
             scan.points[:, 0] - self.lidar.mount.x, scan.points[:, 1] - self.lidar.mount.y
         )
         near = gaps < PARAMS.far
-        return self._towards_lidar(*normals(scan.points[near], scan.beams[near], self.lidar.step))
+        return flat_points(scan.points[near], scan.beams[near], self.lidar)
 
-    def _towards_lidar(self, points: Floats, across: Floats) -> tuple[Floats, Floats]:
-        """A beam shows the side of a wall that faces it."""
-        return points, facing(points, across, self.lidar.mount.x, self.lidar.mount.y)
-
-    def _add_place(self, points: Floats, across: Floats, since: Pose | None) -> None:
+    def _add_place(self, flat: FlatPoints, since: Pose | None) -> None:
         """Add a place; `since`: its pose seen from the last one."""
         graph, k = self._graph, len(self._graph)
-        kept, sides = one_each(points, across, 0.04)
         step = self._step(k, since) if since is not None else None
-        graph.add(Place(len(self._scans), kept, sides), self._pose, step)
+        graph.add(Place(len(self._scans), one_each(flat, 0.04)), self._pose, step)
         self._scans.append((k, Pose(0.0, 0.0, 0.0)))
         self._closure.look()
         self._pose = graph.poses[-1]

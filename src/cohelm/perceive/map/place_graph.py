@@ -31,7 +31,15 @@ from cohelm.perceive.map.pose_graph import (
     spread,
 )
 from cohelm.perceive.match.scan_matching import MatchParams, align, observed
-from cohelm.perceive.match.surfaces import Surfaces, behind, moved, one_each, surfaces, thinned
+from cohelm.perceive.match.surfaces import (
+    FlatPoints,
+    Surfaces,
+    behind,
+    one_each,
+    seen_from,
+    surfaces,
+    thinned,
+)
 
 _SAME = 0.5  # typical correction of a place by the graph [m]
 _CLOSED = 0.25  # the same after all places were linked [m]
@@ -44,8 +52,7 @@ class Place(NamedTuple):
     """Number of its scan, and its surfaces in the body frame, with normals towards the LiDAR."""
 
     scan: int
-    points: Floats
-    across: Floats
+    flat: FlatPoints
 
 
 class PlaceGraph:
@@ -79,12 +86,12 @@ class PlaceGraph:
     ) -> Surfaces:
         """Surfaces of some places, in the frame of the map or of a pose in it, to be matched from
         so far off; each side of a wall is one."""
-        made = surfaces(*self.points_around(numbers, origin), 0.05, reach + 0.05)
+        made = surfaces(self.points_around(numbers, origin), 0.05, reach + 0.05)
         return made._replace(back=behind(made))
 
-    def points_around(self, numbers: Sequence[int], origin: Pose | None) -> tuple[Floats, Floats]:
+    def points_around(self, numbers: Sequence[int], origin: Pose | None) -> FlatPoints:
         """Points and normals of these surfaces."""
-        return one_each(*self._seen_from(numbers, origin), 0.04)
+        return one_each(self._seen_from(numbers, origin), 0.04)
 
     def solve(self) -> None:
         """Optimize the poses by all links."""
@@ -190,7 +197,7 @@ class PlaceGraph:
         gaps = np.hypot(others[:, 0] - here.x, others[:, 1] - here.y)
         gaps[max(0, k - PARAMS.submap) : k + PARAMS.submap] = math.inf
         links: list[Link] = []
-        own: tuple[Floats, Floats] | None = None
+        own: FlatPoints | None = None
         for _ in range(3):
             i = int(gaps.argmin())
             if gaps[i] > PARAMS.others:
@@ -202,7 +209,7 @@ class PlaceGraph:
             numbers = self._around(i, PARAMS.submap // 2 if reach < _SAME else 5)
             known = self.surfaces_around(numbers, self.poses[i], reach)
             if own is None:
-                own = thinned(*self._seen_from(self._around(k, PARAMS.submap // 2), here), 0.04)
+                own = thinned(self._seen_from(self._around(k, PARAMS.submap // 2), here), 0.04)
             link = self._linked(i, k, known, own, between(self.poses[i], here), reach)
             if link is not None:
                 links.append(link)
@@ -212,35 +219,32 @@ class PlaceGraph:
         """So many places before and after one."""
         return range(max(0, k - half), min(len(self.poses), k + half + 1))
 
-    def _seen_from(self, numbers: Sequence[int], origin: Pose | None) -> tuple[Floats, Floats]:
+    def _seen_from(self, numbers: Sequence[int], origin: Pose | None) -> FlatPoints:
         """Points and normals of some places, in the frame of the map or of a pose in it."""
-        points: list[Floats] = []
-        across: list[Floats] = []
+        seen: list[FlatPoints] = []
         for i in numbers:
             pose = self.poses[i] if origin is None else between(origin, self.poses[i])
-            points.append(moved(pose, self.places[i].points, True))
-            across.append(moved(pose, self.places[i].across, False))
-        return np.vstack(points), np.vstack(across)
+            seen.append(seen_from(pose, self.places[i].flat))
+        return FlatPoints(*(np.vstack(parts) for parts in zip(*seen, strict=True)))
 
     def _linked(
-        self, a: int, b: int, known: Surfaces, own: tuple[Floats, Floats], guess: Pose,
-        reach: float,
-    ) -> Link | None:  # fmt: skip
+        self, a: int, b: int, known: Surfaces, own: FlatPoints, guess: Pose, reach: float
+    ) -> Link | None:
         """The link of place b matched against the surfaces known around a, if it fits.
 
         own: points and normals around b, in its frame.
         """
-        points, across = self.places[b].points, self.places[b].across
-        if len(points) < 30 or len(known.points) < 30 or self.separated(a, b):
+        flat = self.places[b].flat
+        if len(flat.points) < 30 or len(known.points) < 30 or self.separated(a, b):
             return None
         loose = np.diag([100.0, 100.0, 400.0])
         params = MatchParams(reach=reach, rounds=30)
-        fit = align(known, points, across, guess, loose, params)
-        information = observed(known, points, across, fit.pose, params)
+        fit = align(known, flat, guess, loose, params)
+        information = observed(known, flat, fit.pose, params)
         sizes, axes = np.linalg.eigh(information[:2, :2])
         if sizes[0] < PARAMS.firm and reach < _SAME:  # submaps are put together by then
             axis, beside = np.ascontiguousarray(axes.T)
-            shift = shifted(known, *own, fit.pose, axis, PARAMS.search, params.share)
+            shift = shifted(known, own, fit.pose, axis, PARAMS.search, params.share)
             if shift.lead > math.log(_ODDS) and abs(shift.along) > params.least:
                 # what the match holds to is not what it saw there; each place of the submap has
                 # its share of what that shows
@@ -248,8 +252,8 @@ class PlaceGraph:
                 loose[:2, :2] = more + 100.0 * np.outer(beside, beside)
                 x, y = (np.array(fit.pose[:2]) + shift.along * axis).tolist()
                 there, params = Pose(x, y, fit.pose.psi), params._replace(reach=_BESIDE)
-                fit = align(known, points, across, there, loose, params)
-                information = observed(known, points, across, fit.pose, params)
+                fit = align(known, flat, there, loose, params)
+                information = observed(known, flat, fit.pose, params)
                 information[:2, :2] += more
         if fit.share < PARAMS.fits or fit.rms > PARAMS.rms:
             return None
@@ -302,9 +306,9 @@ class PlaceGraph:
         places, held = self.places, [link for group in self._candidates for link in group]
         return {
             "scan": np.array([p.scan for p in places], dtype=np.int64),
-            "size": np.array([len(p.points) for p in places], dtype=np.int64),
-            "points": np.vstack([np.empty((0, 2)), *(p.points for p in places)]),
-            "across": np.vstack([np.empty((0, 2)), *(p.across for p in places)]),
+            "size": np.array([len(p.flat.points) for p in places], dtype=np.int64),
+            "points": np.vstack([np.empty((0, 2)), *(p.flat.points for p in places)]),
+            "across": np.vstack([np.empty((0, 2)), *(p.flat.normals for p in places)]),
             "poses": np.array(self.poses, dtype=np.float64).reshape(-1, 3),
             "links": rows(self.links), "outvoted": rows(self._rejected), "maybe": rows(held),
             "held": np.array([len(group) for group in self._candidates], dtype=np.int64),
@@ -326,7 +330,7 @@ class PlaceGraph:
             raise ValueError("places that there are not")
         ends = np.cumsum(state["size"])[:-1]
         self.places = [
-            Place(int(scan), points, across) for scan, points, across in zip(
+            Place(int(scan), FlatPoints(points, normals)) for scan, points, normals in zip(
                 state["scan"], np.split(state["points"], ends), np.split(state["across"], ends),
                 strict=True,
             )

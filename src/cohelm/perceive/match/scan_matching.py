@@ -15,7 +15,7 @@ import numpy as np
 from cohelm.core.jit import jit
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.match.surfaces import Surfaces, row_at
+from cohelm.perceive.match.surfaces import FlatPoints, Surfaces, row_at
 
 
 class MatchParams(NamedTuple):
@@ -52,9 +52,9 @@ class ScanFit(NamedTuple):
 
 @jit
 def align(
-    known: Surfaces, points: Floats, across: Floats, start: Pose, prior: Floats, params: MatchParams
+    known: Surfaces, flat: FlatPoints, start: Pose, prior: Floats, params: MatchParams
 ) -> ScanFit:
-    """Match points (n, 2) with normals (n, 2), in the body frame, from a first guess.
+    """Match points with normals, in the body frame, from a first guess.
 
     If the surfaces' normals face the visible side, those of the points must too. prior: (3, 3)
     information of the guess. Failure shows as a small share.
@@ -63,11 +63,10 @@ def align(
     reach = params.reach
     information, slope = np.empty((3, 3)), np.empty(3)
     share, rms, before = 0.0, math.inf, 0.0
-    weights = np.full(len(points), params.share)
+    weights = np.full(len(flat.points), params.share)
     for turn in range(params.rounds):
         share, rms, before = _gather(
-            known, points, across, Pose(x, y, psi), reach, params, information, slope, weights,
-            params.sigma,
+            known, flat, Pose(x, y, psi), reach, params, information, slope, weights, params.sigma,
         )  # fmt: skip
         ex, ey, epsi = x - start.x, y - start.y, wrap(psi - start.psi)
         full = information + prior
@@ -84,14 +83,14 @@ def align(
         reach = max(params.least, 0.75 * reach) if turn > 0 else reach
     pose = Pose(x, y, psi)
     share, rms, before = _gather(
-        known, points, across, pose, params.least, params, information, slope, weights, params.sigma
+        known, flat, pose, params.least, params, information, slope, weights, params.sigma
     )
     return ScanFit(pose, information, share, rms, before)
 
 
 @jit
 def _gather(
-    known: Surfaces, points: Floats, across: Floats, pose: Pose, reach: float, params: MatchParams,
+    known: Surfaces, flat: FlatPoints, pose: Pose, reach: float, params: MatchParams,
     information: Floats, slope: Floats, weights: Floats, sigma: float, crossed: bool = False,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Normal equations of one iteration, written into `information` and `slope`; returns share,
@@ -102,6 +101,7 @@ def _gather(
     """
     information[:, :] = 0.0
     slope[:] = 0.0
+    points, normals = flat.points, flat.normals
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     weight = 1.0 / (sigma * sigma)
     two_sided = len(known.back) > 0
@@ -114,8 +114,8 @@ def _gather(
         if i < 0:
             continue
         nx, ny = known.normals[i, 0], known.normals[i, 1]
-        ax = c * across[k, 0] - s * across[k, 1]
-        ay = s * across[k, 0] + c * across[k, 1]
+        ax = c * normals[k, 0] - s * normals[k, 1]
+        ay = s * normals[k, 0] + c * normals[k, 1]
         alignment = ax * nx + ay * ny
         if two_sided:
             if alignment < -0.85:  # the other side of the wall is nearer
@@ -167,9 +167,7 @@ def _gather(
 
 
 @jit
-def observed(
-    known: Surfaces, points: Floats, across: Floats, pose: Pose, params: MatchParams
-) -> Floats:
+def observed(known: Surfaces, flat: FlatPoints, pose: Pose, params: MatchParams) -> Floats:
     """(3, 3) information of a match from what both sides show.
 
     Normals are estimated, so along a plain corridor those of either side point a little forwards or
@@ -178,18 +176,17 @@ def observed(
     instrumental variables.
     """
     information, slope = np.empty((3, 3)), np.empty(3)
-    weights = np.full(len(points), params.share)
+    weights = np.full(len(flat.points), params.share)
     _gather(
-        known, points, across, pose, params.least, params, information, slope, weights,
-        params.sigma, True,
-    )  # fmt: skip
+        known, flat, pose, params.least, params, information, slope, weights, params.sigma, True
+    )
     values, axes = np.linalg.eigh(information)
     return (axes * np.maximum(values, 0.0)) @ axes.T
 
 
 @jit
 def independent(
-    known: Surfaces, points: Floats, across: Floats, pose: Pose, params: MatchParams, rms: float
+    known: Surfaces, flat: FlatPoints, pose: Pose, params: MatchParams, rms: float
 ) -> Floats:
     """(3, 3) information of a match by independent errors only.
 
@@ -197,6 +194,7 @@ def independent(
     better than half a cell, or than the residual of its points.
     """
     information, slope = np.empty((3, 3)), np.empty(3)
+    points = flat.points
     n = len(points)
     weights = np.empty(n)
     for k in range(n):
@@ -206,5 +204,5 @@ def independent(
             d = min(gap, d)
         weights[k] = d / params.correlated
     sigma = math.sqrt(0.25 * known.resolution * known.resolution + min(rms, 1.0) ** 2)
-    _gather(known, points, across, pose, params.least, params, information, slope, weights, sigma)
+    _gather(known, flat, pose, params.least, params, information, slope, weights, sigma)
     return information

@@ -16,12 +16,20 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints, Pose
+from cohelm.robot.sensors import Lidar
 
 _HALF = 0.15  # neighbourhood of a normal [m]
 _MOST = 16  # beams on either side at most
 _FLAT = 0.04  # largest rms distance from the fitted line [m]
 MOST_CELLS = 64_000_000
 """Limit of a map, or of an index of surfaces: 400 m x 400 m at 5 cm, which takes half a GB."""
+
+
+class FlatPoints(NamedTuple):
+    """Points on flat surfaces, and the unit normal of the surface at each, (n, 2) both [m]."""
+
+    points: Floats
+    normals: Floats
 
 
 class Surfaces(NamedTuple):
@@ -46,19 +54,20 @@ _THICK = 0.3  # largest thickness of a wall with two sides [m]
 
 
 @jit
-def normals(points: Floats, beams: Ints, step: float) -> tuple[Floats, Floats]:
-    """The points of a sweep that lie on a flat surface, and its normal there.
+def flat_points(points: Floats, beams: Ints, lidar: Lidar) -> FlatPoints:
+    """The points of a sweep that lie on a flat surface, and its normals there, towards the LiDAR:
+    a beam shows the side of a wall that faces it.
 
-    points: (m, 2) body frame, in the order of the beams; step: angle between beams [rad]. The
-    line is fitted to neighbours within 15 cm, at least to the next beam on either side, so that
-    1 degree between beams is enough for walls. Returns (k, 2), (k, 2).
+    points: (m, 2) body frame, in the order of the beams. The line is fitted to neighbours within
+    15 cm, at least to the next beam on either side, so that 1 degree between beams is enough for
+    walls.
     """
     m = len(points)
-    kept, across = np.empty((m, 2)), np.empty((m, 2))
+    kept, normals = np.empty((m, 2)), np.empty((m, 2))
     k = 0
     for i in range(m):
         r = math.hypot(points[i, 0], points[i, 1])
-        jump = max(0.12, 4.0 * r * step)
+        jump = max(0.12, 4.0 * r * lidar.step)
         count, sx, sy, sxx, sxy, syy = 1, 0.0, 0.0, 0.0, 0.0, 0.0
         sides = 0
         for direction in (-1, 1):
@@ -88,19 +97,20 @@ def normals(points: Floats, beams: Ints, step: float) -> tuple[Floats, Floats]:
             continue
         turn = 0.5 * math.atan2(2.0 * b, a - c)
         kept[k, 0], kept[k, 1] = points[i, 0], points[i, 1]
-        across[k, 0], across[k, 1] = -math.sin(turn), math.cos(turn)
+        normals[k, 0], normals[k, 1] = -math.sin(turn), math.cos(turn)
         k += 1
-    return kept[:k].copy(), across[:k].copy()
+    return facing(FlatPoints(kept[:k].copy(), normals[:k].copy()), lidar.mount.x, lidar.mount.y)
 
 
 @jit
-def facing(points: Floats, across: Floats, x: float, y: float) -> Floats:
-    """The normals (n, 2), each turned towards the place (x, y)."""
-    out = across.copy()
+def facing(flat: FlatPoints, x: float, y: float) -> FlatPoints:
+    """With each normal turned towards the place (x, y)."""
+    points, normals = flat.points, flat.normals
+    out = normals.copy()
     for i in range(len(points)):
-        if (points[i, 0] - x) * across[i, 0] + (points[i, 1] - y) * across[i, 1] > 0.0:
-            out[i, 0], out[i, 1] = -across[i, 0], -across[i, 1]
-    return out
+        if (points[i, 0] - x) * normals[i, 0] + (points[i, 1] - y) * normals[i, 1] > 0.0:
+            out[i, 0], out[i, 1] = -normals[i, 0], -normals[i, 1]
+    return FlatPoints(points, out)
 
 
 @jit
@@ -115,18 +125,22 @@ def moved(pose: Pose, vectors: Floats, place: bool) -> Floats:
     return out
 
 
-def surfaces(
-    points: Floats, across: Floats, resolution: float, reach: float, back: bool = False
-) -> Surfaces:
+def seen_from(pose: Pose, flat: FlatPoints) -> FlatPoints:
+    """Those of a body frame in that of its pose."""
+    return FlatPoints(moved(pose, flat.points, True), moved(pose, flat.normals, False))
+
+
+def surfaces(flat: FlatPoints, resolution: float, reach: float, back: bool = False) -> Surfaces:
     """Index points with normals; places farther than `reach` from all have no nearest [m].
 
     back: normals face the visible side.
 
     Raises CohelmError for more than MOST_CELLS.
     """
+    points = flat.points
     if len(points) == 0:
         nothing = np.empty((0, 0), np.int32)
-        return Surfaces(points, across, nothing, resolution, 0.0, 0.0, _NO_BACK)
+        return Surfaces(*flat, nothing, resolution, 0.0, 0.0, _NO_BACK)
     low = points.min(axis=0) - reach - resolution
     size = np.ceil((points.max(axis=0) + reach + resolution - low) / resolution)
     if not float(size[0]) * float(size[1]) <= MOST_CELLS:
@@ -137,19 +151,20 @@ def surfaces(
         )
     size = size.astype(int)
     nearest = np.full((int(size[1]), int(size[0])), -1, np.int32)
-    other = _opposite_sides(points, across) if back else _NO_BACK
-    made = Surfaces(points, across, nearest, resolution, float(low[0]), float(low[1]), other)
+    other = _opposite_sides(flat) if back else _NO_BACK
+    made = Surfaces(*flat, nearest, resolution, float(low[0]), float(low[1]), other)
     _spread(made, reach)
     return made
 
 
-def _opposite_sides(points: Floats, across: Floats) -> Ints:
+def _opposite_sides(flat: FlatPoints) -> Ints:
+    points, normals = flat
     count = min(24, len(points))
     nearest = range(1, count + 1)
     near = scipy.spatial.cKDTree(points).query(points, list(nearest), distance_upper_bound=_THICK)
     there = np.isfinite(np.asarray(near[0], dtype=np.float64))
     rows = np.where(there, np.asarray(near[1], dtype=np.int64), 0)
-    facing = there & (np.einsum("ij,ikj->ik", across, across[rows]) < -0.85)
+    facing = there & (np.einsum("ij,ikj->ik", normals, normals[rows]) < -0.85)
     first = facing.argmax(axis=1)
     found = rows[np.arange(len(points)), first]
     return np.where(facing.any(axis=1), found, -1).astype(np.int64)
@@ -176,22 +191,23 @@ def behind(made: Surfaces) -> Ints:
     return found
 
 
-def one_each(points: Floats, across: Floats, side: float) -> tuple[Floats, Floats]:
+def one_each(flat: FlatPoints, side: float) -> FlatPoints:
     """One point of each square cell for each of the four directions that it may face [m]."""
-    quarter = np.floor(np.arctan2(across[:, 1], across[:, 0]) / (0.5 * math.pi) + 0.5) % 4
-    return _one_each(points, across, side, quarter.astype(np.int64))
+    x, y = flat.normals.T
+    quarter = np.floor(np.arctan2(y, x) / (0.5 * math.pi) + 0.5) % 4
+    return _one_each(flat, side, quarter.astype(np.int64))
 
 
-def thinned(points: Floats, across: Floats, side: float) -> tuple[Floats, Floats]:
+def thinned(flat: FlatPoints, side: float) -> FlatPoints:
     """One point of each square cell: the mean of those in it with the same direction [m]."""
-    return _one_each(points, across, side, np.zeros(len(points), np.int64))
+    return _one_each(flat, side, np.zeros(len(flat.points), np.int64))
 
 
-def _one_each(points: Floats, across: Floats, side: float, group: Ints) -> tuple[Floats, Floats]:
-    keys = _keys(points, side, group)
-    n = len(points)
+def _one_each(flat: FlatPoints, side: float, group: Ints) -> FlatPoints:
+    keys = _keys(flat.points, side, group)
+    n = len(flat.points)
     # no two are equal, so that the fastest order is as good as a stable one
-    return _means(points, across, keys, np.argsort(keys * n + np.arange(n)))
+    return _means(flat, keys, np.argsort(keys * n + np.arange(n)))
 
 
 @jit
@@ -258,8 +274,9 @@ def row_at(known: Surfaces, x: float, y: float) -> int:
 
 
 @jit
-def _means(points: Floats, across: Floats, keys: Ints, order: Ints) -> tuple[Floats, Floats]:
+def _means(flat: FlatPoints, keys: Ints, order: Ints) -> FlatPoints:
     """The mean of each of those with the same key and direction."""
+    points, normals = flat.points, flat.normals
     n = len(points)
     kept, out = np.empty((n, 2)), np.empty((n, 2))
     k, a = 0, 0
@@ -269,15 +286,15 @@ def _means(points: Floats, across: Floats, keys: Ints, order: Ints) -> tuple[Flo
         x, y, nx, ny, count = 0.0, 0.0, 0.0, 0.0, 0
         while b < n and keys[order[b]] == keys[first]:
             i = order[b]
-            same = across[i, 0] * across[first, 0] + across[i, 1] * across[first, 1]
+            same = normals[i, 0] * normals[first, 0] + normals[i, 1] * normals[first, 1]
             if abs(same) > 0.9:
                 sign = 1.0 if same > 0.0 else -1.0
                 x, y, count = x + points[i, 0], y + points[i, 1], count + 1
-                nx, ny = nx + sign * across[i, 0], ny + sign * across[i, 1]
+                nx, ny = nx + sign * normals[i, 0], ny + sign * normals[i, 1]
             b += 1
         size = math.hypot(nx, ny)
         kept[k, 0], kept[k, 1] = x / count, y / count
         out[k, 0], out[k, 1] = nx / size, ny / size
         k += 1
         a = b
-    return kept[:k].copy(), out[:k].copy()
+    return FlatPoints(kept[:k].copy(), out[:k].copy())
