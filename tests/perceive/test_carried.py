@@ -13,6 +13,7 @@ from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
 from cohelm.perceive.localize.localization_map import Judgement, map_from_occupancy
 from cohelm.perceive.localize.scan_judge import ScanJudge
 from cohelm.perceive.localize.verdict import rivals
+from cohelm.perceive.scan.deskew import NO_SWEEP
 from tests.perceive.drives import LIDAR
 from tests.perceive.test_keyframe import HERE, seen
 from tests.perceive.test_places import room
@@ -21,11 +22,15 @@ NOWHERE = Pose(0.0, 0.0, 0.0)
 AWAY = Pose(HERE.x + 2.0, HERE.y, 0.0)
 
 
+def sweep(ranges, stamp, odometry=NOWHERE):
+    return NO_SWEEP._replace(ranges=ranges, stamp=stamp, pose=odometry)
+
+
 def after(scans, every=0.1, lost=True):
     """The alarm of a robot whose wheels stand, after these scans."""
     alarm = KidnapAlarm(LIDAR.lidar())
     for k, ranges in enumerate(scans):
-        alarm.compare(NOWHERE, every * k, ranges, NOWHERE, HERE, lost and k > 0)
+        alarm.compare(sweep(ranges, every * k), NOWHERE, HERE, lost and k > 0)
     return alarm
 
 
@@ -63,18 +68,18 @@ def test_a_keyframe_from_since_the_map_fits_worse_is_no_view_from_before_the_ala
     alarm = KidnapAlarm(LIDAR.lidar())
     on = Pose(HERE.x + 0.35, HERE.y, HERE.psi)
     for k in range(6):
-        alarm.compare(NOWHERE, 0.1 * k, seen(HERE, k), NOWHERE, HERE, False)
+        alarm.compare(sweep(seen(HERE, k), 0.1 * k), NOWHERE, HERE, False)
         alarm.fall(0.0, False)
     led = Pose(0.35, 0.0, 0.0)
     for k in range(6, 10):
-        alarm.compare(led, 0.1 * k, seen(on, k), led if k == 6 else NOWHERE, HERE, False)
+        alarm.compare(sweep(seen(on, k), 0.1 * k, led), led if k == 6 else NOWHERE, HERE, False)
         alarm.fall(-1.0 if fell else 0.0, fell)
     for k in range(10, 12):
-        alarm.compare(led, 0.1 * k, seen(AWAY, k), NOWHERE, on, False)
+        alarm.compare(sweep(seen(AWAY, k), 0.1 * k, led), NOWHERE, on, False)
         alarm.fall(-30.0 if falls else -1.0 if fell else 0.0, fell)
     assert alarm.raised
     assert alarm._reference is not None
-    assert alarm._reference[0].odometry.x == first
+    assert alarm._reference[0].pose.x == first
 
 
 def lost_at(pose, odds=0.0, was_known=True):

@@ -10,11 +10,11 @@ import pytest
 
 from cohelm.core.types import RADIUS, Pose, Twist
 from cohelm.perceive.localize.hypothesis import Hypothesis
-from cohelm.perceive.localize.keyframe import Keyframe
 from cohelm.perceive.localize.localization_map import judge, map_from_occupancy
 from cohelm.perceive.localize.localizer import Localizer
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception
+from cohelm.perceive.scan.deskew import NO_SWEEP
 from cohelm.robot.kinematics import arc
 from cohelm.robot.sensors import LidarModel
 from cohelm.scenario import load
@@ -479,8 +479,8 @@ def alarmed(before, now):
     here, check, alarm = locator.located.pose, locator._check, locator._alarm
     check.believed(12.0, True)
     locator._judge.usual = -0.5
-    alarm._reference, alarm._left = (Keyframe(Pose(0.0, 0.0, 0.0), before), here), 10
-    alarm._ranges = now
+    alarm._reference, alarm._left = (NO_SWEEP._replace(ranges=before), here), 10
+    alarm._newest = NO_SWEEP._replace(ranges=now)
     seen = locator._judge.judge(here, np.full(LIDAR.beams, 1.0))
     fits = seen._replace(agree=0.99, short=0.005, through=0.005, log=-0.2)
 

@@ -54,9 +54,9 @@ class Hypotheses:
         self.left: Departure | None = None  # where it was when it became lost
         self._belief = Belief(self.judge, len(self.lidar.beams))
         self._last = LastMetres(PARAMS.view, PARAMS.kept)
-        self._since = SinceLost(PARAMS.remembered, np.empty(0))
+        self._since = SinceLost(PARAMS.remembered)
         self._search: Search | None = None
-        self._searched: tuple[FlatPoints, Floats] | None = None
+        self._searched: tuple[FlatPoints, DeskewedScan] | None = None
         self._candidates: list[tuple[Pose, Floats | None]] = []
         self._base = _NOWHERE  # odometry step since the sweep of the search
         self._answered = False  # whether `all` is the result of a complete search,
@@ -67,7 +67,6 @@ class Hypotheses:
         self._left_out = -math.inf  # bound of the log likelihood of all that are not followed
         self._searched_again = False  # whether the search was repeated as the best explains little
         self._waited = 0  # scans since then
-        self._stamp = self._search_stamp = 0.0  # of the newest sweep, and the one searched with [s]
 
     def forget(self) -> None:
         """Drop all hypotheses and any search."""
@@ -132,12 +131,11 @@ class Hypotheses:
     def keep_view(self, step: Pose, sweep: DeskewedScan) -> None:
         """At a cold start, keep the views of the last metres: hypotheses found later must fit
         them."""
-        self._stamp = sweep.stamp
         if not self.cold_start:
             return
         self._last.led_on(step)
         if usable(self.lidar, sweep.ranges):
-            self._last.add(sweep.points, sweep.ranges, sweep.stamp)
+            self._last.add(sweep)
 
     def begin_search(
         self, flat: FlatPoints, sweep: DeskewedScan, here: Pose, joint: Floats
@@ -150,7 +148,7 @@ class Hypotheses:
             # not around the likeliest hypothesis, which may be anywhere
             near = np.hypot(places[:, 0] - own.x, places[:, 1] - own.y) < PARAMS.near
             places = places[near]
-        views = [sweep.points, *(shifted(v.back, v.points, True) for v in self._last.use())]
+        views = [sweep.points, *(shifted(v.back, v.sweep.points, True) for v in self._last.use())]
         self._search = search(np.vstack(views), places, self.cold_start)
         # the predicted pose is a candidate too
         known = [] if self.cold_start else [here]
@@ -160,18 +158,18 @@ class Hypotheses:
         led = [(own, self.left.joint if self.left else joint)] if known else []
         led += [(self.before.pose, self.before.joint)] if self.before else []
         self._candidates += [(pose, inverted(sure[:3, :3])) for pose, sure in led]
-        self._searched = (flat, sweep.ranges)
-        self._tried_logs, self._search_stamp = [], self._stamp
+        self._searched = (flat, sweep)
+        self._tried_logs = []
         self._searched_again = self.cold_start and bool(self.all)
         self._base = _NOWHERE
         if not self.all:
-            self._since = SinceLost(PARAMS.remembered, sweep.ranges)
+            self._since = SinceLost(PARAMS.remembered, sweep)
 
     def search_step(self, lost: bool) -> bool:
         """One slice of the search, if any; about 3 ms. Returns whether that ended it."""
         if self._searched is None:
             return False
-        flat, ranges = self._searched
+        flat, sweep = self._searched
         if self._search is not None:
             self._search = search_blocks(self._search, self.known, PARAMS.places)
             if self._search.over:
@@ -182,7 +180,7 @@ class Hypotheses:
                 self._search = None
             return False
         for pose, prior in self._candidates[:4]:
-            self._tried_logs.append(self._consider(pose, prior, flat, ranges, lost))
+            self._tried_logs.append(self._consider(pose, prior, flat, sweep, lost))
         self._candidates = self._candidates[4:]
         if self._candidates:
             return False
@@ -218,7 +216,7 @@ class Hypotheses:
         share = min(1.0, off / match_params.correlated)
         if fresh and self.all:
             since.keep(step, share)
-        since.ranges = sweep.ranges
+        since.before = sweep
         for hypothesis in self.all:
             hypothesis.age += 1
             if fresh:
@@ -243,7 +241,7 @@ class Hypotheses:
                     new if hypothesis.stale else max(0.9 * hypothesis.latest + 0.1 * new, new)
                 )
             elif hypothesis.stale:
-                self.judge.charge(hypothesis.pose, sweep.ranges, self._stamp, hypothesis.charges)
+                self.judge.charge(hypothesis.pose, sweep, hypothesis.charges)
                 hypothesis.log = hypothesis.charges.log
             hypothesis.keyframe_log = self.alarm.keyframe_log(hypothesis.pose)
             hypothesis.age, hypothesis.stale = 0, False
@@ -306,7 +304,7 @@ class Hypotheses:
         return found
 
     def _consider(
-        self, guess: Pose, prior: Floats | None, flat: FlatPoints, ranges: Floats, lost: bool
+        self, guess: Pose, prior: Floats | None, flat: FlatPoints, sweep: DeskewedScan, lost: bool
     ) -> float:
         """Match a candidate, and keep it as a hypothesis if it fits. prior: (3, 3), its information
         matrix; None: weak. Returns its log likelihood."""
@@ -316,7 +314,7 @@ class Hypotheses:
             prior = np.diag([1.0, 1.0, 4.0])
             match_params = match_params._replace(reach=0.6, rounds=30)
         fit = align(self.known.surfaces, flat, guess, prior, match_params)
-        judged = self.judge.judge(fit.pose, ranges)
+        judged = self.judge.judge(fit.pose, sweep.ranges)
         if not self._possible(compose(fit.pose, self._base), judged, 0.05):
             return -1e3
         joint = joined(wide, UNKNOWN)
@@ -337,9 +335,8 @@ class Hypotheses:
         found = Hypothesis(pose, covariance, before, new, judged, led=led)
         if self.cold_start:
             for view in self._last.used:
-                at = compose(fit.pose, view.back)
-                self.judge.charge(at, view.ranges, view.stamp, found.charges, 2)
-            self.judge.charge(fit.pose, ranges, self._search_stamp, found.charges)
+                self.judge.charge(compose(fit.pose, view.back), view.sweep, found.charges, 2)
+            self.judge.charge(fit.pose, sweep, found.charges)
             found.log, found.latest = found.charges.log, 0.0
             before, new = found.charges.most, 0.0
             found.covariance = covariance + _BESIDE

@@ -1,13 +1,12 @@
 """Detects that the robot was moved, without a map: its scan contradicts a keyframe.
 
-The *keyframe* is a scan from a moment ago, at a known odometry step. A return where the keyframe
-saw free space, and a beam that passes where it had a return, contradict it.
+The *keyframe* is a deskewed scan from a moment ago, at a known odometry step. A return where it saw
+free space, and a beam that passes where it had a return, contradict it.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,13 +22,6 @@ _BESIDE, _APART = 2, 0.05  # beams to either side that are checked too, or width
 _MOST = 12  # beams at most
 _RUN, _NARROW = 3, 0.06  # fewer beams, or a smaller width, are an edge, not an object [m]
 _EDGE, _THING, _WIDE = -0.1, -1.5, -0.02  # log likelihoods: an edge, an object, each of its beams
-
-
-class Keyframe(NamedTuple):
-    """Odometry pose of the body then, and ranges (n,) of its deskewed scan [m]."""
-
-    odometry: Pose
-    ranges: Floats
 
 
 @jit

@@ -11,9 +11,10 @@ import math
 from dataclasses import dataclass
 
 from cohelm.core.frames import between, compose
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Pose
 from cohelm.perceive.localize.caution import PARAMS
-from cohelm.perceive.localize.keyframe import Keyframe, agreement, usable
+from cohelm.perceive.localize.keyframe import agreement, usable
+from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
 
 
@@ -24,20 +25,22 @@ class KidnapAlarm:
     lidar: Lidar
 
     def __post_init__(self) -> None:
-        self._ranges: Floats  # of the newest scan
+        self._newest: DeskewedScan
         self._keyframe_pose = Pose(0.0, 0.0, 0.0)  # the believed pose at the keyframe
         self._aged = 0  # scans since then
         self.reset()
 
     def reset(self) -> None:
         """A new pose is believed: forget all earlier scans."""
-        self._keyframe: Keyframe | None = None
-        self._older: tuple[Keyframe, Pose] | None = None  # the one before, and its pose
-        self._sound: tuple[Keyframe, Pose] | None = None  # from before scans were odd on the map
+        self._keyframe: DeskewedScan | None = None
+        self._older: tuple[DeskewedScan, Pose] | None = None  # the one before, and its pose
+        # from before scans were odd on the map
+        self._sound: tuple[DeskewedScan, Pose] | None = None
         self._odd = 0  # scans in a row that are odd on the map
         self._log = 0.0  # log likelihood on the map: of the newest scan,
         self._keyframe_log = self._sound_log = 0.0  # of the keyframe, and before scans were odd
-        self._reference: tuple[Keyframe, Pose] | None = None  # both as they were before the alarm
+        # both as they were before the alarm
+        self._reference: tuple[DeskewedScan, Pose] | None = None
         self._left = 0  # scans for which the alarm lasts
         self._jolts = 0  # scans in a row that contradict the keyframe
         self.carried = 0.0  # how long nothing shows that the robot was not being moved [s]
@@ -60,16 +63,14 @@ class KidnapAlarm:
         """Whether the newest scan contradicts the keyframe."""
         return self._jolts > 0
 
-    def compare(
-        self, odometry: Pose, stamp: float, ranges: Floats, moved_by: Pose, pose: Pose, lost: bool
-    ) -> None:  # fmt: skip
+    def compare(self, sweep: DeskewedScan, moved_by: Pose, pose: Pose, lost: bool) -> None:
         """Compare this scan with the keyframe, and replace that where they agree. moved_by:
         odometry step since the scan before. pose: believed pose at that scan."""
-        self._ranges = ranges
+        self._newest = sweep
         key = self._keyframe
-        step = between(key.odometry, odometry) if key else Pose(0.0, 0.0, 0.0)
+        step = between(key.pose, sweep.pose) if key else Pose(0.0, 0.0, 0.0)
         if key is not None:
-            log = agreement(self.lidar, key.ranges, ranges, step)
+            log = agreement(self.lidar, key.ranges, sweep.ranges, step)
             self._jolts = self._jolts + 1 if log < PARAMS.contradicted else 0
             if not self._left and self._jolts >= PARAMS.jolts:
                 # the pose of a lost robot is unknown, so its keyframe is no reference
@@ -77,18 +78,18 @@ class KidnapAlarm:
             elif not self._left and not lost:
                 self._reference = None
             self._left = PARAMS.alarmed if self._jolts >= PARAMS.jolts else max(self._left - 1, 0)
-        self._update_carried(stamp, lost)
+        self._update_carried(sweep, lost)
         self._aged += 1
         near = math.hypot(step.x, step.y) < 0.3 and abs(step.psi) < 0.3
         gone = key is None or not near or self._aged > PARAMS.aged
         held = 0 < self._jolts < PARAMS.frozen
-        if gone and not held and usable(self.lidar, ranges):
+        if gone and not held and usable(self.lidar, sweep.ranges):
             self._older = (key, self._keyframe_pose) if key is not None else None
-            self._keyframe = Keyframe(odometry, ranges)
+            self._keyframe = sweep
             self._keyframe_pose = compose(pose, moved_by)
             self._jolts = self._aged = 0
 
-    def _before_the_fall(self, key: Keyframe) -> tuple[Keyframe, Pose] | None:
+    def _before_the_fall(self, key: DeskewedScan) -> tuple[DeskewedScan, Pose] | None:
         """The keyframe from before the alarm. Where scans became odd on the map before one
         contradicted the newest, and most of the fall was before that was taken, it shows where the
         robot was moved to: along a corridor, that contradicts nothing at first."""
@@ -97,11 +98,11 @@ class KidnapAlarm:
             return self._sound
         return key, self._keyframe_pose
 
-    def _update_carried(self, stamp: float, lost: bool) -> None:
+    def _update_carried(self, sweep: DeskewedScan, lost: bool) -> None:
         """While carried, the robot has contradicting scans, empty ones, or none."""
-        gap = 0.0 if math.isnan(self._stamp) else stamp - self._stamp
-        self._stamp = stamp
-        if self._jolts or gap > PARAMS.gap or not usable(self.lidar, self._ranges):
+        gap = 0.0 if math.isnan(self._stamp) else sweep.stamp - self._stamp
+        self._stamp = sweep.stamp
+        if self._jolts or gap > PARAMS.gap or not usable(self.lidar, sweep.ranges):
             self.carried += gap
         elif not self.raised and not lost:
             self.carried = 0.0
@@ -143,7 +144,7 @@ class KidnapAlarm:
         if self._reference is None:
             return 0.0
         key, there = self._reference
-        return agreement(self.lidar, key.ranges, self._ranges, between(there, pose))
+        return agreement(self.lidar, key.ranges, self._newest.ranges, between(there, pose))
 
     def gained(self, pose: Pose, here: Pose) -> float:
         """By how much likelier the newest scan is at a pose than `here`, at the believed one, given

@@ -96,9 +96,8 @@ class Localizer:
 
     def correct(self, sweep: DeskewedScan) -> Localization:
         """Process a sweep."""
-        odometry = sweep.pose
-        step = between(self._odometry, odometry) if self._odometry else Pose(0.0, 0.0, 0.0)
-        self._odometry = odometry
+        step = between(self._odometry, sweep.pose) if self._odometry else Pose(0.0, 0.0, 0.0)
+        self._odometry = sweep.pose
         step = self._wheels.corrected(step)
         self._hypotheses.led_on(step)
         self._check.led_on(step)
@@ -107,9 +106,7 @@ class Localizer:
         # contiguous: other strides would compile another specialization
         flat = FlatPoints(*(np.ascontiguousarray(part[::every]) for part in flat))
         self._hypotheses.keep_view(step, sweep)
-        self._alarm.compare(
-            odometry, sweep.stamp, sweep.ranges, step, self.located.pose, self.located.lost
-        )
+        self._alarm.compare(sweep, step, self.located.pose, self.located.lost)
         self._hypotheses.alarm_updated()
         if self.located.lost:
             self._relocalize(step, sweep, flat)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from cohelm.core.frames import compose, inverse
 from cohelm.core.types import Floats, Pose
+from cohelm.perceive.scan.deskew import NO_SWEEP, DeskewedScan
 
 NEAR = 0.15
 """Views nearer to each other than this, half the angle [rad] added, are not independent [m]."""
@@ -16,13 +17,17 @@ _HERE = Pose(0.0, 0.0, 0.0)
 
 
 class PastView(NamedTuple):
-    """An earlier scan, whose body pose is `back` as seen from now: points in the body frame then,
-    ranges of the whole scan, and its stamp [s]."""
+    """An earlier scan, whose body pose is `back` as seen from now, and its weight."""
 
     back: Pose
-    points: Floats
-    ranges: Floats
-    stamp: float
+    sweep: DeskewedScan
+    share: float = 1.0
+
+
+def _led_on(views: list[PastView], step: Pose) -> list[PastView]:
+    """As seen from where the robot is after a step, by its odometry."""
+    back = inverse(step)
+    return [view._replace(back=compose(back, view.back)) for view in views]
 
 
 @dataclass
@@ -37,14 +42,13 @@ class LastMetres:
 
     def led_on(self, step: Pose) -> None:
         """The robot has moved by a step, by its odometry."""
-        turn = inverse(step)
-        self.views = [view._replace(back=compose(turn, view.back)) for view in self.views]
+        self.views = _led_on(self.views, step)
 
-    def add(self, points: Floats, ranges: Floats, stamp: float) -> None:
+    def add(self, sweep: DeskewedScan) -> None:
         """Add the newest view, if none is near."""
         last = self.views[-1].back if self.views else None
         if not (last and math.hypot(last.x, last.y) < self.apart and abs(last.psi) < self.apart):
-            self.views.append(PastView(_HERE, points, ranges, stamp))
+            self.views.append(PastView(_HERE, sweep))
         self.views = self.views[-self.most :]
 
     def use(self) -> list[PastView]:
@@ -60,19 +64,13 @@ class LastMetres:
         self.views, self.used = [], []
 
 
-class _Past(NamedTuple):
-    back: Pose
-    ranges: Floats
-    share: float
-
-
 @dataclass
 class SinceLost:
     """Scans since the robot became lost, from separate places, with their weights."""
 
     most: int
-    ranges: Floats
-    """Of the scan before."""
+    before: DeskewedScan = NO_SWEEP
+    """The newest scan before this one."""
     leg: Pose = _HERE
     """Step since the last one kept,"""
     way: float = 0.0
@@ -83,12 +81,11 @@ class SinceLost:
     """their number, and sum of their weights,"""
     share: float = 0.0
     """weight of the last."""
-    _kept: list[_Past] = field(default_factory=list[_Past])
+    _kept: list[PastView] = field(default_factory=list[PastView])
 
     def led_on(self, step: Pose) -> float:
         """Apply an odometry step. Returns the distance from the last one kept [m]."""
-        self.leg, back = compose(self.leg, step), inverse(step)
-        self._kept = [one._replace(back=compose(back, one.back)) for one in self._kept]
+        self.leg, self._kept = compose(self.leg, step), _led_on(self._kept, step)
         return self.off
 
     @property
@@ -99,7 +96,7 @@ class SinceLost:
     def keep(self, step: Pose, share: float) -> None:
         """Keep the scan before the newest step. share: its weight."""
         self.share = share
-        self._kept = [*self._kept, _Past(inverse(step), self.ranges, share)][-self.most :]
+        self._kept = [*self._kept, PastView(inverse(step), self.before, share)][-self.most :]
         self.views += 1
         self.weight += share
 
@@ -111,6 +108,6 @@ class SinceLost:
 
     def likely(self, pose: Pose, log: Callable[[Pose, Floats], float]) -> float:
         """Log likelihood of all of them for this pose now. log: of one at a pose."""
-        seen = [one.share * log(compose(pose, one.back), one.ranges) for one in self._kept]
+        seen = [one.share * log(compose(pose, one.back), one.sweep.ranges) for one in self._kept]
         whole = sum(one.share for one in self._kept)
         return sum(seen) * self.weight / whole if seen else 0.0

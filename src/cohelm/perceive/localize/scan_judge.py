@@ -10,6 +10,7 @@ from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap, judge
 from cohelm.perceive.localize.map_errors import MapErrorCosts, new_errors
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit
+from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
 
 _SCATTER = 0.06
@@ -45,11 +46,13 @@ class ScanJudge:
         return judged.log + max(judged.closer, 0.0) - unknown
 
     def charge(
-        self, pose: Pose, ranges: Floats, stamp: float, charges: MapErrorCosts, every: int = 1
+        self, pose: Pose, sweep: DeskewedScan, charges: MapErrorCosts, every: int = 1
     ) -> None:
         """Add the map errors that a scan implies at a place to its costs."""
-        match_params = self.match_params.offset, self._scatter, charges.cells, charges.off, stamp
-        charges.take(new_errors(self.known, self.lidar, pose, ranges, every, *match_params))
+        charges.take(new_errors(
+            self.known, self.lidar, pose, sweep.ranges, every, self.match_params.offset,
+            self._scatter, charges.cells, charges.off, sweep.stamp,
+        ))  # fmt: skip
 
     def fits(self, judged: Judgement, alarmed: bool) -> bool:
         """Whether a tracked pose may be kept; after an alarm the threshold is stricter."""
