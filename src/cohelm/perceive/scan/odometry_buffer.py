@@ -13,7 +13,7 @@ from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.achievable import braking_time
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits, speeds
-from cohelm.robot.port import Odometry
+from cohelm.robot.port import Odometry, Scan
 
 KEPT = 512
 """Rows of a buffer: ten seconds at 50 Hz, one at 500."""
@@ -99,11 +99,13 @@ def extended(buffer: Floats, odometry: Odometry) -> Floats:
     return extended_buffer
 
 
-def unknown_at(buffer: Floats, stamp: float) -> bool:
-    """Whether it is not known where the robot was at a time: the buffer does not go back to it any
-    more, or odometry has been silent for longer than a pose is predicted."""
-    old = len(buffer) == KEPT and stamp < float(buffer[0, 0])
-    return old or stamp > float(buffer[-1, 0]) + _AHEAD
+def is_placeable(buffer: Floats, scan: Scan, beams: int) -> bool:
+    """Whether a scan has so many beams, and it is known where the robot was at its last one: the
+    buffer goes back to it, and odometry has not been silent for longer than a pose is predicted."""
+    end = scan.stamp + scan.duration
+    old = len(buffer) == KEPT and end < float(buffer[0, 0])
+    known = math.isfinite(end) and not old and end <= float(buffer[-1, 0]) + _AHEAD
+    return known and len(scan.ranges) == beams
 
 
 @jit

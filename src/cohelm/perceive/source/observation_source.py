@@ -13,7 +13,7 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap, on_walls
 from cohelm.perceive.scan.deskew import DeskewedScan, deskew
-from cohelm.perceive.scan.odometry_buffer import unknown_at
+from cohelm.perceive.scan.odometry_buffer import is_placeable
 from cohelm.perceive.space.free_space_memory import with_possibly_occupied
 from cohelm.perceive.space.scan_memory import renew
 from cohelm.perceive.track.params import TrackerParams
@@ -51,17 +51,14 @@ class ObservationSource:
         """Take a new scan. Returns it deskewed and without movers; None for what is no scan of this
         LiDAR, or from where nobody knows. known: the map, if the robot is localized on it."""
         self.number = scan.number
-        stamp = scan.stamp + scan.duration
-        if len(scan.ranges) != len(self.lidar.beams) or not math.isfinite(stamp):
-            return None
-        if unknown_at(buffer, stamp):
+        if not is_placeable(buffer, scan, len(self.lidar.beams)):
             return None
         ranges = np.asarray(scan.ranges, dtype=np.float64)
         sweep = static = deskew(self.lidar, ranges, scan.stamp, scan.duration, buffer)
         self.sweep = sweep
-        if self.tracked.stamp - stamp >= _RESET:
+        if self.tracked.stamp - sweep.stamp >= _RESET:
             self.tracked = empty_state(self.lidar, self._tracker_params)
-        if stamp - self.tracked.stamp > _APART:
+        if sweep.stamp - self.tracked.stamp > _APART:
             may_move, trackable = np.ones(len(sweep.points), dtype=np.bool_), sweep
             if scan.edges is not None:  # the edge of a floor does not move, whatever the noise
                 may_move = ~scan.edges[sweep.beams]
@@ -74,8 +71,9 @@ class ObservationSource:
                 self.tracked, self.lidar, trackable, self._tracker_params, fixed
             )
             if self.tracked.of_movers.any():
-                may_move[may_move] = self.tracked.of_movers
-                static = self._without(sweep, may_move)
+                of_movers = np.zeros(len(sweep.points), dtype=np.bool_)
+                of_movers[may_move] = self.tracked.of_movers
+                static = self._without(sweep, of_movers)
         filtered = filtered_ranges(static.ranges, self.lidar.noise)
         points = renew(self.points, sweep.pose, self.lidar, filtered, self._keep)
         self.points = self._outside(points)

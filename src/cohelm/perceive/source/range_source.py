@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.frames import inverse, placed
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.scan.odometry_buffer import pose_at, unknown_at
+from cohelm.perceive.scan.odometry_buffer import is_placeable, pose_at
 from cohelm.robot.port import Scan
 from cohelm.robot.sensors import LidarModel
 
@@ -39,11 +39,7 @@ class RangeSource:
         """Take a measurement, as a scan of its beams: the nearest of them counts for all."""
         self.number = scan.number
         lidar, stamp = self.lidar, scan.stamp + scan.duration
-        if len(scan.ranges) != len(lidar.beams) or not math.isfinite(stamp):
-            return
-        if unknown_at(buffer, stamp):
-            return
-        if np.isnan(scan.ranges).all():
+        if not is_placeable(buffer, scan, len(lidar.beams)) or np.isnan(scan.ranges).all():
             return
         reach = float(np.nanmin(scan.ranges))
         pose = pose_at(buffer, stamp)
