@@ -37,7 +37,8 @@ from cohelm.plan.recovery import (
 from cohelm.plan.recovery_search import search_recovery
 
 _AHEAD = 0.3  # heading error up to which the path lies ahead [rad]
-_DENSE, _DENSE_WITHIN = 0.01, 2.5  # spacing of dense points, and their radius around the robot [m]
+_SPACING = 0.05  # of points on walls [m]
+_DENSE, _DENSE_WITHIN = 0.01, 2.5  # of dense ones, and their radius around the robot [m]
 _RECOVERY = RecoveryParams()
 _NO_PATH: Floats = np.empty((0, 2))
 _CELLS = 1000  # of the grid from a robot that is far from its route to that: larger, not more
@@ -138,7 +139,7 @@ class Planner(NamedTuple):
         state, now, params = task.state, task.course, self.replan_params
         if state.evasion.on and not _once_a_second(task):  # it does not follow the path meanwhile
             return Plan(now, False, None, False, math.inf)
-        static_points = surface_points(task.obstacles, task.pose, params.known)
+        static_points = surface_points(task.obstacles, task.pose, params.known, _SPACING)
         mover_points = predicted_encounters(
             task.obstacles.discs, task.pose, self.route.reference.speed, params.known,
             params.foresight,
@@ -160,7 +161,7 @@ class Planner(NamedTuple):
             observed = task.obstacles._replace(
                 points=np.delete(task.obstacles.points, task.unobserved, axis=0)
             )
-            points = surface_points(observed, task.pose, params.known)
+            points = surface_points(observed, task.pose, params.known, _SPACING)
             made = self._course(task, points, kept, far)
         move = self._recovery(task, made, static_points)
         return made._replace(move=move, held=self._held_up(task))

@@ -12,18 +12,7 @@ from cohelm.core.types import RADIUS, Floats, Pose, X, Y
 
 _ROUND = 24  # points around a disc, at least
 _FINE = 0.03  # between points around a disc that is near [m]
-_APART = 0.05  # between points on a wall [m]
 _NEAR = 1.5  # the robot's centre to a disc's surface [m]
-
-
-def surface_points(
-    obstacles: Surroundings, pose: Pose, far: float, apart: float = _APART
-) -> Floats:
-    """All obstacles within `far` of the robot as points on their surfaces, (p, 2) [m].
-
-    apart: from one point on a wall to the next [m].
-    """
-    return _surfaces(obstacles.discs, obstacles.segments, obstacles.points, pose, far, apart)
 
 
 @jit_inline
@@ -36,9 +25,12 @@ def _ring(disc: Floats, pose: Pose) -> int:
 
 
 @jit
-def _surfaces(
-    discs: Floats, walls: Floats, seen: Floats, pose: Pose, far: float, spacing: float
-) -> Floats:  # fmt: skip
+def surface_points(obstacles: Surroundings, pose: Pose, far: float, spacing: float) -> Floats:
+    """All obstacles within `far` of the robot as points on their surfaces, (p, 2) [m].
+
+    spacing: from one point on a wall to the next [m].
+    """
+    discs, walls, seen = obstacles.discs, obstacles.segments, obstacles.points
     most = len(seen)
     for i in range(len(discs)):
         most += _ring(discs[i], pose)
