@@ -21,7 +21,7 @@ from cohelm.perceive.match.odometry_covariance import (
     SCALE,
     OdometryErrors,
     joined,
-    moved as foretell,
+    predict,
     updated,
 )
 from cohelm.perceive.match.scan_matching import MatchParams, align
@@ -228,7 +228,7 @@ def test_what_wheels_measure_wrongly_is_learnt_from_matches(scale, bend):
     for _ in range(600):
         true = compose(true, Pose(0.1, 0.0, 0.0))
         step = wheels.corrected(Pose(0.1 / (1.0 + scale), 0.0, -0.1 * bend))
-        predicted, joint = foretell(pose, joint, step)
+        predicted, joint = predict(pose, joint, step)
         off = np.array(between(predicted, true))
         wheels, joint, pose = wheels.updated_by(joint, off), updated(joint, sure), true
     assert wheels.scale == pytest.approx(scale, abs=0.003)

@@ -24,9 +24,9 @@ from cohelm.perceive.localize.localization_map import Judgement, LocalizationMap
 from cohelm.perceive.localize.past_views import NEAR, LastMetres, SinceLost
 from cohelm.perceive.localize.scan_judge import ScanJudge
 from cohelm.perceive.localize.verdict import Belief, PlaceVerdict, SearchContext
-from cohelm.perceive.match.odometry_covariance import UNKNOWN, inverted, joined, moved, updated
+from cohelm.perceive.match.odometry_covariance import UNKNOWN, inverted, joined, predict, updated
 from cohelm.perceive.match.scan_matching import align, independent
-from cohelm.perceive.match.surfaces import FlatPoints, moved as shifted
+from cohelm.perceive.match.surfaces import FlatPoints, moved
 from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
 
@@ -123,7 +123,7 @@ class Hypotheses:
         """Predict the hypotheses of a check by odometry only. joint: covariance of the tracked pose
         and of the odometry errors."""
         for hypothesis in self.all:
-            hypothesis.pose, own = moved(
+            hypothesis.pose, own = predict(
                 hypothesis.pose, joined(hypothesis.covariance, joint[3:, 3:]), step
             )
             hypothesis.covariance = own[:3, :3]
@@ -148,7 +148,7 @@ class Hypotheses:
             # not around the likeliest hypothesis, which may be anywhere
             near = np.hypot(places[:, 0] - own.x, places[:, 1] - own.y) < PARAMS.near
             places = places[near]
-        views = [sweep.points, *(shifted(v.back, v.sweep.points, True) for v in self._last.use())]
+        views = [sweep.points, *(moved(v.back, v.sweep.points, True) for v in self._last.use())]
         self._search = search(np.vstack(views), places, self.cold_start)
         # the predicted pose is a candidate too
         known = [] if self.cold_start else [here]
@@ -221,7 +221,7 @@ class Hypotheses:
             hypothesis.age += 1
             if fresh:
                 hypothesis.log, hypothesis.stale = hypothesis.log + share * hypothesis.latest, True
-            predicted, own = moved(
+            predicted, own = predict(
                 hypothesis.pose, joined(hypothesis.covariance, joint[3:, 3:]), step
             )
             hypothesis.pose, hypothesis.covariance = predicted, own[:3, :3].copy()

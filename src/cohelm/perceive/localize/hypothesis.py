@@ -13,7 +13,7 @@ from cohelm.core.types import Floats, Pose
 from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.localization_map import Judgement
 from cohelm.perceive.localize.map_errors import MapErrorCosts
-from cohelm.perceive.match.odometry_covariance import moved
+from cohelm.perceive.match.odometry_covariance import predict
 
 
 @dataclass
@@ -71,7 +71,7 @@ class Departure(NamedTuple):
 
     def led_on(self, step: Pose) -> Departure:
         """The robot has moved by a step, by its odometry."""
-        pose, joint = moved(self.pose, self.joint, step)
+        pose, joint = predict(self.pose, self.joint, step)
         return self._replace(pose=pose, joint=joint)
 
     def mahalanobis(self, hypothesis: Hypothesis) -> float:

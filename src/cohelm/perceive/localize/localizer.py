@@ -30,7 +30,7 @@ from cohelm.perceive.match.odometry_covariance import (
     OdometryErrors,
     inverted,
     joined,
-    moved,
+    predict,
     updated,
 )
 from cohelm.perceive.match.scan_matching import align, independent
@@ -125,8 +125,8 @@ class Localizer:
     def _track(self, step: Pose, sweep: DeskewedScan, flat: FlatPoints) -> None:
         """Predict by odometry, correct by matching, and check whether the whole scan fits."""
         check, match_params = self._check, self._judge.match_params
-        predicted, joint = moved(self.located.pose, self._joint, step)
-        _, reported = moved(self.located.pose, self._reported_joint, step)
+        predicted, joint = predict(self.located.pose, self._joint, step)
+        _, reported = predict(self.located.pose, self._reported_joint, step)
         self._hypotheses.carried(step, joint)
         spread = joint[:3, :3]
         prior = inverted(spread)
@@ -202,7 +202,7 @@ class Localizer:
 
     def _relocalize(self, step: Pose, sweep: DeskewedScan, flat: FlatPoints) -> None:
         """Lost: predict by odometry, and update the hypotheses."""
-        pose, self._joint = moved(self.located.pose, self._joint, step)
+        pose, self._joint = predict(self.located.pose, self._joint, step)
         self.located = self.located._replace(pose=pose, covariance=self._joint[:3, :3].copy())
         self._hypotheses.follow(step, sweep, flat, self._joint)
         if self._hypotheses.has_results:

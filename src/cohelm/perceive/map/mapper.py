@@ -31,7 +31,7 @@ from cohelm.perceive.match.odometry_covariance import (
     OdometryErrors,
     inverted,
     joined,
-    moved as predict,
+    predict,
     updated,
 )
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit, align

@@ -42,7 +42,7 @@ UNKNOWN = np.diag([SCALE, BEND]) ** 2
 """(2, 2) prior covariance of the errors."""
 
 
-def moved(pose: Pose, joint: Floats, step: Pose, mount: float = 0.0) -> tuple[Pose, Floats]:
+def predict(pose: Pose, joint: Floats, step: Pose, mount: float = 0.0) -> tuple[Pose, Floats]:
     """A pose after an odometry step in its own frame, and the (5, 5) covariance.
 
     mount: uncertainty of the LiDAR's position on the robot, which swings round in a turn [m].
