@@ -77,16 +77,16 @@ class Obstacles:
         segments: ArrayLike | None = None, *, max_acceleration: ArrayLike | None = None,
         velocity_error: ArrayLike | None = None,
     ) -> None:  # fmt: skip
-        self.points = _NO_POINTS if points is None else _rows("points", points, 2)
-        self.segments = _NO_SEGMENTS if segments is None else _rows("segments", segments, 4)
+        self.points = _NO_POINTS if points is None else rows("points", points, 2)
+        self.segments = _NO_SEGMENTS if segments is None else rows("segments", segments, 4)
         if discs is None and max_acceleration is None and velocity_error is None:
             self.discs, self.max_acceleration, self.velocity_error = _NO_DISCS, _NOTHING, _NOTHING
             return
         self.discs, moves = _discs(discs)
         usual = _MOST_ACCELERATION if moves else 0.0
         n = len(self.discs)
-        self.max_acceleration = _one_each("max_acceleration", max_acceleration, n, usual)
-        self.velocity_error = _one_each("velocity_error", velocity_error, n, 0.0)
+        self.max_acceleration = one_each("max_acceleration", max_acceleration, n, usual, 0.0)
+        self.velocity_error = one_each("velocity_error", velocity_error, n, 0.0, 0.0)
 
     @classmethod
     def from_ranges(
@@ -222,7 +222,9 @@ def _array(name: str, given: ArrayLike | None) -> Floats:
     return made if made.flags.carray else made.copy()
 
 
-def _rows(name: str, given: ArrayLike, width: int) -> Floats:
+def rows(name: str, given: ArrayLike | None, width: int) -> Floats:
+    """(n, width); None is none of them. CohelmError for another shape: compiled code would read
+    past the end."""
     made = _array(name, given)
     if made.ndim == 2 and made.shape[1] == width:
         return made
@@ -233,26 +235,29 @@ def _rows(name: str, given: ArrayLike, width: int) -> Floats:
 
 def _discs(given: ArrayLike | None) -> tuple[Floats, bool]:
     """(n, 6), columns as in `core.types`, and whether velocities are given."""
-    rows: Any = np.empty((0, 3)) if given is None else _array("discs", given)
-    if rows.size == 0:
-        rows = rows.reshape(0, 3)
-    if rows.ndim != 2 or rows.shape[1] not in (3, 5):
-        raise CohelmError(f"{_DISC_ROWS}, got shape {rows.shape}")
-    if (rows[:, 2] < 0.0).any():
-        raise CohelmError(f"a disc's radius must not be negative, got {rows[:, 2].min():g} m")
-    moves = rows.shape[1] == 5
-    made = np.zeros((len(rows), 6))
-    made[:, [X, Y, RADIUS]] = rows[:, :3]
+    table: Any = np.empty((0, 3)) if given is None else _array("discs", given)
+    if table.size == 0:
+        table = table.reshape(0, 3)
+    if table.ndim != 2 or table.shape[1] not in (3, 5):
+        raise CohelmError(f"{_DISC_ROWS}, got shape {table.shape}")
+    if (table[:, 2] < 0.0).any():
+        raise CohelmError(f"a disc's radius must not be negative, got {table[:, 2].min():g} m")
+    moves = table.shape[1] == 5
+    made = np.zeros((len(table), 6))
+    made[:, [X, Y, RADIUS]] = table[:, :3]
     if moves:
-        made[:, [VX, VY]] = rows[:, 3:]
+        made[:, [VX, VY]] = table[:, 3:]
     return made, moves
 
 
-def _one_each(name: str, given: ArrayLike | None, n: int, usual: float) -> Floats:
+def one_each(
+    name: str, given: ArrayLike | None, n: int, usual: float, least: float = -math.inf
+) -> Floats:
+    """(n,), a number for each disc, given as such or one for all, none of them below `least`."""
     if given is None:
         return np.full(n, usual)
     made = _array(name, given)
     made = np.full(n, made.item()) if made.size == 1 else made
-    if made.shape != (n,) or (made < 0.0).any():
+    if made.shape != (n,) or (made < least).any():
         raise CohelmError(f"{name} needs a number >= 0 for each of {n} discs, got {made}")
     return made

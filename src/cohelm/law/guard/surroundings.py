@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from cohelm.core.errors import CohelmError
 from cohelm.core.jit import jit_inline
-from cohelm.core.obstacles import Surroundings
-from cohelm.core.types import VX, VY, Floats
+from cohelm.core.obstacles import Surroundings, one_each, rows
+from cohelm.core.types import VX, VY
 
 
 @jit_inline
@@ -34,29 +32,9 @@ def surroundings(
 
     Raises CohelmError for wrong shapes: compiled code would read past the end.
     """
-    d = _rows("discs", discs, 6)
+    d = rows("discs", discs, 6)
     return Surroundings(
-        d, _per_disc("max_acceleration", max_acceleration, len(d)),
-        _per_disc("velocity_error", velocity_error, len(d)),
-        _rows("segments", segments, 4), _rows("points", points, 2),
+        d, one_each("max_acceleration", max_acceleration, len(d), 0.0),
+        one_each("velocity_error", velocity_error, len(d), 0.0),
+        rows("segments", segments, 4), rows("points", points, 2),
     )  # fmt: skip
-
-
-def _per_disc(name: str, values: ArrayLike | None, n: int) -> Floats:
-    made = np.zeros(n) if values is None else _array(values)
-    if made.shape != (n,):
-        raise CohelmError(f"{name} needs one number per disc, {n}, got shape {made.shape}")
-    return made
-
-
-def _rows(name: str, values: ArrayLike | None, width: int) -> Floats:
-    rows = np.empty((0, width)) if values is None else _array(values)
-    if rows.size == 0:
-        return rows.reshape(0, width)
-    if rows.ndim != 2 or rows.shape[1] != width:
-        raise CohelmError(f"{name} need {width} columns, got shape {rows.shape}")
-    return rows
-
-
-def _array(values: ArrayLike) -> Floats:
-    return np.ascontiguousarray(values, dtype=np.float64)
