@@ -77,7 +77,7 @@ class Loop:
             params.period, params.carry_on,
         )  # fmt: skip
         self._reporter = Reporter(
-            self.log, operator, driver, gated.model, perception.lidar, self.has_map, params.period
+            self.log, operator, driver, gated.model, self.has_map, params.period
         )
         self.cap = NO_CAP
         """Speed cap by the driver's delay, speed zones, docking, or a lost pose."""

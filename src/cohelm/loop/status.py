@@ -210,14 +210,14 @@ class Reporter:
     """Sends each period of a loop to the recorder, the live view and the operator."""
 
     def __init__(
-        self, log: DriveLog, operator: Operator, driver: Driver, model: RobotModel, lidar: Lidar,
-        has_map: bool, period: float,
+        self, log: DriveLog, operator: Operator, driver: Driver, model: RobotModel, has_map: bool,
+        period: float,
     ) -> None:  # fmt: skip
-        """lidar: the first one. has_map: whether poses are those of a map. period: [s]."""
+        """has_map: whether poses are those of a map. period: [s]."""
         self._log, self._operator, self.driver = log, operator, driver
         self._has_map, self._period = has_map, period
-        self._lidars = {"": (0, lidar)} | {
-            one.name: (k, one.lidar()) for k, one in enumerate(model.further_lidars, 1)
+        self._lidars = {
+            one.name if k else "": (k, one.lidar()) for k, one in enumerate(model.lidars)
         }
         """Index and LiDAR by the name of its scans; the first one's is empty."""
         self._last_status = -math.inf
