@@ -14,7 +14,7 @@ from cohelm.perceive.localize.localization_map import map_from_occupancy
 from cohelm.perceive.match import scan_matching as match
 from cohelm.perceive.pipeline import Perception, warm_up
 from cohelm.perceive.scan import deskew as deskewing
-from cohelm.perceive.track import tracker as movers
+from cohelm.perceive.track import potentially_dynamic, tracker as movers
 from cohelm.robot.kinematics import arc
 from cohelm.robot.port import Readings
 from cohelm.scenario import load
@@ -143,8 +143,8 @@ def test_a_warm_up_leaves_nothing_to_compile(lab, mapped):
 
 @pytest.mark.parametrize("rare", ["is_covered", "potentially_dynamic_points"])
 def test_a_warm_up_compiles_what_few_scans_need(monkeypatch, rare):
-    calls, compiled = [], getattr(movers, rare)
-    monkeypatch.setattr(movers, rare, lambda *of: (calls.append(1), compiled(*of))[1])
+    calls, compiled = [], getattr(potentially_dynamic, rare)
+    monkeypatch.setattr(potentially_dynamic, rare, lambda *of: (calls.append(1), compiled(*of))[1])
     warm_up(SALLY, False)
     assert calls
 

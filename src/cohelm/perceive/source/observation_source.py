@@ -83,8 +83,10 @@ class ObservationSource:
         """A mover out of view may occupy these places in `odom`, (p, 2): a return there next may be
         a mover."""
         if len(places):
-            free_space = with_possibly_occupied(self.tracked.free_space, places, self.tracked.clock)
-            self.tracked = self.tracked._replace(free_space=free_space)
+            appeared = self.tracked.appeared
+            free_space = with_possibly_occupied(appeared.free_space, places, appeared.clock)
+            appeared = appeared._replace(free_space=free_space)
+            self.tracked = self.tracked._replace(appeared=appeared)
 
     def _without(self, sweep: DeskewedScan, of_movers: NDArray[np.bool_]) -> DeskewedScan:
         ranges = sweep.ranges.copy()

@@ -9,14 +9,24 @@ minimum range is one such point at the LiDAR.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints
-from cohelm.perceive.scan.deskew import FREE, DeskewedScan, beam_at, was_free
-from cohelm.perceive.space.free_space_memory import FreeSpaceMemory, appeared
+from cohelm.perceive.scan.deskew import FREE, NO_SWEEP, DeskewedScan, beam_at, was_free
+from cohelm.perceive.space.free_space_memory import (
+    CERTAINLY,
+    NEAR,
+    POSSIBLY,
+    FreeSpaceMemory,
+    appeared,
+    empty_memory,
+    with_scan,
+)
 from cohelm.perceive.track.params import PotentiallyDynamicParams
 from cohelm.robot.sensors import Lidar
 
@@ -25,6 +35,66 @@ LX, LY, STOOD = range(3)
 
 _APART = 0.06  # minimum spacing of the points [m]
 _COVERED_ANGLE = 0.3  # adjacent beams that end below the minimum range [rad]
+
+
+class Appeared(NamedTuple):
+    """What has appeared near one LiDAR by its newest sweep.
+
+    free_space: near the robot. clock: its clock [s]. points: (l, 3), potentially dynamic ones.
+    certain: those that would be so without possibly occupied ground. covered: whether an object is
+    within the LiDAR's minimum range.
+    """
+
+    free_space: FreeSpaceMemory
+    clock: float
+    points: Floats
+    certain: Floats
+    covered: bool
+
+
+def nothing_appeared(lidar: Lidar, dynamic: PotentiallyDynamicParams) -> Appeared:
+    """Of a LiDAR that has not looked yet."""
+    memory, nothing = empty_memory(_free_within(lidar, dynamic)), np.empty((0, 3))
+    return Appeared(memory, 0.0, nothing, nothing, False)
+
+
+def _free_within(lidar: Lidar, dynamic: PotentiallyDynamicParams) -> float:
+    """Range of the free-space memory from a LiDAR [m]: all that is considered."""
+    return max(NEAR, dynamic.near + math.hypot(lidar.mount.x, lidar.mount.y))
+
+
+def update_appeared(
+    before: Appeared, lidar: Lidar, sweep: DeskewedScan, places: Floats,
+    of_movers: NDArray[np.bool_], fixed: NDArray[np.bool_], sweeps: Sequence[DeskewedScan],
+    stood: Sequence[DeskewedScan], dt: float, way: float, dynamic: PotentiallyDynamicParams,
+) -> Appeared:  # fmt: skip
+    """After a sweep, whose points are at `places` in `odom`.
+
+    of_movers, fixed: (m,) which of them belong to movers, and are on walls of a map. sweeps: those
+    of a while before. stood: two of them; a point has stood if it was there in both. dt, way: time
+    since the sweep before, and distance driven [s, m].
+    """
+    covered = bool((sweep.ranges == -math.inf).any()) and any(
+        is_covered(lidar, sweep, one, before.covered) for one in (*sweeps, NO_SWEEP)
+    )
+    clock = before.clock + dt + way * dynamic.keep / dynamic.vouched
+    near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < dynamic.near) & ~of_movers & ~fixed
+    since = clock - dynamic.keep
+    found = which_appeared(places, near, before.free_space, since, sweep, lidar.noise)
+    free_space = with_scan(
+        before.free_space, lidar, sweep, places[~of_movers & (found == 0)], clock,
+        _free_within(lidar, dynamic),
+    )  # fmt: skip
+    points = certain = np.empty((0, 3))
+    if found.any():
+        points, certain = (
+            potentially_dynamic_points(lidar, places, which, stood[0], stood[1])
+            for which in (found >= POSSIBLY, found == CERTAINLY)
+        )
+    if covered:
+        here = (sweep.sensor.x, sweep.sensor.y, 1.0)
+        points, certain = np.vstack((points, here)), np.vstack((certain, here))
+    return Appeared(free_space, clock, points, certain, covered)
 
 
 @jit

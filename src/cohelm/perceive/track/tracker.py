@@ -17,22 +17,14 @@ from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats
 from cohelm.perceive.scan.clusters import CX, CY, FIRST, LAST, clusters, update_freshness
 from cohelm.perceive.scan.deskew import NO_SWEEP, DeskewedScan, was_free
-from cohelm.perceive.space.free_space_memory import (
-    CERTAINLY,
-    NEAR,
-    POSSIBLY,
-    FreeSpaceMemory,
-    empty_memory,
-    with_scan,
-)
 from cohelm.perceive.track.departed import departed, out_of_view
-from cohelm.perceive.track.params import PotentiallyDynamicParams, TrackerParams
+from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.potentially_dynamic import (
+    Appeared,
     discs_of_points,
     grown,
-    is_covered,
-    potentially_dynamic_points,
-    which_appeared,
+    nothing_appeared,
+    update_appeared,
 )
 from cohelm.perceive.track.track import (
     AT_REST,
@@ -63,35 +55,21 @@ from cohelm.robot.sensors import Lidar
 
 class TrackerState(NamedTuple):
     """tracks: (t, n) as in `track`. sweeps: the last ones, oldest first. of_movers: (m,) of the
-    newest sweep's points, whether it belongs to a mover. free_space: near the robot. clock: its
-    clock [s]. potentially_dynamic_points: (l, 3). covered: whether an object is within the LiDAR's
-    minimum range. departed_tracks: movers out of view, as in `departed`."""
+    newest sweep's points, whether it belongs to a mover. appeared: what may begin to move.
+    departed_tracks: movers out of view, as in `departed`."""
 
     tracks: Floats
     sweeps: tuple[DeskewedScan, ...]
     stamp: float
     of_movers: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    free_space: FreeSpaceMemory
-    clock: float
-    potentially_dynamic_points: Floats
-    covered: bool
+    appeared: Appeared
     departed_tracks: Floats
-
-
-EMPTY_STATE = TrackerState(
-    no_tracks(), (), -math.inf, np.zeros(0, np.bool_), empty_memory(), 0.0, np.empty((0, 3)),
-    False, no_tracks(),
-)  # fmt: skip
 
 
 def empty_state(lidar: Lidar, params: TrackerParams) -> TrackerState:
     """Of a LiDAR that has not looked yet."""
-    return EMPTY_STATE._replace(free_space=empty_memory(_free_within(lidar, params.dynamic)))
-
-
-def _free_within(lidar: Lidar, dynamic: PotentiallyDynamicParams) -> float:
-    """Range of the free-space memory from a LiDAR [m]: all that is considered."""
-    return max(NEAR, dynamic.near + math.hypot(lidar.mount.x, lidar.mount.y))
+    appeared = nothing_appeared(lidar, params.dynamic)
+    return TrackerState(no_tracks(), (), -math.inf, np.zeros(0, np.bool_), appeared, no_tracks())
 
 
 _NO_DISCS = np.empty((0, 6)), np.empty((0, 6)), np.empty(0)
@@ -108,53 +86,30 @@ def update_tracker(
     """
     pose, stamp = sweep.pose, sweep.stamp
     dt = min(max(stamp - before.stamp, 0.0), params.longest) if before.sweeps else 0.0
+    earlier = [_sweep_at(before.sweeps, stamp - lookback) for lookback in params.lookback]
     found = clusters(lidar, sweep, fixed)
-    for lookback in params.lookback:
-        earlier = _sweep_at(before.sweeps, stamp - lookback)
-        if earlier is not None:
-            update_freshness(lidar, found, sweep, earlier)
+    for one in earlier:
+        if one is not None:
+            update_freshness(lidar, found, sweep, one)
     places = placed(sweep.points, pose)
     tracks, track_of, dropped, new_movers = _updated_tracks(
         before.tracks, found, places, lidar, sweep, dt, params
     )
     of_movers = _mover_points(tracks, track_of, found, sweep) & ~fixed
     kept = tuple(one for one in before.sweeps if stamp - one.stamp < max(params.lookback) + 0.2)
-    covered = bool((sweep.ranges == -math.inf).any()) and any(
-        is_covered(lidar, sweep, one, before.covered) for one in (*kept, NO_SWEEP)
-    )
-    first, second = (
-        _sweep_at(before.sweeps, stamp - lookback) or NO_SWEEP for lookback in params.lookback[-2:]
-    )
-    dynamic, clock = params.dynamic, before.clock + dt
-    if before.sweeps:
-        way = math.dist(before.sweeps[-1].sensor[:2], sweep.sensor[:2])
-        clock += way * dynamic.keep / dynamic.vouched
-    near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < dynamic.near) & ~of_movers & ~fixed
-    since = clock - dynamic.keep
-    appearance = which_appeared(places, near, before.free_space, since, sweep, lidar.noise)
-    free_space = with_scan(
-        before.free_space, lidar, sweep, places[~of_movers & (appearance == 0)], clock,
-        _free_within(lidar, dynamic),
+    way = math.dist(before.sweeps[-1].sensor[:2], sweep.sensor[:2]) if before.sweeps else 0.0
+    stood = [one or NO_SWEEP for one in earlier[-2:]]
+    appeared = update_appeared(
+        before.appeared, lidar, sweep, places, of_movers, fixed, kept, stood, dt, way,
+        params.dynamic,
     )  # fmt: skip
-    dynamic_points = certain_points = np.empty((0, 3))
-    if appearance.any():
-        dynamic_points, certain_points = (
-            potentially_dynamic_points(lidar, places, which, first, second)
-            for which in (appearance >= POSSIBLY, appearance == CERTAINLY)
-        )
-    if covered:
-        here = (sweep.sensor.x, sweep.sensor.y, 1.0)
-        dynamic_points = np.vstack((dynamic_points, here))
-        certain_points = np.vstack((certain_points, here))
     kept = (*kept, sweep)
     # a wall on possibly occupied ground is not remembered as a mover: that would never end
     departed_tracks = departed(
-        before.departed_tracks, dropped, new_movers, certain_points, lidar, kept, dt,
-        params.max_acceleration, dynamic,
+        before.departed_tracks, dropped, new_movers, appeared.certain, lidar, kept, dt,
+        params.max_acceleration, params.dynamic,
     )  # fmt: skip
-    return TrackerState(
-        tracks, kept, stamp, of_movers, free_space, clock, dynamic_points, covered, departed_tracks
-    )
+    return TrackerState(tracks, kept, stamp, of_movers, appeared, departed_tracks)
 
 
 def _sweep_at(sweeps: tuple[DeskewedScan, ...], when: float) -> DeskewedScan | None:
@@ -171,12 +126,12 @@ def discs_at(
     """Predicted to `now` [s], in `odom`: discs of the movers (n, 6); all discs for the guard, these
     and behind them those of potentially dynamic points (m, 6); and bounds of the velocity errors of
     all (m,) [m/s]."""
-    if not len(tracked.tracks) and not len(tracked.potentially_dynamic_points):
+    if not len(tracked.tracks) and not len(tracked.appeared.points):
         return _NO_DISCS
     ahead = min(max(now - tracked.stamp, 0.0), params.longest) if tracked.sweeps else 0.0
     discs, velocity_error = _mover_discs(tracked, ahead, params)
     small, small_error = discs_of_points(
-        tracked.potentially_dynamic_points, ahead, params.max_acceleration, params.dynamic
+        tracked.appeared.points, ahead, params.max_acceleration, params.dynamic
     )
     return discs, np.vstack((discs, small)), np.concatenate((velocity_error, small_error))
 
