@@ -146,7 +146,7 @@ def sampled(way: Way, seed: int, params: TrackerParams | None = None) -> Iterato
 def estimated(seen: Seen, truth: Pose) -> Floats:
     """All obstacles given to the filter, as discs in the world: (n, 3), points of radius 0."""
     frame = compose(truth, inverse(seen.odometry))
-    found = seen.placed(frame)
+    found = seen.obstacles.placed(frame)
     discs, points = found.discs[:, [X, Y, RADIUS]], found.points
     return np.vstack((discs, np.column_stack((points, np.zeros(len(points))))))
 

@@ -328,7 +328,7 @@ def watched(
 
 
 def in_world(seen: Seen, truth: Pose) -> Floats:
-    frame = compose(truth, inverse(seen.odometry))
+    frame = compose(truth, inverse(seen.pose))
     c, s = math.cos(frame.psi), math.sin(frame.psi)
     turn, found = np.array([[c, s], [-s, c]]), seen.movers.copy()
     found[:, :2] = found[:, :2] @ turn + (frame.x, frame.y)

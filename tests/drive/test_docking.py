@@ -195,7 +195,7 @@ class Seen:
     """As much of it as docking looks at."""
 
     def __init__(self, x: float, y: float = 0.0, psi: float = 0.0, lost: bool = False) -> None:
-        self.pose, self.lost, self.map_odom = Pose(x, y, psi), lost, Pose(0.0, 0.0, 0.0)
+        self.pose, self.lost = Pose(x, y, psi), lost
         self.movers = np.empty((0, 6))
 
     def with_somebody(self, x: float, y: float) -> Seen:

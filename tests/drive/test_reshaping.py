@@ -182,8 +182,8 @@ def test_stations_and_plans_and_new_paths_use_the_present_outline(drive):
         assert len(shown) == 1
         assert np.array_equal(shown[0], wide)
         loop, first = drive.loop, drive.loop.driver
-        assert np.array_equal(first.pilot.task(loop.seen.pose, Twist(0, 0), first.obstacles(
-            loop.seen)).outline, wide)  # fmt: skip
+        task = first.pilot.task(loop.seen.pose, Twist(0, 0), loop.seen.obstacles)
+        assert np.array_equal(task.outline, wide)
         assert np.array_equal(drive.beside.checking._judge.outline, wide)
         anna.propose([(4.0, 0.0), (7.0, 0.2)])
         yield from range(150)

@@ -135,9 +135,10 @@ def test_without_localization_no_zone_is_placed(tmp_path):
         session.run(lambda loop: loop.seen is not None and not loop.seen.lost)
         seen = session.loop.seen._replace(pose=Pose(0.8, 0.0, 0.0))
         lost = seen._replace(lost=True)
-        assert len(driver.obstacles(seen).points) > len(seen.obstacles.points)
-        assert driver.clearance(seen, driver.obstacles(seen)) > 0.5  # of what is seen
-        assert len(driver.obstacles(lost).points) == len(lost.obstacles.points)
+        zoned = driver.with_zones(seen)
+        assert len(zoned.obstacles.points) > len(seen.obstacles.points)
+        assert driver.clearance(zoned) > 0.5  # of what is seen
+        assert len(driver.with_zones(lost).obstacles.points) == len(lost.obstacles.points)
         assert driver.speed_zone_cap(
             seen._replace(pose=Pose(2.0, 0.0, 0.0))
         ).speed == pytest.approx(0.2)

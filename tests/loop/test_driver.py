@@ -10,12 +10,17 @@ from cohelm.core.types import Pose, Stick, Twist, disc
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.loop.driver import Driver
+from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.behavior import EVADING
 from cohelm.pilot.pilot import Pilot
 from cohelm.plan.zones import Zoned, Zones
 from tests.pilot.drives import DT, SETTINGS
 
 HERE = Pose(0.0, 0.0, 0.0)
+SEEN = Seen(
+    0.0, HERE, np.eye(3), 1.0, False, "", HERE, Twist(0.0, 0.0), HERE, HERE, surroundings(),
+    slice(0, 0), math.inf, np.empty((0, 6)),
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("gently", [False, True])
@@ -25,9 +30,10 @@ def test_in_manual_mode_with_a_centred_stick_there_is_no_evasion(gently):
     driver = Driver(None, SETTINGS, 0.0, None)
     for k in range(150):
         walker = disc(2.0 - 0.8 * k * DT, 0.0, 0.25, 0.75, -0.8, 0.0)
-        seen = surroundings([walker], [1.0])
+        obstacles = surroundings([walker], [1.0])
+        seen = SEEN._replace(pose=Pose(0.0, 0.0, math.pi / 2), obstacles=obstacles)
         driver.update_twist(Twist(0.0, 0.0))
-        d = driver.by_hand(k * DT, Pose(0.0, 0.0, math.pi / 2), Stick(0.0, 0.0), seen, gently)
+        d = driver.by_hand(k * DT, seen, Stick(0.0, 0.0), gently)
         assert d.safe == (0.0, 0.0)
         assert d.behavior != EVADING
         driver.record_applied(d.safe)
@@ -58,11 +64,8 @@ def test_the_planner_gets_unobserved_space_apart_from_obstacles_and_zones():
     driver.zones.points = lambda pose: zones
     obstacles = surroundings(points=np.vstack((stands, unseen)))
     for now, blind in ((0.0, slice(3, 5)), (1.0, slice(5, 5))):
-        seen = SimpleNamespace(
-            obstacles=obstacles, placed=lambda odom: obstacles, unobserved=blind, map_odom=HERE,
-            pose=HERE, lost=False,
-        )  # fmt: skip
-        driver.follow(now, seen, Stick(0.0, 0.0), driver.obstacles(seen))
+        seen = SEEN._replace(obstacles=obstacles, unobserved=blind)
+        driver.follow(now, driver.with_zones(seen), Stick(0.0, 0.0))
     for task in tasks:
         assert task.obstacles.points.tolist() == np.vstack((stands, unseen, zones)).tolist()
     assert tasks[0].obstacles.points[tasks[0].unobserved].tolist() == unseen.tolist()

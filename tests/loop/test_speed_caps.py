@@ -37,7 +37,7 @@ def test_the_clearance_is_from_the_outline_to_the_nearest_obstacle_of_any_kind()
     def clearance(obstacles, unobserved=0):
         n = len(obstacles.points)
         seen = SimpleNamespace(pose=pose, obstacles=obstacles, unobserved=slice(n - unobserved, n))
-        return driver.clearance(seen, obstacles)
+        return driver.clearance(seen)
 
     assert clearance(surroundings([])) == math.inf
     point = surroundings([], points=[[1.0, 2.0 + 0.36 + 0.5]])

@@ -80,11 +80,15 @@ def test_standing_points_lie_on_walls_and_cones_in_the_odometry_frame(lab, tour)
     assert not seen.lost
 
 
-def test_the_pose_on_the_map_is_that_of_the_odometry_frame_and_of_the_robot_in_it(lab, tour):
+def test_pose_and_obstacles_on_the_map_are_those_of_the_odometry_frame(lab, tour):
     perception = Perception(SALLY, lab, START)
     for moment in drive(tour[0][:60], tour[1][:60], 0):
         seen = perception.take(moment.now, moment.readings)
     assert compose(seen.map_odom, seen.odometry) == pytest.approx(seen.pose)
+    assert math.hypot(*seen.map_odom[:2]) > 0.3  # another frame
+    standing = seen.obstacles.points[: seen.unobserved.start]
+    apart = standing[:, None] - lab.surfaces.points[None]
+    assert np.quantile(np.hypot(*apart.transpose(2, 0, 1)).min(axis=1), 0.95) < 0.08
 
 
 @pytest.mark.parametrize("back", [0.0, 1.5, 3600.0])

@@ -6,9 +6,6 @@ import pytest
 from cohelm.core.frames import compose, inverse, placed, turned
 from cohelm.core.types import Pose, disc, discs
 from cohelm.law.guard.surroundings import surroundings
-from cohelm.perceive.pipeline import Perception
-from cohelm.robot.port import Readings
-from cohelm.robot.sensors import LidarModel
 
 HERE = Pose(0.4, -0.2, 0.3)
 POINTS = np.array([[1.0, 0.0], [0.0, 2.0]])
@@ -23,15 +20,13 @@ def from_pose(pose, points, bodies):
 
 @pytest.mark.parametrize("odom", [Pose(0.0, 0.0, 0.0), Pose(3.0, -7.0, 2.5)])
 def test_wherever_odometry_began_the_same_things_are_around_the_robot(odom):
-    lidar = LidarModel(beams=8, field_of_view_deg=360.0, range_max_m=5.0, rate_hz=10.0).lidar()
-    seen = Perception(lidar).take(0.0, Readings(None, None, None, None))
-    seen = seen._replace(obstacles=surroundings(WALKER.copy(), [1.0], points=POINTS))
+    kept = surroundings(WALKER.copy(), [1.0], points=POINTS)
 
-    around = seen.placed(odom)
+    around = kept.placed(odom)
 
     now = from_pose(compose(odom, HERE), around.points, around.discs)
     for got, wanted in zip(now, from_pose(HERE, POINTS, WALKER), strict=True):
         assert got == pytest.approx(wanted, abs=1e-12)
     assert (around.discs[:, 4:] == WALKER[:, 4:]).all()
     assert (around.max_acceleration == 1.0).all()
-    assert (seen.obstacles.discs == WALKER).all(), "what perception keeps has been changed"
+    assert (kept.discs == WALKER).all(), "what perception keeps has been changed"

@@ -46,7 +46,7 @@ def watch(path, around, known=None, start=HERE):
 
 def reached(moment, seen, x, y, radius, after=0.3):
     """How far a disc's nearest point to the robot is beyond the reported ones, `after` on."""
-    frame = compose(moment.truth, inverse(seen.odometry))
+    frame = compose(moment.truth, inverse(seen.pose))
     c, s = math.cos(frame.psi), math.sin(frame.psi)
     away = math.hypot(x - HERE.x, y - HERE.y)
     px, py = x + radius * (HERE.x - x) / away, y + radius * (HERE.y - y) / away

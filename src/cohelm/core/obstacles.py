@@ -35,6 +35,26 @@ class Surroundings(NamedTuple):
     segments: Floats
     points: Floats
 
+    def placed(self, body: Pose) -> Surroundings:
+        """The same, given in the body frame, in the frame in which the body is at this pose."""
+        c, s = math.cos(body.psi), math.sin(body.psi)
+        turn, at = np.array([[c, s], [-s, c]]), np.array(body[:2])
+        return self._replace(
+            discs=placed_discs(self.discs, body), points=self.points @ turn + at,
+            segments=(self.segments.reshape(-1, 2) @ turn + at).reshape(-1, 4),
+        )  # fmt: skip
+
+
+def placed_discs(discs: Floats, body: Pose) -> Floats:
+    """Discs (n, 6), given in the body frame, in the frame in which the body is at this pose."""
+    if not len(discs):
+        return discs
+    c, s = math.cos(body.psi), math.sin(body.psi)
+    turn, made = np.array([[c, s], [-s, c]]), discs.copy()
+    made[:, X : Y + 1] = discs[:, X : Y + 1] @ turn + np.array(body[:2])
+    made[:, VX : VY + 1] = discs[:, VX : VY + 1] @ turn
+    return made
+
 
 class Obstacles:
     """Everything the robot could hit, in one frame, as of now.
@@ -150,16 +170,12 @@ class Obstacles:
                 f"obstacles can not be placed at ({x:g}, {y:g}, {psi:g}), which is no place: "
                 "stop the robot until its pose is known"
             )
-        c, s = math.cos(psi), math.sin(psi)
-        turn, at = np.array([[c, s], [-s, c]]), np.array((x, y))
-        made = Obstacles.__new__(Obstacles)
-        made.points = self.points @ turn + at
-        made.segments = (self.segments.reshape(-1, 2) @ turn + at).reshape(-1, 4)
-        made.discs = self.discs.copy()
-        made.discs[:, [X, Y]] = self.discs[:, [X, Y]] @ turn + at
-        made.discs[:, [VX, VY]] = self.discs[:, [VX, VY]] @ turn
-        made.max_acceleration = self.max_acceleration
-        made.velocity_error = self.velocity_error
+        made, given = Obstacles.__new__(Obstacles), Surroundings(
+            self.discs, self.max_acceleration, self.velocity_error, self.segments, self.points
+        )  # fmt: skip
+        (
+            made.discs, made.max_acceleration, made.velocity_error, made.segments, made.points
+        ) = given.placed(Pose(x, y, psi))  # fmt: skip
         return made
 
     def __len__(self) -> int:

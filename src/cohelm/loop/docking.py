@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.frames import placed
 from cohelm.core.types import Floats, Stick, Twist
 from cohelm.law.govern import CourseClock
 from cohelm.law.reference import through
@@ -196,9 +195,7 @@ class Docking:
 
     def _blocked(self, now: float, dock: Dock, seen: Seen) -> bool:
         """Whether a mover is in the corridor, by more than one scan."""
-        discs = seen.movers.copy()
-        discs[:, :2] = placed(discs[:, :2], seen.map_odom)
-        if not stands_in(dock, seen.pose, self._outline, discs, self.backwards):
+        if not stands_in(dock, seen.pose, self._outline, seen.movers, self.backwards):
             self._free_at = now
         return now - self._free_at > BLOCKED_FOR
 

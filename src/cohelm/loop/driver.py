@@ -109,14 +109,11 @@ class Driver:
         if self.pilot is not None:
             self.pilot.applied(twist)
 
-    def obstacles(self, seen: Seen) -> Surroundings:
-        """The obstacles in the map frame, by the present pose: when localisation jumps, pose and
-        obstacles jump together, and nothing comes nearer. The points of keep-out zones follow
-        those seen, unless the robot is lost."""
-        obstacles = seen.placed(seen.map_odom)
+    def with_zones(self, seen: Seen) -> Seen:
+        """With the points of keep-out zones behind those seen, unless the robot is lost."""
         if self.zones is None or seen.lost:
-            return obstacles
-        return self.zones.beside(obstacles, seen.pose)
+            return seen
+        return seen._replace(obstacles=self.zones.beside(seen.obstacles, seen.pose))
 
     def set_zones(self, zones: Zoned, pose: Pose | None) -> bool:
         """Use other zones, if the robot can still stop clear of them; returns whether it does.
@@ -150,50 +147,45 @@ class Driver:
         """Whether the robot is in a keep-out zone; False for a lost one."""
         return self.zones is not None and not seen.lost and self.zones.inside
 
-    def clearance(self, seen: Seen, obstacles: Surroundings) -> float:
+    def clearance(self, seen: Seen) -> float:
         """Smallest clearance between the outline and anything seen, without unobserved space and
         zones; infinite where nothing is [m]."""
         outline, here = self.settings.outline, np.array([seen.pose], dtype=np.float64)
-        points = obstacles.points[: seen.unobserved.start]
+        points = seen.obstacles.points[: seen.unobserved.start]
         clearance = float(swept_clearances(points, outline, here)[0])
-        for row in obstacles.discs:
+        for row in seen.obstacles.discs:
             clearance = min(
                 clearance, float(swept_clearances(row[None, :2], outline, here)[0]) - float(row[4])
             )
         return max(clearance, 0.0)
 
-    def follow(self, now: float, seen: Seen, stick: Stick, obstacles: Surroundings) -> Decision:
+    def follow(self, now: float, seen: Seen, stick: Stick) -> Decision:
         """On the route, shared with the stick. There must be a pilot."""
-        pilot, pose = self.pilot, seen.pose
+        pilot = self.pilot
         if pilot is None:
             raise ValueError("there is no route to follow")
         if self._planning is not None:
             made = self._planning.plan(now)
             if made is not None:
-                pilot.take(made, pose, self._twist)
+                pilot.take(made, seen.pose, self._twist)
             if now - self._planned >= _EVERY - _ROUNDING and self._planning.offer(
-                now, pilot.task(pose, self._twist, obstacles, seen.unobserved)
+                now, pilot.task(seen.pose, self._twist, seen.obstacles, seen.unobserved)
             ):
                 self._planned = now
-        return self._step(pilot, now, pose, stick, obstacles)
+        return self._step(pilot, now, seen.pose, stick, seen.obstacles)
 
-    def by_hand(
-        self, now: float, pose: Pose, stick: Stick, obstacles: Surroundings, gently: bool
-    ) -> Decision:
+    def by_hand(self, now: float, seen: Seen, stick: Stick, gently: bool) -> Decision:
         """The stick alone; centred, the robot stands. gently: as strong as beside the controller,
         else so that the whole stick is the whole speed u_d."""
-        return self._step(
-            self._stick_only if gently else self._by_hand, now, pose, stick, obstacles
-        )
+        pilot = self._stick_only if gently else self._by_hand
+        return self._step(pilot, now, seen.pose, stick, seen.obstacles)
 
-    def follow_course(
-        self, pilot: Pilot, now: float, pose: Pose, obstacles: Surroundings, backwards: bool
-    ) -> Decision:
+    def follow_course(self, pilot: Pilot, now: float, seen: Seen, backwards: bool) -> Decision:
         """Follow another pilot's course, without the stick. backwards: that pilot takes the robot
         as turned by 180°."""
         if not backwards:
-            return self._step(pilot, now, pose, CENTRED, obstacles)
-        back = self._step(pilot, now, turned(pose), CENTRED, obstacles, -1.0)
+            return self._step(pilot, now, seen.pose, CENTRED, seen.obstacles)
+        back = self._step(pilot, now, turned(seen.pose), CENTRED, seen.obstacles, -1.0)
         twists: dict[str, Any] = {name: reversed_twist(getattr(back, name)) for name in _TWISTS}
         psi, u = wrap(back.desired.psi + math.pi), -back.desired.u
         return back._replace(**twists, desired=back.desired._replace(psi=psi, u=u))
@@ -212,15 +204,16 @@ class Driver:
 
     def warm_up(self, seen: Seen) -> None:
         """Compile what a period may need; no state changes."""
-        pose, obstacles = seen.pose, self.obstacles(seen)
+        seen = self.with_zones(seen)
+        pose = seen.pose
         for pilot in self._pilots():
             state, sent = pilot.state, pilot.sent.copy()
-            pilot.step(math.nan, pose, Twist(0.0, 0.0), CENTRED, obstacles)
+            pilot.step(math.nan, pose, Twist(0.0, 0.0), CENTRED, seen.obstacles)
             clock_on_entry(pilot.course, pilot.planner.route, 0, pose, Twist(0.0, 0.0))
             row_on_route(pilot.planner.route.line, pose, 0, pilot.course, 0.0)
             pilot.state = state
             pilot.sent[:] = sent
-        self.clearance(seen, obstacles)
+        self.clearance(seen)
         if self.zones is not None:
             self.set_zones(self.zones, pose)
 
@@ -228,7 +221,8 @@ class Driver:
         """Make one plan and discard it: the planner compiles too, which takes long."""
         if self.pilot is None or self._planning is None:
             return
-        task = self.pilot.task(seen.pose, Twist(0.0, 0.0), self.obstacles(seen))
+        seen = self.with_zones(seen)
+        task = self.pilot.task(seen.pose, Twist(0.0, 0.0), seen.obstacles)
         end = gated.now() + _COMPILING
         self._planning.offer(gated.now(), task)
         while self._planning.busy and not self._planning.broken and gated.now() < end:

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Floats
 from cohelm.law.verdict import Verdict
 from cohelm.link.messages import AlarmKind, Severity
@@ -148,25 +147,22 @@ class Loop:
         if self._shape.take(readings.outline):
             self._outline_changing = True
             self.log.event(_OUTLINE_CHANGED)
-        seen = self._perceive(now, readings)
-        obstacles = self.driver.obstacles(seen)
+        seen = self.driver.with_zones(self._perceive(now, readings))
         supervisor = self.supervisor
         supervisor.follow_gate()
         supervisor.take_input(now)
         supervisor.watch_docking(now, seen, self._reporter.held)
         decision, self.cap = None, NO_CAP
         if supervisor.may_drive:
-            self._limit_speed(seen, obstacles)
-            decision = supervisor.decide(now, seen, obstacles)
+            self._limit_speed(seen)
+            decision = supervisor.decide(now, seen)
         self.decision = decision
         passed = self._propose(readings, decision)
         if self._outline_changing:
             passed = self._settle_outline(seen, decision, passed)
         self._late, self._took = late, gated.now() - began
         self._raise_alarms(seen)
-        report = PeriodReport(
-            now, readings, seen, obstacles, supervisor.stick_state, decision, passed.applied
-        )
+        report = PeriodReport(now, readings, seen, supervisor.stick_state, decision, passed.applied)
         words = supervisor.status_words(passed.reason, self.cap)
         self._reporter.report(report, self._loop_fields(seen), words, self.timing.recent)
         self._keep_time(now)
@@ -197,7 +193,7 @@ class Loop:
         self.driver.update_twist(seen.twist)
         return seen
 
-    def _limit_speed(self, seen: Seen, obstacles: Surroundings) -> None:
+    def _limit_speed(self, seen: Seen) -> None:
         """Set the speed limit, by the driver's scale and delay, speed zones and docking; while lost
         by the clearance; while backing by ground that was never seen."""
         driver, supervisor = self.driver, self.supervisor
@@ -207,7 +203,7 @@ class Loop:
         if self.decision is not None and self.decision.safe.v < 0.0:  # a period ago
             caps += [unseen_cap(seen.assumed_gap, settings)]
         if stick.delay > UNCAPPED_DELAY or seen.lost:
-            clearance = driver.clearance(seen, obstacles)
+            clearance = driver.clearance(seen)
             caps += [latency_cap(stick.delay, clearance, settings)]
             caps += [lost_cap(clearance, driver.delay, settings)] if seen.lost else []
         self.cap = min(caps)

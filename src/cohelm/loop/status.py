@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from cohelm.core.flat import named
 from cohelm.core.frames import compose
-from cohelm.core.obstacles import Surroundings
 from cohelm.core.row import MEANINGS
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.link.messages import (
@@ -74,7 +73,6 @@ class PeriodReport(NamedTuple):
     """When the readings were taken [s]."""
     readings: Readings
     seen: Seen
-    obstacles: Surroundings
     stick_state: StickState
     decision: Decision | None
     applied: Twist
@@ -167,17 +165,16 @@ def sigma(covariance: Floats) -> float:
 
 
 def limiting(d: Decision, seen: Seen) -> tuple[float, float]:
-    """Position in the map of the limiting obstacle [m]; NaN where there is none."""
+    """Position in the map of the limiting obstacle [m]; NaN where there is none, and of a zone."""
     if d.limiting < 0:
         return (math.nan, math.nan)
-    discs, points = seen.obstacles.discs, seen.obstacles.points
+    discs, points = seen.obstacles.discs, seen.obstacles.points[: seen.unobserved.stop]
     moving = len(discs)
     things = discs if d.limiting < moving else points
     row = d.limiting if d.limiting < moving else d.limiting - moving
     if row >= len(things):
         return (math.nan, math.nan)
-    place = compose(seen.map_odom, Pose(float(things[row, 0]), float(things[row, 1]), 0.0))
-    return (place.x, place.y)
+    return (float(things[row, 0]), float(things[row, 1]))
 
 
 def hidden_reason(r: PeriodReport, nominal: Twist) -> str:
@@ -232,10 +229,10 @@ class Reporter:
         loop_fields: what the loop adds to the row. words: without `held`. late: worst recent
         lateness [s].
         """
-        self._show_scans(report.readings, report.seen, report.obstacles)
+        self._show_scans(report.readings, report.seen)
         row = self._log.period({
             **period_fields(report), "progress": self._progress(), "dropped": self._log.dropped,
-            "clearance_seen": self.driver.clearance(report.seen, report.obstacles), **loop_fields,
+            "clearance_seen": self.driver.clearance(report.seen), **loop_fields,
         })  # fmt: skip
         if report.now - self._last_status < 1.0 / _MAX_STATUS_RATE - 0.25 * self._period:
             return
@@ -248,14 +245,14 @@ class Reporter:
         timing = made.timing._replace(late=late)
         self._operator.send_status(made._replace(recording=self._log.open, timing=timing))
 
-    def _show_scans(self, readings: Readings, seen: Seen, obstacles: Surroundings) -> None:
+    def _show_scans(self, readings: Readings, seen: Seen) -> None:
         new = self._log.readings(readings)
         for scan in new:
             which, lidar = self._lidars.get("" if scan is readings.scan else scan.sensor, (0, None))
             if lidar is not None:
                 self._operator.show(*scan_parts(scan, lidar, seen.pose, which))
         if new and new[0] is readings.scan:
-            discs = Discs(new[0].number, _nearest(obstacles.discs, seen.pose))
+            discs = Discs(new[0].number, _nearest(seen.obstacles.discs, seen.pose))
             self._operator.show(discs)
             self._log.show(discs)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import CENTRED
 from cohelm.link.messages import Arming, Mode, Request, RequestKind
 from cohelm.link.operator import ClientRequest, Operator, OperatorInput, stops_first
@@ -178,18 +177,18 @@ class Supervisor:
         """Whether it may drive now."""
         return driving(self.gated.gate.mode) and not self.problem and not self._pauses
 
-    def decide(self, now: float, seen: Seen, obstacles: Surroundings) -> Decision:
+    def decide(self, now: float, seen: Seen) -> Decision:
         """The driver's decision in the present mode."""
-        driver, docking, pose = self.driver, self.docking, seen.pose
+        driver, docking = self.driver, self.docking
         if docking.on:
-            return driver.follow_course(docking.pilot, now, pose, obstacles, docking.backwards)
+            return driver.follow_course(docking.pilot, now, seen, docking.backwards)
         by_stick = self.gated.gate.mode == GateMode.SHARED
         stick = self.stick_state.stick if by_stick else CENTRED
         if self.mode == Mode.MANUAL:
-            return driver.by_hand(now, pose, stick, obstacles, gently=False)
+            return driver.by_hand(now, seen, stick, gently=False)
         if seen.lost or driver.pilot is None:
-            return driver.by_hand(now, pose, stick, obstacles, gently=True)
-        return driver.follow(now, seen, stick, obstacles)
+            return driver.by_hand(now, seen, stick, gently=True)
+        return driver.follow(now, seen, stick)
 
     def _watch_operator(self, now: float) -> None:
         """Detect a lost stick or driver; pause, resume, stop or carry on alone."""

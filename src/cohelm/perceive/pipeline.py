@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.frames import compose, inverse, placed, turned
-from cohelm.core.obstacles import Surroundings
-from cohelm.core.types import VX, VY, Floats, Pose, Twist, X, Y
+from cohelm.core.frames import compose, inverse
+from cohelm.core.obstacles import Surroundings, placed_discs
+from cohelm.core.types import Floats, Pose, Twist
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.perceive.localize.localizer import Localization, Localizer
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
@@ -44,13 +44,14 @@ _NO_WALLS: Floats = np.empty((0, 4))
 
 
 class Seen(NamedTuple):
-    """The result of perception at one instant. Two frames: `odom`, which is smooth, drifts, and
-    never jumps, for obstacle avoidance; and the map's, for following a reference."""
+    """The result of perception at one instant, in the frame of the map. What it remembers it keeps
+    in `odom`, which is smooth, drifts, and never jumps: when localization jumps, pose and obstacles
+    jump together, and nothing comes nearer."""
 
     stamp: float
     """The instant, of the robot's clock [s]; all poses and discs are predicted to it."""
     pose: Pose
-    """Of the body in the map. Without a map, and when lost from the start, as in `odom`."""
+    """Of the body in the map. Without a map, and when lost from the start, that is `odom`."""
     covariance: Floats
     """(3, 3) of `pose`, in x, y, psi."""
     share: float
@@ -68,22 +69,15 @@ class Seen(NamedTuple):
     odom_received: Pose
     """The pose of the received odometry's frame in `odom`: the origin, until that one jumps."""
     obstacles: Surroundings
-    """In `odom`. Points: static ones, and behind them the border of unobserved space. Discs:
-    of each LiDAR its `movers`, then small ones for potentially dynamic points. No segments."""
+    """Points: static ones, and behind them the border of unobserved space. Discs: of each LiDAR
+    its `movers`, then small ones for potentially dynamic points. No segments."""
     unobserved: slice
-    """Which of the points are that border."""
+    """Which of the points are that border; behind it are those of keep-out zones, if any."""
     assumed_gap: float
     """Distance from ground that is assumed free since the robot was switched on, and was never in
     view [m]; infinite without any."""
     movers: Floats
-    """(n, 6) as in `core.types`, in `odom`."""
-
-    def placed(self, odom: Pose) -> Surroundings:
-        """The obstacles in the frame in which `odom` is at this pose."""
-        discs = self.obstacles.discs.copy()
-        discs[:, X : Y + 1] = placed(discs[:, X : Y + 1], odom)
-        discs[:, VX : VY + 1] = turned(discs[:, VX : VY + 1], odom.psi)
-        return self.obstacles._replace(discs=discs, points=placed(self.obstacles.points, odom))
+    """(n, 6) as in `core.types`."""
 
 
 class Perception:
@@ -260,8 +254,8 @@ class Perception:
             one.mark_possibly_occupied(occupied)
 
     def _points(self) -> tuple[Floats, slice]:
-        """Static points of all LiDARs and of contacts of bumpers, then unobserved ground; and which
-        of them are that ground."""
+        """Static points of all LiDARs and of contacts of bumpers, then unobserved ground, in
+        `odom`; and which of them are that ground."""
         contacts = NOTHING if self._contact_memory is None else self._contact_memory.points
         points = np.concatenate((
             *(source.points for source in self._sources), contacts, self._unobserved,
@@ -286,20 +280,20 @@ class Perception:
         movers, discs, velocity_error = self._moving(now)
         acceleration = np.full(len(discs), self._tracker_params.max_acceleration)
         space, (points, unobserved) = self._unobserved_space, self._points()
+        obstacles = Surroundings(discs, acceleration, velocity_error, _NO_WALLS, points)
         return Seen(
             stamp=now, pose=compose(self._map_odom, here), covariance=located.covariance,
             share=located.share, lost=located.lost, reason=located.reason, odometry=here,
             twist=self._twist, map_odom=self._map_odom,
             odom_received=self._received or Pose(0.0, 0.0, 0.0),
-            obstacles=Surroundings(discs, acceleration, velocity_error, _NO_WALLS, points),
-            unobserved=unobserved,
+            obstacles=obstacles.placed(self._map_odom), unobserved=unobserved,
             assumed_gap=space.assumed_gap(here) if space is not None else math.inf,
-            movers=movers,
+            movers=placed_discs(movers, self._map_odom),
         )  # fmt: skip
 
     def _moving(self, now: float) -> tuple[Floats, Floats, Floats]:
         """Movers, all discs for the guard, and bounds of their velocity errors, predicted to
-        now."""
+        now, in `odom`."""
         parts = [discs_at(source.tracked, now, self._tracker_params) for source in self._looking]
         if len(parts) == 1:
             return parts[0]

@@ -207,8 +207,9 @@ class _KnownPose(TwinRun):
             obstacles = surroundings(discs, self.max_acceleration, self.walls)
             return obstacles, slice(0, 0), now.twist
         seen = self.perception.take(t, self.robot.read())
-        # Where it is on the map is known; all else is as it senses.
-        return seen.placed(compose(now.pose, inverse(seen.odometry))), seen.unobserved, seen.twist
+        # Where it is on the map is known; all else is as it senses, without a map in `odom`.
+        odom = compose(now.pose, inverse(seen.odometry))
+        return seen.obstacles.placed(odom), seen.unobserved, seen.twist
 
     def _plan(
         self, k: int, pose: Pose, twist: Twist, obstacles: Surroundings, unobserved: slice
