@@ -39,9 +39,9 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Mode
 from cohelm.loop.timing import Punctuality, Timing
 from cohelm.robot.keep.priority import raise_priority
-from cohelm.robot.keep.processes import children
 from cohelm.robot.port import Frame, Readings
 from cohelm.scenario import load
+from tests.robot.keep.test_processes import children
 
 TICK = os.sysconf("SC_CLK_TCK")
 

@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 
 from cohelm.core.types import Twist
-from cohelm.robot.keep.processes import children
 from cohelm.ros.dds import DdsTransport
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import TWIST
 from cohelm.ros.port import COMMAND, SENSOR
+from tests.robot.keep.test_processes import children
 
 
 def used(pid: int) -> float:

@@ -54,7 +54,7 @@ M = TypeVar("M", covariant=True)
 _log = logging.getLogger("cohelm.link")
 
 
-class Received(NamedTuple, Generic[M]):
+class StampedMessage(NamedTuple, Generic[M]):
     """A message from the robot."""
 
     message: M
@@ -176,19 +176,21 @@ class StationEnd(IoThread):
         with self._lock:
             return self._answers.get(number)
 
-    def status(self) -> Received[Status] | None:
+    def status(self) -> StampedMessage[Status] | None:
         """The robot's newest status."""
         with self._lock:
             if self._status is None:
                 return None
             header, status = self._status
-            return Received(status, header.stamp, self.age(header.stamp))
+            return StampedMessage(status, header.stamp, self.age(header.stamp))
 
-    def news(self) -> list[Received[Status | WholeScan | Discs]]:
+    def news(self) -> list[StampedMessage[Status | WholeScan | Discs]]:
         """Messages since the last call: the newest status, scan of each LiDAR, and obstacles."""
         with self._lock:
             new, self._news = self._news, {}
-            return [Received(message, stamp, self.age(stamp)) for message, stamp in new.values()]
+            return [
+                StampedMessage(message, stamp, self.age(stamp)) for message, stamp in new.values()
+            ]
 
     def age(self, stamp: float) -> float:
         """How long ago a stamp of the robot was [s]; NaN: not known yet."""

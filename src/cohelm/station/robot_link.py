@@ -13,9 +13,9 @@ from cohelm.link.keys import Keys
 from cohelm.link.messages import Answer, Command, RequestKind
 from cohelm.link.scans import WholeScan
 from cohelm.link.station_bulk import StationBulk
-from cohelm.link.station_end import LinkState, Received, StationEnd
+from cohelm.link.station_end import LinkState, StampedMessage, StationEnd
 
-News = Received[FromRobot | WholeScan]
+News = StampedMessage[FromRobot | WholeScan]
 """A message from the robot."""
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from cohelm.core.types import CENTRED, Stick
 from cohelm.link.messages import Answer, Command, Device, Mode, RequestKind
-from cohelm.link.station_end import Received
+from cohelm.link.station_end import StampedMessage
 from cohelm.link.sticks.port import Button, Feel, Reading
 from cohelm.link.sticks.stick_client import Helm, SpeedLimits
 from tests.link.ends import STATUS
@@ -23,7 +23,7 @@ class End:
         self.answers: dict[int, Answer] = {}
 
     def status(self):
-        return Received(STATUS, 0.0, 0.0)
+        return StampedMessage(STATUS, 0.0, 0.0)
 
     def steer(self, command: Command) -> None:
         self.steered.append(command)

@@ -12,7 +12,7 @@ from cohelm.link.bulk_messages import Hello
 from cohelm.link.keys import Keys
 from cohelm.link.messages import Arming, Command, Mode, RequestKind, Status, is_centred
 from cohelm.link.station_bulk import StationBulk
-from cohelm.link.station_end import Received, StationEnd
+from cohelm.link.station_end import StampedMessage, StationEnd
 from cohelm.link.sticks.feel import damped, faded, returning, spring, wanted
 from cohelm.link.sticks.port import Button, Feel, Reading, StickDevice, patience
 
@@ -100,7 +100,7 @@ class _Reporter:
         self._last: dict[str, str] = {}
 
     def changes(
-        self, end: StationEnd, received: Received[Status] | None, reading: Reading, stuck: str
+        self, end: StationEnd, received: StampedMessage[Status] | None, reading: Reading, stuck: str
     ) -> None:
         """Report what differs from the last report."""
         state = end.state()
@@ -182,7 +182,7 @@ class Helm:
                 if not answer.granted:
                     self.refusals.append(f"{what}: {answer.reason}")
 
-    def _cue(self, last: Received[Status] | None, reading: Reading, now: float) -> Feel:
+    def _cue(self, last: StampedMessage[Status] | None, reading: Reading, now: float) -> Feel:
         dt = now - self._last if now > self._last else 0.0
         self._last = now
         push = CENTRED
@@ -195,7 +195,7 @@ class Helm:
             return Feel(self._spring, self._push)
         return Feel(self._spring, returning(self._push, reading.stick, self._spring))
 
-    def _pressed(self, button: Button, last: Received[Status] | None) -> None:
+    def _pressed(self, button: Button, last: StampedMessage[Status] | None) -> None:
         if button is Button.STOP:
             self._ask("stop", RequestKind.STOP)
         elif button is Button.RESET:
