@@ -20,7 +20,7 @@ from cohelm.plan.evasion.movers import (
     relevant_movers,
     updated_history,
 )
-from cohelm.plan.evasion.params import EvasionParams, adapted, horizon
+from cohelm.plan.evasion.params import LONG, EvasionParams, adapted, horizon
 from cohelm.plan.evasion.predicted_motion import PredictedMotion, roll_out_piece
 from cohelm.plan.evasion.risk import risk_at, trajectories
 from cohelm.robot.achievable import achievable
@@ -322,9 +322,9 @@ def test_a_mover_at_rest_for_a_moment_is_still_evaded():
         seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
         history[: len(seen)] = seen
         minded.append(
-            relevant_movers(obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[
-                1
-            ]
+            relevant_movers(
+                obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams(), 1.0
+            )[1]
         )
     assert set(minded[:15]) == {1}
     assert set(minded[20:]) == {0}
@@ -341,7 +341,7 @@ def test_a_mover_that_sets_off_to_another_side_is_soon_predicted_so():
         seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
         history[: len(seen)], history[len(seen) :] = seen, math.nan
         x, y = x + 0.1 * vx, y + 0.1 * vy
-    movers, _ = relevant_movers(obstacles, seen, Pose(1.0, 3.0, 0.0), 0.46, ON.limits, e)
+    movers, _ = relevant_movers(obstacles, seen, Pose(1.0, 3.0, 0.0), 0.46, ON.limits, e, 1.0)
     ahead = trajectories(movers, 0.46, e)[:, 0, :2]
     dx, dy = ahead[15] - ahead[0]
     assert dx == pytest.approx(0.0, abs=0.1)
@@ -397,9 +397,9 @@ def test_an_object_that_seems_to_walk_for_a_moment_is_soon_forgotten():
         seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
         history[: len(seen)] = seen
         minded.append(
-            relevant_movers(obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams())[
-                1
-            ]
+            relevant_movers(
+                obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, EvasionParams(), 1.0
+            )[1]
         )
     assert minded == [0] * 3 + [1] * 3 + [0] * 4
 
@@ -432,11 +432,57 @@ def test_a_mover_of_uncertain_velocity_is_not_taken_to_run():
             obstacles = surroundings(slow, [most], velocity_error=[off])
             seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
             history[: len(seen)] = seen
-        movers, _ = relevant_movers(obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, e)
+        movers, _ = relevant_movers(obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, e, 1.0)
         return trajectories(movers, 0.46, e)[0, 0, 6]
 
     assert far(3.5) == far(1.0) == far(1.0, 0.5)
     assert far(0.5) < far(1.0)
+
+
+def _risk_distance(speeds, off, wary=1.0):
+    """Distance below which a mover that had these speeds, a tenth of a second each, causes risk;
+    its velocity is known to `off` [m/s, m]."""
+    history, e, x = empty_mover_history(), EvasionParams(), 2.0
+    for v in speeds:
+        obstacles = surroundings([disc(x, 0.0, 0.3, 0.8, v, 0.0)], [1.0], velocity_error=[off])
+        seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
+        history[: len(seen)], x = seen, x + 0.1 * v
+    movers, _ = relevant_movers(obstacles, seen, Pose(x, 1.0, 0.0), 0.46, ON.limits, e, wary)
+    return trajectories(movers, 0.46, e)[0, 0, 6]
+
+
+REST = [0.6] * 20 + [0.3, 0.05, 0.05]
+
+
+def test_who_stops_is_given_more_room_if_the_velocity_is_uncertain():
+    """That it sets off is then noticed later."""
+    distances = [_risk_distance(REST, off) for off in (0.0, 0.1, 0.2)]
+    assert distances[0] + 0.2 < distances[1] < distances[2]
+
+
+def test_who_walks_on_without_a_rest_is_given_no_more_room_for_it():
+    """Nor is one that last rested more than ten seconds ago."""
+    for speeds in ([0.6] * 20 + [0.3, 0.12], REST + [0.6] * 120):
+        assert _risk_distance(speeds, 0.2) == _risk_distance(speeds, 0.0)
+    assert _risk_distance(REST + [0.6] * 5, 0.2) > _risk_distance(REST + [0.6] * 5, 0.0) + 0.2
+
+
+def test_a_robot_that_evades_for_long_is_less_wary():
+    """Held up for 10 s by who may set off, it comes nearer; after 20 s it keeps no more room for an
+    uncertain velocity. Once on its path for as long, it is as wary as ever."""
+    held = Pilot(through([(0.0, 0.0), (6.0, 0.0)], 0.5), ON)
+    standing = surroundings([disc(0.9, 0.0, 0.4, 0.4, 0.06, 0.0)], [1.0])
+    lasted = []
+    for k in range(int(30.0 / DT)):
+        held.step(k * DT, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), CENTRED, standing)
+        lasted.append(held.state.evasion.lasted)
+    assert lasted[int(10.0 / DT)] == pytest.approx(10.0, abs=0.3)
+    assert max(lasted) == lasted[-1] == LONG
+    for k in range(int(25.0 / DT)):
+        held.step(30.0 + k * DT, Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), CENTRED, surroundings([]))
+    assert held.state.evasion.lasted == 0.0
+    assert _risk_distance(REST, 0.2) > _risk_distance(REST, 0.2, 0.5) > _risk_distance(REST, 0.0)
+    assert _risk_distance(REST, 0.2, 0.0) == _risk_distance(REST, 0.0)
 
 
 @pytest.mark.parametrize("v", [0.0, 0.01, 0.5, 2.0])

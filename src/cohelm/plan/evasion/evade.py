@@ -28,7 +28,7 @@ from cohelm.plan.course import Course
 from cohelm.plan.evasion.candidates import candidates, extra_costs, first_twist, lower_bounds
 from cohelm.plan.evasion.context import EvasionContext, context_at
 from cohelm.plan.evasion.movers import relevant_movers, updated_history
-from cohelm.plan.evasion.params import STEP, Evasion, EvasionParams
+from cohelm.plan.evasion.params import LONG, STEP, Evasion, EvasionParams
 from cohelm.plan.evasion.predicted_motion import PredictedMotion, motion_cost, roll_out_piece
 from cohelm.plan.evasion.risk import clearance_at, spare_at, trajectories
 from cohelm.plan.recovery import begins
@@ -38,6 +38,7 @@ from cohelm.robot.limits import Limits
 
 _TRIES = 8  # of the cheapest motions, until one is certified
 _COST_GAP = 0.4  # a motion worse than the best by this is abandoned [m]
+_PATIENT = 10.0  # an evasion so long is as wary of who may set off as a new one [s]
 
 
 @jit
@@ -56,18 +57,21 @@ def evade(
     if last.left > 0:
         return Evasion(
             last.on, last.v, last.omega, last.then, last.turns, last.after, last.left - 1,
+            last.lasted,
         )  # fmt: skip
     reach = circumscribed_radius(outline)
     updated = updated_history(history, obstacles.discs, velocity_error, e.period)
     history[: len(updated)] = updated
     history[len(updated) :] = math.nan
-    movers, count = relevant_movers(obstacles, updated, pose, reach, limits, e)
+    wary = min((LONG - last.lasted) / (LONG - _PATIENT), 1.0)
+    movers, count = relevant_movers(obstacles, updated, pose, reach, limits, e, wary)
     ahead = trajectories(movers, reach, e)
     moving, moving_ahead = movers[:count], ahead[:, :count]
     if count == 0 or _path_is_clear(
         moving_ahead, moving, pose, twist, course, clock, outline, reach, limits, gains, pace, e,
     ):  # fmt: skip
-        return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, _steps_per_period(e, rules) - 1)
+        lasted = max(last.lasted - e.period, 0.0)
+        return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, _steps_per_period(e, rules) - 1, lasted)
     context = context_at(ahead, movers, obstacles, pose, course, clock, outline, reach, limits, e)
     return _cheapest(last, context, pose, twist, obstacles, limits, rules, e, barred)
 
@@ -139,8 +143,9 @@ def _cheapest(
     chosen = _certified(costs, motions, pose, twist, context, obstacles, limits, rules)
     command, row = first_twist(motions[chosen]), motions[chosen]
     return Evasion(
-        True, command.v, command.omega, row[3], row[4], row[2], _steps_per_period(e, rules) - 1
-    )
+        True, command.v, command.omega, row[3], row[4], row[2], _steps_per_period(e, rules) - 1,
+        min(last.lasted + e.period, LONG),
+    )  # fmt: skip
 
 
 @jit

@@ -23,19 +23,23 @@ _FITS = 2.0  # standard deviations that a velocity may be off a steady change
 _WALKING_SPEED = 0.3  # a mover that was faster than this within
 _RECENT = 1.0  # this time may set off again at any moment [m/s, s]
 _MIN_WALKING_TIME = 0.5  # one that has walked for less may be noise [s]
+_RESTS = 0.1  # one that has walked and is slower than this rests, and within
+_STOPS = 10.0  # this time after it may rest again [m/s, s]
 _STRONG = 0.5  # share of max_acceleration above which a braking mover is predicted to stop
 _TOP_SPEED_FACTOR = 2.0  # of the largest observed speed: speed that a mover may reach
-_DETECTION_TIME = 0.3  # until a mover that sets off is detected: three scans [s]
+_DETECTION_TIME = 0.3  # until one that sets off is detected, of known velocity: three scans [s]
+_MASKED = 4.0  # times as long as its velocity is within the bound of its error: longer by so much
 
-_HX, _HY, _TOP, _SINCE, _WALKED, _ERROR, _COUNT, _HVX = range(8)
+_HX, _HY, _TOP, _SINCE, _WALKED, _RESTED, _ERROR, _COUNT, _HVX = range(9)
 _HVY = _HVX + _SAMPLES
 
 
 def empty_mover_history() -> Floats:
-    """History of movers, for `evade`: (64, 19), a row for each mover at the last evaluation, then
+    """History of movers, for `evade`: (64, 20), a row for each mover at the last evaluation, then
     NaN: x, y, largest speed so far, time since it was last faster than `_WALKING_SPEED`, for how
-    long it has been in all, the bound of its velocity's error, how many velocities follow, and the
-    velocities at the last evaluations, newest first: six vx, six vy."""
+    long it has been in all, time since it rested after that, the bound of its velocity's error,
+    how many velocities follow, and the velocities at the last evaluations, newest first: six vx,
+    six vy."""
     return np.full((_MAX_MOVERS, _HVX + 2 * _SAMPLES), math.nan)
 
 
@@ -56,6 +60,7 @@ def updated_history(
             continue
         row, walks = out[n], speed > _WALKING_SPEED
         row[_HX], row[_HY], row[_TOP], row[_COUNT] = d[X], d[Y], speed, 1.0
+        row[_RESTED] = math.inf
         row[_SINCE], row[_WALKED] = (0.0, period) if walks else (math.inf, 0.0)
         row[_HVX], row[_HVY], row[_ERROR] = d[VX], d[VY], velocity_error[i]
         best, match = _GATE, -1
@@ -75,6 +80,8 @@ def updated_history(
             row[_TOP] = max(speed, before[_TOP])
             row[_SINCE] = min(row[_SINCE], before[_SINCE] + period)
             row[_WALKED] += before[_WALKED]
+            rests = speed < _RESTS and before[_WALKED] > _MIN_WALKING_TIME
+            row[_RESTED] = 0.0 if rests else before[_RESTED] + period
         n += 1
     return out[:n]
 
@@ -124,19 +131,22 @@ def _at_most(ax: float, ay: float, most: float) -> tuple[float, float]:
 @jit
 def relevant_movers(
     obstacles: Surroundings, history: Floats, pose: Pose, reach: float, limits: Limits,
-    e: EvasionParams,
+    e: EvasionParams, wary: float,
 ) -> tuple[Floats, int]:  # fmt: skip
     """(m, 13), columns as in `EvasionContext.movers`: discs that matter within the horizon; and how
-    many of them, the first ones, move or did recently. The others may set off."""
+    many of them, the first ones, move or did recently. The others may set off.
+
+    wary: share of the time for which noise masks that one sets off which counts, in [0, 1].
+    """
     out = np.empty((2 * len(obstacles.discs), 13))
-    n = _write(out, 0, True, obstacles, history, pose, reach, limits, e)
-    return out[: _write(out, n, False, obstacles, history, pose, reach, limits, e)], n
+    n = _write(out, 0, True, obstacles, history, pose, reach, limits, e, wary)
+    return out[: _write(out, n, False, obstacles, history, pose, reach, limits, e, wary)], n
 
 
 @jit
 def _write(
     out: Floats, n: int, moving: bool, obstacles: Surroundings, history: Floats, pose: Pose,
-    reach: float, limits: Limits, e: EvasionParams,
+    reach: float, limits: Limits, e: EvasionParams, wary: float,
 ) -> int:  # fmt: skip
     """Write the moving discs, or the others, from row n on; returns one past the last row."""
     k = 0
@@ -147,10 +157,11 @@ def _write(
         vx, vy = d[VX], d[VY]
         most = obstacles.max_acceleration[i]
         speed, ax, ay = math.hypot(vx, vy), 0.0, 0.0
-        top_speed, recently, turning = 0.0, speed > _SLOW, e.turning
+        top_speed, recently, turning, stops = 0.0, speed > _SLOW, e.turning, False
         if speed > 0.0:
             if k < len(history):
                 walker = history[k, _WALKED] > _MIN_WALKING_TIME
+                stops = history[k, _RESTED] < _STOPS
                 top_speed = history[k, _TOP] if walker else 0.0
                 recently = recently or (walker and history[k, _SINCE] < _RECENT)
                 ax, ay = acceleration(history[k], most, e.period)
@@ -183,9 +194,10 @@ def _write(
         out[n, 7], out[n, 8], out[n, 9], out[n, 10] = ax, ay, turning, _TOP_SPEED_FACTOR * top_speed
         set_off_acceleration = min(most, e.sets_off_acceleration)
         distance = reach + d[RADIUS] + 0.5 * set_off_acceleration * stopping_time * stopping_time
-        out[n, 11] = min(
-            _DETECTION_TIME + distance / max(robot_speed, 1e-3) + 0.5 * stopping_time, e.horizon
-        )
+        masked = obstacles.velocity_error[i] / max(set_off_acceleration, 1e-3)
+        detected = _DETECTION_TIME + (wary * _MASKED * masked if stops else 0.0)
+        leaving = distance / max(robot_speed, 1e-3) + 0.5 * stopping_time
+        out[n, 11] = min(detected + leaving, e.horizon)
         n += 1
         if e.pass_right > 0.0 and far < math.inf:
             out[n] = out[n - 1]

@@ -13,6 +13,8 @@ from cohelm.robot.limits import Limits, ramps, speeds
 STEP = 0.1  # of the rollout of a motion [s]
 HURRY = 1.6
 """An evasion may be faster than the reference by this factor."""
+LONG = 20.0
+"""An evasion so long is less wary of who may set off, see `evade` [s]."""
 
 
 class EvasionParams(NamedTuple):
@@ -80,9 +82,11 @@ class Evasion(NamedTuple):
     """The speed after `turns` [m/s]."""
     left: int
     """Control steps until the next evaluation."""
+    lasted: float
+    """How long it has been on, less how long it was off after that, at most `LONG` [s]."""
 
 
-NO_EVASION = Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+NO_EVASION = Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0.0)
 
 _SHORTEST, _LONGEST = 3.0, 6.0
 """Bounds of the horizon [s]: shorter, and movers are noticed late; longer, and the uncertainty of
