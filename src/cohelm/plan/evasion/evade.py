@@ -28,7 +28,7 @@ from cohelm.plan.course import Course
 from cohelm.plan.evasion.candidates import candidates, extra_costs, first_twist, lower_bounds
 from cohelm.plan.evasion.context import EvasionContext, context_at
 from cohelm.plan.evasion.movers import relevant_movers, updated_history
-from cohelm.plan.evasion.params import LONG, STEP, Evasion, EvasionParams
+from cohelm.plan.evasion.params import LONG, PATIENT, STEP, Evasion, EvasionParams
 from cohelm.plan.evasion.predicted_motion import PredictedMotion, motion_cost, roll_out_piece
 from cohelm.plan.evasion.risk import clearance_at, spare_at, trajectories
 from cohelm.plan.recovery import begins
@@ -38,7 +38,6 @@ from cohelm.robot.limits import Limits
 
 _TRIES = 8  # of the cheapest motions, until one is certified
 _COST_GAP = 0.4  # a motion worse than the best by this is abandoned [m]
-_PATIENT = 10.0  # an evasion so long is as wary of who may set off as a new one [s]
 
 
 @jit
@@ -63,7 +62,7 @@ def evade(
     updated = updated_history(history, obstacles.discs, velocity_error, e.period)
     history[: len(updated)] = updated
     history[len(updated) :] = math.nan
-    wary = min((LONG - last.lasted) / (LONG - _PATIENT), 1.0)
+    wary = min((LONG - last.lasted) / (LONG - PATIENT), 1.0)
     movers, count = relevant_movers(obstacles, updated, pose, reach, limits, e, wary)
     ahead = trajectories(movers, reach, e)
     moving, moving_ahead = movers[:count], ahead[:, :count]

@@ -13,8 +13,9 @@ from cohelm.robot.limits import Limits, ramps, speeds
 STEP = 0.1  # of the rollout of a motion [s]
 HURRY = 1.6
 """An evasion may be faster than the reference by this factor."""
-LONG = 20.0
-"""An evasion so long is less wary of who may set off, see `evade` [s]."""
+PATIENT, LONG = 10.0, 20.0
+"""The addition to the time until it is noticed that a mover sets off counts whole in an evasion as
+long as the first, and not at all in one as long as the second [s]."""
 
 
 class EvasionParams(NamedTuple):
