@@ -29,6 +29,7 @@ from cohelm.perceive.match.surfaces import (
     Surfaces,
     flat_points,
     seen_from,
+    stacked,
     surfaces,
     thinned,
 )
@@ -161,8 +162,7 @@ def _matched(lidar: Lidar, rests: list[Rest], moves: list[Floats]) -> list[Pose]
                 seen, reported = seen + small * math.copysign(1.0, turned), reported + abs(turned)
         poses.append(at)
         around.append(seen_from(at, flat))
-        every = FlatPoints(*(np.vstack(parts) for parts in zip(*around, strict=True)))
-        known = surfaces(thinned(every, _CELL), 2.0 * _CELL, _REACH)
+        known = surfaces(thinned(stacked(around), _CELL), 2.0 * _CELL, _REACH)
     return poses
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.frames import placed, turned
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
 
 _CENTRE = Pose(0.0, 0.0, 0.0)
@@ -37,11 +38,9 @@ class Surroundings(NamedTuple):
 
     def placed(self, body: Pose) -> Surroundings:
         """The same, given in the body frame, in the frame in which the body is at this pose."""
-        c, s = math.cos(body.psi), math.sin(body.psi)
-        turn, at = np.array([[c, s], [-s, c]]), np.array(body[:2])
         return self._replace(
-            discs=placed_discs(self.discs, body), points=self.points @ turn + at,
-            segments=(self.segments.reshape(-1, 2) @ turn + at).reshape(-1, 4),
+            discs=placed_discs(self.discs, body), points=placed(self.points, body),
+            segments=placed(self.segments.reshape(-1, 2), body).reshape(-1, 4),
         )  # fmt: skip
 
 
@@ -49,10 +48,9 @@ def placed_discs(discs: Floats, body: Pose) -> Floats:
     """Discs (n, 6), given in the body frame, in the frame in which the body is at this pose."""
     if not len(discs):
         return discs
-    c, s = math.cos(body.psi), math.sin(body.psi)
-    turn, made = np.array([[c, s], [-s, c]]), discs.copy()
-    made[:, X : Y + 1] = discs[:, X : Y + 1] @ turn + np.array(body[:2])
-    made[:, VX : VY + 1] = discs[:, VX : VY + 1] @ turn
+    made = discs.copy()
+    made[:, X : Y + 1] = placed(discs[:, X : Y + 1], body)
+    made[:, VX : VY + 1] = turned(discs[:, VX : VY + 1], body.psi)
     return made
 
 
@@ -105,8 +103,8 @@ class Obstacles:
         self.discs, moves = _discs(discs)
         usual = _MOST_ACCELERATION if moves else 0.0
         n = len(self.discs)
-        self.max_acceleration = one_each("max_acceleration", max_acceleration, n, usual, 0.0)
-        self.velocity_error = one_each("velocity_error", velocity_error, n, 0.0, 0.0)
+        self.max_acceleration = per_disc("max_acceleration", max_acceleration, n, usual, 0.0)
+        self.velocity_error = per_disc("velocity_error", velocity_error, n, 0.0, 0.0)
 
     @classmethod
     def from_ranges(
@@ -266,7 +264,7 @@ def _discs(given: ArrayLike | None) -> tuple[Floats, bool]:
     return made, moves
 
 
-def one_each(
+def per_disc(
     name: str, given: ArrayLike | None, n: int, usual: float, least: float = -math.inf
 ) -> Floats:
     """(n,), a number for each disc, given as such or one for all, none of them below `least`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from cohelm.core.jit import jit_inline
-from cohelm.core.obstacles import Surroundings, one_each, rows
+from cohelm.core.obstacles import Surroundings, per_disc, rows
 from cohelm.core.types import VX, VY
 
 
@@ -34,7 +34,7 @@ def surroundings(
     """
     d = rows("discs", discs, 6)
     return Surroundings(
-        d, one_each("max_acceleration", max_acceleration, len(d), 0.0),
-        one_each("velocity_error", velocity_error, len(d), 0.0),
+        d, per_disc("max_acceleration", max_acceleration, len(d), 0.0),
+        per_disc("velocity_error", velocity_error, len(d), 0.0),
         rows("segments", segments, 4), rows("points", points, 2),
     )  # fmt: skip

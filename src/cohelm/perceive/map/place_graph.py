@@ -37,6 +37,7 @@ from cohelm.perceive.match.surfaces import (
     behind,
     one_each,
     seen_from,
+    stacked,
     surfaces,
     thinned,
 )
@@ -225,7 +226,7 @@ class PlaceGraph:
         for i in numbers:
             pose = self.poses[i] if origin is None else between(origin, self.poses[i])
             seen.append(seen_from(pose, self.places[i].flat))
-        return FlatPoints(*(np.vstack(parts) for parts in zip(*seen, strict=True)))
+        return stacked(seen)
 
     def _linked(
         self, a: int, b: int, known: Surfaces, own: FlatPoints, guess: Pose, reach: float

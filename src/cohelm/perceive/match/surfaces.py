@@ -7,6 +7,7 @@ cell, so that matching needs no search.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -128,6 +129,11 @@ def moved(pose: Pose, vectors: Floats, place: bool) -> Floats:
 def seen_from(pose: Pose, flat: FlatPoints) -> FlatPoints:
     """Those of a body frame in that of its pose."""
     return FlatPoints(moved(pose, flat.points, True), moved(pose, flat.normals, False))
+
+
+def stacked(some: Iterable[FlatPoints]) -> FlatPoints:
+    """All of them, one after the other; at least one."""
+    return FlatPoints(*(np.vstack(parts) for parts in zip(*some, strict=True)))
 
 
 def surfaces(flat: FlatPoints, resolution: float, reach: float, back: bool = False) -> Surfaces:
