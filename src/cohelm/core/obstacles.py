@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.frames import placed, turned
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
 
 _CENTRE = Pose(0.0, 0.0, 0.0)
@@ -38,9 +37,11 @@ class Surroundings(NamedTuple):
 
     def placed(self, body: Pose) -> Surroundings:
         """The same, given in the body frame, in the frame in which the body is at this pose."""
+        c, s = math.cos(body.psi), math.sin(body.psi)  # `core.frames` needs the compiler
+        turn, at = np.array([[c, s], [-s, c]]), np.array(body[:2])
         return self._replace(
-            discs=placed_discs(self.discs, body), points=placed(self.points, body),
-            segments=placed(self.segments.reshape(-1, 2), body).reshape(-1, 4),
+            discs=placed_discs(self.discs, body), points=self.points @ turn + at,
+            segments=(self.segments.reshape(-1, 2) @ turn + at).reshape(-1, 4),
         )  # fmt: skip
 
 
@@ -48,9 +49,10 @@ def placed_discs(discs: Floats, body: Pose) -> Floats:
     """Discs (n, 6), given in the body frame, in the frame in which the body is at this pose."""
     if not len(discs):
         return discs
-    made = discs.copy()
-    made[:, X : Y + 1] = placed(discs[:, X : Y + 1], body)
-    made[:, VX : VY + 1] = turned(discs[:, VX : VY + 1], body.psi)
+    c, s = math.cos(body.psi), math.sin(body.psi)
+    turn, made = np.array([[c, s], [-s, c]]), discs.copy()
+    made[:, X : Y + 1] = discs[:, X : Y + 1] @ turn + np.array(body[:2])
+    made[:, VX : VY + 1] = discs[:, VX : VY + 1] @ turn
     return made
 
 
