@@ -24,7 +24,7 @@ SEEN = Seen(
 
 
 @pytest.mark.parametrize("gently", [False, True])
-def test_in_manual_mode_with_a_centred_stick_there_is_no_evasion(gently):
+def test_in_manual_mode_with_a_centred_stick_there_is_no_evasion_and_no_desired_pose(gently):
     """Not with evasion on either, as it is by default: somebody walks at the standing robot."""
     assert SETTINGS.evasion.horizon > 0.0
     driver = Driver(None, SETTINGS, 0.0, None)
@@ -36,6 +36,7 @@ def test_in_manual_mode_with_a_centred_stick_there_is_no_evasion(gently):
         d = driver.by_hand(k * DT, seen, Stick(0.0, 0.0), gently)
         assert d.safe == (0.0, 0.0)
         assert d.behavior != EVADING
+        assert np.isnan([*d.desired, d.e_p, d.tau]).all()  # it follows no path
         driver.record_applied(d.safe)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.scalars import wrap
-from cohelm.core.types import CENTRED, Floats, Pose, Stick, Twist
+from cohelm.core.types import CENTRED, Desired, Floats, Pose, Stick, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.govern import Profile, reversed_twist, turned
 from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
@@ -38,6 +38,7 @@ _TWISTS = ("safe", "tracking", "operator", "nominal", "avoid")
 _ROUNDING = 1e-6  # of times that add up, as 0.6 - 0.4 < 0.2 [s]
 _MISMATCH_V, _MISMATCH_OMEGA, _MISMATCH_PERIODS = 0.2, 0.4, 8
 """Where measured and commanded twist differ by more for so many periods, the measured counts."""
+_NOTHING_DESIRED = Desired(math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 def by_hand(gains: Gains) -> Gains:
@@ -178,7 +179,8 @@ class Driver:
         """The stick alone; centred, the robot stands. gently: as strong as beside the controller,
         else so that the whole stick is the whole speed u_d."""
         pilot = self._stick_only if gently else self._by_hand
-        return self._step(pilot, now, seen.pose, stick, seen.obstacles)
+        d = self._step(pilot, now, seen.pose, stick, seen.obstacles)
+        return d._replace(tau=math.nan, desired=_NOTHING_DESIRED, e_p=math.nan)
 
     def follow_course(self, pilot: Pilot, now: float, seen: Seen, backwards: bool) -> Decision:
         """Follow another pilot's course, without the stick. backwards: that pilot takes the robot
