@@ -65,6 +65,31 @@ def all_round(lidar: Lidar) -> bool:
     return lidar.step * len(lidar.beams) > 2.0 * math.pi - 1.5 * lidar.step
 
 
+@jit_inline
+def in_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> bool:
+    """Whether a beam points at an `odom` point, occluded or not."""
+    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
+    wx, wy = x - sensor.x, y - sensor.y
+    return 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < len(lidar.beams)
+
+
+@jit_inline
+def within_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> float:
+    """Distance of an `odom` point from the edge of a LiDAR's view; 0 outside of it [m]."""
+    if all_round(lidar):
+        return math.inf
+    if not in_view(lidar, sensor, x, y):
+        return 0.0
+    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
+    wx, wy = x - sensor.x, y - sensor.y
+    bearing = math.atan2(-s * wx + c * wy, c * wx + s * wy)
+    if bearing < lidar.first - 0.5 * lidar.step:
+        bearing += 2.0 * math.pi
+    last = lidar.first + (len(lidar.beams) - 1) * lidar.step
+    edge = min(bearing - lidar.first, last - bearing)
+    return math.hypot(wx, wy) * math.sin(min(max(edge, 0.0), 0.5 * math.pi))
+
+
 @jit
 def was_free(lidar: Lidar, sweep: DeskewedScan, x: float, y: float, beside: float) -> bool:
     """Whether a sweep saw past an `odom` point, and past `beside` [m] on either side of it, at

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints, Pose
-from cohelm.perceive.scan.deskew import DeskewedScan, beam_at
+from cohelm.perceive.scan.deskew import DeskewedScan, beam_at, in_view
 from cohelm.perceive.space.assumed import (
     ASSUMED_FREE,
     NX,
@@ -28,7 +28,7 @@ from cohelm.perceive.space.assumed import (
 )
 from cohelm.perceive.space.cell_window import CELL, NEVER, SIDE, cell, holds, nowhere
 from cohelm.perceive.space.free_space_memory import NEAR
-from cohelm.perceive.track.departed import HVX, HVY, HX, HY, REACH, UNSEEN, in_view
+from cohelm.perceive.track.departed import HVX, HVY, HX, HY, REACH, UNSEEN
 from cohelm.robot.clearance import disc_clearance
 from cohelm.robot.sensors import Lidar, vouched_floor
 

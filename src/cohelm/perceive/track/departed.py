@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.scan.deskew import DeskewedScan, all_round, beam_at
+from cohelm.perceive.scan.deskew import DeskewedScan, within_view
 from cohelm.perceive.track.params import PotentiallyDynamicParams
 from cohelm.perceive.track.potentially_dynamic import LX, LY, STOOD
 from cohelm.perceive.track.track import (
@@ -204,28 +204,3 @@ def out_of_view(tracks: Floats, departed_tracks: Floats, max_acceleration: float
     out[:, REACH] = those[:, RADIUS] + _DEVIATIONS * np.sqrt(variance)
     out[:, REACH] += 0.5 * max_acceleration * t * t
     return out
-
-
-@jit_inline
-def in_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> bool:
-    """Whether a beam points at an `odom` point, occluded or not."""
-    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
-    wx, wy = x - sensor.x, y - sensor.y
-    return 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < len(lidar.beams)
-
-
-@jit_inline
-def within_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> float:
-    """Distance of an `odom` point from the edge of a LiDAR's view; 0 outside of it [m]."""
-    if all_round(lidar):
-        return math.inf
-    if not in_view(lidar, sensor, x, y):
-        return 0.0
-    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
-    wx, wy = x - sensor.x, y - sensor.y
-    bearing = math.atan2(-s * wx + c * wy, c * wx + s * wy)
-    if bearing < lidar.first - 0.5 * lidar.step:
-        bearing += 2.0 * math.pi
-    last = lidar.first + (len(lidar.beams) - 1) * lidar.step
-    edge = min(bearing - lidar.first, last - bearing)
-    return math.hypot(wx, wy) * math.sin(min(max(edge, 0.0), 0.5 * math.pi))
