@@ -23,12 +23,12 @@ AWAY = Pose(HERE.x + 2.0, HERE.y, 0.0)
 
 
 def sweep(ranges, stamp, odometry=NOWHERE):
-    return NO_SWEEP._replace(ranges=ranges, stamp=stamp, pose=odometry)
+    return NO_SWEEP._replace(lidar=LIDAR.lidar(), ranges=ranges, stamp=stamp, pose=odometry)
 
 
 def after(scans, every=0.1, lost=True):
     """The alarm of a robot whose wheels stand, after these scans."""
-    alarm = KidnapAlarm(LIDAR.lidar())
+    alarm = KidnapAlarm()
     for k, ranges in enumerate(scans):
         alarm.compare(sweep(ranges, every * k), NOWHERE, HERE, lost and k > 0)
     return alarm
@@ -65,7 +65,7 @@ def test_a_keyframe_from_since_the_map_fits_worse_is_no_view_from_before_the_ala
     """Pushed along a corridor, no scan contradicts another at first, and the next keyframe is
     taken where the robot was pushed to, at the pose that it had before. Unless the map, poor
     there, fits much worse only since that was taken."""
-    alarm = KidnapAlarm(LIDAR.lidar())
+    alarm = KidnapAlarm()
     on = Pose(HERE.x + 0.35, HERE.y, HERE.psi)
     for k in range(6):
         alarm.compare(sweep(seen(HERE, k), 0.1 * k), NOWHERE, HERE, False)
@@ -86,8 +86,8 @@ def lost_at(pose, odds=0.0, was_known=True):
     """What is followed by a robot that became lost there."""
     drawn, free = room(0.05)
     lidar, made = LIDAR.lidar(), map_from_occupancy(drawn, free, 0.05, NOWHERE)
-    judge, alarm = ScanJudge(made, lidar), KidnapAlarm(lidar)
-    found = Hypotheses(made, lidar, judge, alarm, False)
+    judge, alarm = ScanJudge(made, lidar), KidnapAlarm()
+    found = Hypotheses(made, judge, alarm, False)
     found.left = Departure(pose, np.diag([0.05, 0.05, 0.02, 0.01, 0.01]) ** 2, odds, was_known)
     found.everywhere = True
     return found

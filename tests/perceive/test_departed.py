@@ -43,7 +43,10 @@ def looks(*headings: float) -> tuple[DeskewedScan, ...]:
     """Sweeps by a LiDAR at the origin, `DT` apart."""
     return tuple(
         NO_SWEEP._replace(
-            ranges=np.full(len(LIDAR.beams), np.inf), sensor=Pose(0.0, 0.0, psi), stamp=DT * k
+            ranges=np.full(len(LIDAR.beams), np.inf),
+            sensor=Pose(0.0, 0.0, psi),
+            stamp=DT * k,
+            lidar=LIDAR,
         )
         for k, psi in enumerate(headings)
     )
@@ -70,7 +73,7 @@ def rim(place: tuple[float, float], stood: float = 0.0) -> Floats:
 
 
 def after(before: Floats, came: Floats, points: Floats, sweeps: tuple[DeskewedScan, ...]) -> Floats:
-    return departed(before, NOBODY, came, points, LIDAR, sweeps, DT, AGILE, WARY)
+    return departed(before, NOBODY, came, points, sweeps, DT, AGILE, WARY)
 
 
 def test_the_potentially_dynamic_points_of_one_body_are_one_mover_out_of_view():

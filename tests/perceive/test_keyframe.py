@@ -9,6 +9,7 @@ from cohelm.core.frames import between
 from cohelm.core.types import Pose
 from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.keyframe import agreement, usable
+from cohelm.perceive.scan.deskew import NO_SWEEP
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.lidar import scan
 from tests.perceive.drives import CONES, LIDAR, WALLS
@@ -76,5 +77,5 @@ def test_a_wall_that_continues_where_the_scan_before_had_no_beam_is_no_contradic
 def test_an_empty_scan_contradicts_nothing_and_is_no_keyframe():
     nothing = np.full(LIDAR.beams, math.nan)
     assert agreement(LIDAR.lidar(), nothing, seen(HERE), Pose(0.0, 0.0, 0.0)) == 0.0
-    assert not usable(LIDAR.lidar(), nothing)
-    assert usable(LIDAR.lidar(), seen(HERE))
+    assert not usable(NO_SWEEP._replace(ranges=nothing))
+    assert usable(NO_SWEEP._replace(ranges=seen(HERE)))

@@ -215,7 +215,7 @@ def test_switched_on_it_believes_no_place_where_another_explains_better_what_it_
 def verdict(kept):
     judge = ScanJudge(map_from_occupancy(*room(CELL), CELL, Pose(0.0, 0.0, 0.0)), LIDAR.lidar())
     about = SearchContext(True, True, True, True, False, 9, True, None, None)
-    return Belief(judge, LIDAR.beams).verdict(kept, about)
+    return Belief(judge).verdict(kept, about)
 
 
 @pytest.mark.parametrize(("others", "sure"), [(1, True), (8, False)])

@@ -479,8 +479,9 @@ def alarmed(before, now):
     here, check, alarm = locator.located.pose, locator._check, locator._alarm
     check.believed(12.0, True)
     locator._judge.usual = -0.5
-    alarm._reference, alarm._left = (NO_SWEEP._replace(ranges=before), here), 10
-    alarm._newest = NO_SWEEP._replace(ranges=now)
+    sweep = NO_SWEEP._replace(lidar=LIDAR.lidar())
+    alarm._reference, alarm._left = (sweep._replace(ranges=before), here), 10
+    alarm._newest = sweep._replace(ranges=now)
     seen = locator._judge.judge(here, np.full(LIDAR.beams, 1.0))
     fits = seen._replace(agree=0.99, short=0.005, through=0.005, log=-0.2)
 

@@ -27,7 +27,7 @@ def lab():
 
 def posed(ranges, sensor, stamp):
     """A sweep of a LiDAR at a pose."""
-    return NO_SWEEP._replace(ranges=ranges, sensor=sensor, stamp=stamp)
+    return NO_SWEEP._replace(ranges=ranges, sensor=sensor, stamp=stamp, lidar=LIDAR.lidar())
 
 
 def standing(seconds, pose=HERE):
@@ -137,17 +137,15 @@ def test_ground_keeps_what_was_free_and_when():
     n = len(lidar.beams)
     open_ = posed(np.full(n, 3.0), Pose(0.0, 0.0, 0.0), 1.0)
     walled = posed(np.full(n, 1.0), Pose(0.0, 0.0, 0.0), 5.0)
-    free_space = with_scan(empty_memory(), lidar, open_, NOTHING, 1.0, NEAR)
+    free_space = with_scan(empty_memory(), open_, NOTHING, 1.0, NEAR)
     assert appeared(free_space, 1.5, 0.0, 0.5)
     assert not appeared(free_space, 1.5, 0.0, 1.5)
     assert not appeared(free_space, -1.5, 0.0, 0.5)
-    later = with_scan(free_space, lidar, walled, NOTHING, 5.0, NEAR)
+    later = with_scan(free_space, walled, NOTHING, 5.0, NEAR)
     assert appeared(later, 1.5, 0.0, 0.5)
     assert not appeared(later, 1.5, 0.0, 2.0)
     assert appeared(later, 0.5, 0.0, 2.0)
-    far = with_scan(
-        later, lidar, posed(np.full(n, 3.0), Pose(6.4, 0.0, 0.0), 6.0), NOTHING, 6.0, NEAR
-    )
+    far = with_scan(later, posed(np.full(n, 3.0), Pose(6.4, 0.0, 0.0), 6.0), NOTHING, 6.0, NEAR)
     assert not appeared(far, 1.5, 0.0, 0.5)
 
 
@@ -159,12 +157,12 @@ def test_what_stood_before_its_ground_was_seen_free_has_not_come():
     short = posed(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
     free_space = empty_memory()
     for k in range(9):
-        free_space = with_scan(free_space, lidar, short, wall, 1.0 + 0.1 * k, NEAR)
-    free_space = with_scan(free_space, lidar, open_, NOTHING, 2.0, NEAR)
+        free_space = with_scan(free_space, short, wall, 1.0 + 0.1 * k, NEAR)
+    free_space = with_scan(free_space, open_, NOTHING, 2.0, NEAR)
     assert not appeared(free_space, 1.5, 0.0, 0.5)
     assert not appeared(free_space, 1.55, 0.05, 0.5)
     assert appeared(free_space, 1.5, 0.2, 0.5)
-    free_space = with_scan(free_space, lidar, open_, NOTHING, 12.5, NEAR)
+    free_space = with_scan(free_space, open_, NOTHING, 12.5, NEAR)
     assert appeared(free_space, 1.5, 0.0, 2.5)
 
 
@@ -172,12 +170,10 @@ def test_a_walker_through_a_cell_has_not_stood_there():
     lidar = LIDAR.lidar()
     open_ = posed(np.full(len(lidar.beams), 3.0), Pose(0.0, 0.0, 0.0), 1.0)
     short = posed(np.full(len(lidar.beams), 1.5), Pose(0.0, 0.0, 0.0), 1.0)
-    free_space = with_scan(empty_memory(), lidar, open_, NOTHING, 1.0, NEAR)
+    free_space = with_scan(empty_memory(), open_, NOTHING, 1.0, NEAR)
     for k in range(3):
-        free_space = with_scan(
-            free_space, lidar, short, np.array([[1.5, 0.0]]), 1.1 + 0.1 * k, NEAR
-        )
-    assert appeared(with_scan(free_space, lidar, open_, NOTHING, 2.0, NEAR), 1.5, 0.0, 0.5)
+        free_space = with_scan(free_space, short, np.array([[1.5, 0.0]]), 1.1 + 0.1 * k, NEAR)
+    assert appeared(with_scan(free_space, open_, NOTHING, 2.0, NEAR), 1.5, 0.0, 0.5)
 
 
 def test_a_thin_wall_that_is_driven_through_by_its_door_has_not_come():

@@ -185,11 +185,11 @@ def test_an_object_against_a_wall_of_the_map_is_its_own_cluster():
     sight(AT, lidar, discs(post, person), np.empty((0, 4)), NO_GRID, ranges)
     trail = extended(EMPTY, Odometry(0.0, AT, Twist(0.0, 0.0)))
     seen = deskew(lidar, ranges, 0.0, 0.0, trail)
-    one = clusters(lidar, seen, np.zeros(len(seen.points), np.bool_))
+    one = clusters(seen, np.zeros(len(seen.points), np.bool_))
     assert len(one) == 1
     assert math.hypot(one[0, CX] - 2.9, one[0, CY] + 0.25) > 0.2
     mapped = np.hypot(*(seen.points - post[:2]).T) < 0.35
-    (found,) = clusters(lidar, seen, mapped)
+    (found,) = clusters(seen, mapped)
     assert math.hypot(found[CX] - 2.9, found[CY] + 0.25) < 0.05
     known = map_from_geometry(WALLS, AT, np.array([[3.0, 0.3, 0.3]]))
     assert (on_walls(known, AT, seen.points, 0.1) & mapped).sum() == mapped.sum()

@@ -90,8 +90,8 @@ def test_ground_that_the_filter_takes_as_known_passes_the_monitor(model, drive):
     for pose in DRIVES[drive]:
         c, s = math.cos(pose.psi), math.sin(pose.psi)
         eye = Pose(pose.x + c * lidar.mount.x, pose.y + s * lidar.mount.x, pose.psi)
-        scan = NO_SWEEP._replace(ranges=ranges, sensor=eye, stamp=0.0)
-        filters = with_scan(filters, lidar, scan, kept, seen)
+        scan = NO_SWEEP._replace(lidar=lidar, ranges=ranges, sensor=eye, stamp=0.0)
+        filters = with_scan(filters, scan, kept, seen)
         monitors.look(ranges, pose, 0.0, 0.0)
         turns, psi = pose.psi != psi, pose.psi
         for x, y in () if turns else monitors.unknown.points:

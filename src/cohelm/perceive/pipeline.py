@@ -240,15 +240,13 @@ class Perception:
         if sweep is None:
             return
         if self._floor_space is not None and source.lidar.floor_from > 0.0:
-            self._unobserved_floor = self._floor_space.points(source.lidar, sweep)
+            self._unobserved_floor = self._floor_space.points(sweep)
         if self._unobserved_space is None:
             return
         params, looking = self._tracker_params, self._looking
-        last = [(one.lidar, one.sweep) for one in looking if one.sweep is not None]
+        last = tuple(one.sweep for one in looking if one.sweep is not None)
         out = np.vstack([movers_out_of_view(one.tracked, params) for one in looking])
-        self._unobserved = self._unobserved_space.points(
-            source.lidar, sweep, last, out, params.dynamic.fastest
-        )
+        self._unobserved = self._unobserved_space.points(sweep, last, out, params.dynamic.fastest)
         occupied = self._unobserved_space.possibly_occupied(sweep.pose)
         for one in looking:
             one.mark_possibly_occupied(occupied)

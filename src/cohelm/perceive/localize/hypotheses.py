@@ -28,7 +28,6 @@ from cohelm.perceive.match.odometry_covariance import UNKNOWN, inverted, joined,
 from cohelm.perceive.match.scan_matching import align, independent
 from cohelm.perceive.match.surfaces import FlatPoints, moved
 from cohelm.perceive.scan.deskew import DeskewedScan
-from cohelm.robot.sensors import Lidar
 
 _BESIDE: Floats = np.diag([0.1, 0.1, 0.03]) ** 2
 """Covariance of a match's error along a corridor, added at each match; at a cold start once only,
@@ -41,7 +40,6 @@ class Hypotheses:
     """The hypotheses of one robot on one map. cold_start: without a start pose."""
 
     known: LocalizationMap
-    lidar: Lidar
     judge: ScanJudge
     alarm: KidnapAlarm
     cold_start: bool
@@ -52,7 +50,7 @@ class Hypotheses:
         self.before: Departure | None = None  # the pose before one was set
         self.moved = False  # whether a check has found one that fits as the pose did before
         self.left: Departure | None = None  # where it was when it became lost
-        self._belief = Belief(self.judge, len(self.lidar.beams))
+        self._belief = Belief(self.judge)
         self._last = LastMetres(PARAMS.view, PARAMS.kept)
         self._since = SinceLost(PARAMS.remembered)
         self._search: Search | None = None
@@ -134,7 +132,7 @@ class Hypotheses:
         if not self.cold_start:
             return
         self._last.led_on(step)
-        if usable(self.lidar, sweep.ranges):
+        if usable(sweep):
             self._last.add(sweep)
 
     def begin_search(

@@ -13,7 +13,7 @@ import numpy as np
 from cohelm.core.frames import between, compose
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose
-from cohelm.perceive.scan.deskew import beam_at
+from cohelm.perceive.scan.deskew import DeskewedScan, beam_at
 from cohelm.robot.sensors import Lidar
 
 _NEAR = 0.15  # tolerance of a range [m]
@@ -77,6 +77,6 @@ def _cost(run: int, wide: float) -> float:
     return _EDGE if run < _RUN or wide < _NARROW else _THING + _WIDE * run
 
 
-def usable(lidar: Lidar, ranges: Floats) -> bool:
+def usable(sweep: DeskewedScan) -> bool:
     """Whether a scan has enough returns to be a keyframe."""
-    return int(np.count_nonzero(np.isfinite(ranges))) >= 0.1 * len(lidar.beams)
+    return int(np.count_nonzero(np.isfinite(sweep.ranges))) >= 0.1 * len(sweep.ranges)

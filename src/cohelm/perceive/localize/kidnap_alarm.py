@@ -8,23 +8,18 @@ map does: along a corridor, scans before and after a push agree.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from cohelm.core.frames import between, compose
 from cohelm.core.types import Pose
 from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.keyframe import agreement, usable
 from cohelm.perceive.scan.deskew import DeskewedScan
-from cohelm.robot.sensors import Lidar
 
 
-@dataclass
 class KidnapAlarm:
     """The alarm of one robot; it needs no map."""
 
-    lidar: Lidar
-
-    def __post_init__(self) -> None:
+    def __init__(self) -> None:
         self._newest: DeskewedScan
         self._keyframe_pose = Pose(0.0, 0.0, 0.0)  # the believed pose at the keyframe
         self._aged = 0  # scans since then
@@ -70,7 +65,7 @@ class KidnapAlarm:
         key = self._keyframe
         step = between(key.pose, sweep.pose) if key else Pose(0.0, 0.0, 0.0)
         if key is not None:
-            log = agreement(self.lidar, key.ranges, sweep.ranges, step)
+            log = agreement(sweep.lidar, key.ranges, sweep.ranges, step)
             self._jolts = self._jolts + 1 if log < PARAMS.contradicted else 0
             if not self._left and self._jolts >= PARAMS.jolts:
                 # the pose of a lost robot is unknown, so its keyframe is no reference
@@ -83,7 +78,7 @@ class KidnapAlarm:
         near = math.hypot(step.x, step.y) < 0.3 and abs(step.psi) < 0.3
         gone = key is None or not near or self._aged > PARAMS.aged
         held = 0 < self._jolts < PARAMS.frozen
-        if gone and not held and usable(self.lidar, sweep.ranges):
+        if gone and not held and usable(sweep):
             self._older = (key, self._keyframe_pose) if key is not None else None
             self._keyframe = sweep
             self._keyframe_pose = compose(pose, moved_by)
@@ -102,7 +97,7 @@ class KidnapAlarm:
         """While carried, the robot has contradicting scans, empty ones, or none."""
         gap = 0.0 if math.isnan(self._stamp) else sweep.stamp - self._stamp
         self._stamp = sweep.stamp
-        if self._jolts or gap > PARAMS.gap or not usable(self.lidar, sweep.ranges):
+        if self._jolts or gap > PARAMS.gap or not usable(sweep):
             self.carried += gap
         elif not self.raised and not lost:
             self.carried = 0.0
@@ -144,7 +139,7 @@ class KidnapAlarm:
         if self._reference is None:
             return 0.0
         key, there = self._reference
-        return agreement(self.lidar, key.ranges, self._newest.ranges, between(there, pose))
+        return agreement(key.lidar, key.ranges, self._newest.ranges, between(there, pose))
 
     def gained(self, pose: Pose, here: Pose) -> float:
         """By how much likelier the newest scan is at a pose than `here`, at the believed one, given

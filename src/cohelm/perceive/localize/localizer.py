@@ -60,10 +60,8 @@ class Localizer:
 
     def __post_init__(self) -> None:
         self._judge = ScanJudge(self.known, self.lidar)
-        self._alarm = KidnapAlarm(self.lidar)
-        self._hypotheses = Hypotheses(
-            self.known, self.lidar, self._judge, self._alarm, self.start is None
-        )
+        self._alarm = KidnapAlarm()
+        self._hypotheses = Hypotheses(self.known, self._judge, self._alarm, self.start is None)
         self._check = PoseCheck(self._judge, self._alarm, self._hypotheses)
         self._odometry: Pose | None = None
         self._pose_set = self.start is not None  # whether the pose has just been set

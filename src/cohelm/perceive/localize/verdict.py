@@ -52,7 +52,6 @@ class Belief:
     """Decides for one robot; remembers for how long a hypothesis has led."""
 
     judge: ScanJudge
-    beams: int
 
     def __post_init__(self) -> None:
         self._leading: Hypothesis | None = None  # the likeliest
@@ -121,7 +120,7 @@ class Belief:
                 or stayed
                 or (not strange and lead >= 3.0 * PARAMS.margin)
             )
-            and (judged.beam_count >= 0.5 * self.beams or stayed)
+            and (judged.beam_count >= 0.5 * len(self.judge.lidar.beams) or stayed)
             # a map may miss a wall, and people occlude; no error shows what is behind two walls
             and (judged.passed < 2 or not context.cold)
         )

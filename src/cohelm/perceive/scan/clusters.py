@@ -24,14 +24,14 @@ _FEWEST = 3
 
 
 @jit
-def clusters(lidar: Lidar, sweep: DeskewedScan, fixed: NDArray[np.bool_]) -> Floats:
+def clusters(sweep: DeskewedScan, fixed: NDArray[np.bool_]) -> Floats:
     """Clusters of a sweep, (k, 8), in `odom`.
 
     fixed: (m,) points of walls of a map: they belong to no cluster, and separate clusters. The
     centre is behind the visible side of a disc, whose mean is pi/4 of the radius in front of it.
     FRESH is left 0.
     """
-    points, beams, pose = sweep.points, sweep.beams, sweep.pose
+    points, beams, pose, lidar = sweep.points, sweep.beams, sweep.pose, sweep.lidar
     m = len(points)
     out = np.zeros((m, 8))
     beam_s = sweep.duration / max(len(lidar.beams) - 1, 1)
@@ -94,9 +94,7 @@ def _occluded(lidar: Lidar, points: Floats, beams: Ints, a: int, b: int, far: fl
 
 
 @jit
-def update_freshness(
-    lidar: Lidar, found: Floats, sweep: DeskewedScan, earlier: DeskewedScan
-) -> None:  # fmt: skip
+def update_freshness(found: Floats, sweep: DeskewedScan, earlier: DeskewedScan) -> None:
     """Raise FRESH of each cluster to the share of its points where an earlier sweep saw free
     space."""
     pose = sweep.pose
@@ -107,6 +105,6 @@ def update_freshness(
         for i in range(a, b):
             x = pose.x + c * sweep.points[i, 0] - s * sweep.points[i, 1]
             y = pose.y + s * sweep.points[i, 0] + c * sweep.points[i, 1]
-            if was_free(lidar, earlier, x, y, 0.0):
+            if was_free(earlier, x, y, 0.0):
                 free += 1
         found[k, FRESH] = max(found[k, FRESH], free / (b - a))

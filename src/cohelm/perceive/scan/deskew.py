@@ -16,7 +16,7 @@ from cohelm.robot.sensors import Lidar
 
 
 class DeskewedScan(NamedTuple):
-    """One sweep of the LiDAR, at the time of its last beam.
+    """One sweep of a LiDAR, at the time of its last beam.
 
     points: (m, 2) in the body frame of that time [m], in the order of the beams; only real
     returns. beams: (m,) which beam each came from. ranges: (n,) what the sensor would have
@@ -32,15 +32,17 @@ class DeskewedScan(NamedTuple):
     pose: Pose
     sensor: Pose
     stamp: float
+    lidar: Lidar
 
     def part(self, which: NDArray[np.bool_], ranges: Floats) -> DeskewedScan:
         """The same with these of its points only, and with these ranges."""
         return self._replace(points=self.points[which], beams=self.beams[which], ranges=ranges)
 
 
+_ORIGIN = Pose(0.0, 0.0, 0.0)
 NO_SWEEP = DeskewedScan(
-    np.empty((0, 2)), np.empty(0, np.int64), np.empty(0), 0.0, Pose(0.0, 0.0, 0.0),
-    Pose(0.0, 0.0, 0.0), -math.inf,
+    np.empty((0, 2)), np.empty(0, np.int64), np.empty(0), 0.0, _ORIGIN, _ORIGIN, -math.inf,
+    Lidar(_ORIGIN, 0.0, 1.0, 0.0, 0.0, 0.0, -math.inf, np.empty((0, 2))),
 )  # fmt: skip
 """Without any beam."""
 
@@ -91,16 +93,16 @@ def within_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> float:
 
 
 @jit
-def was_free(lidar: Lidar, sweep: DeskewedScan, x: float, y: float, beside: float) -> bool:
+def was_free(sweep: DeskewedScan, x: float, y: float, beside: float) -> bool:
     """Whether a sweep saw past an `odom` point, and past `beside` [m] on either side of it, at
     least by a beam."""
     wx, wy = x - sweep.sensor.x, y - sweep.sensor.y
     c, s = math.cos(sweep.sensor.psi), math.sin(sweep.sensor.psi)
     sx, sy = c * wx + s * wy, -s * wx + c * wy
     far = math.hypot(sx, sy)
-    beam = beam_at(lidar, sx, sy)
-    aside = max(1, math.ceil(beside / (max(far, 0.1) * lidar.step)))
-    if not aside <= beam < len(sweep.ranges) - aside or far > lidar.range_max - FREE:
+    beam = beam_at(sweep.lidar, sx, sy)
+    aside = max(1, math.ceil(beside / (max(far, 0.1) * sweep.lidar.step)))
+    if not aside <= beam < len(sweep.ranges) - aside or far > sweep.lidar.range_max - FREE:
         return False
     return sweep.ranges[beam - aside : beam + aside + 1].min() > far + FREE
 
@@ -150,5 +152,5 @@ def deskew(
             m += 1
     return DeskewedScan(
         points[:m].copy(), beams[:m].copy(), made, duration, end, compose(end, mount),
-        stamp + duration,
+        stamp + duration, lidar,
     )  # fmt: skip

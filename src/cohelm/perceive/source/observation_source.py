@@ -67,9 +67,7 @@ class ObservationSource:
             if known is not None:
                 there = compose(map_odom, sweep.pose)
                 fixed = on_walls(known, there, trackable.points, _ON_WALL)
-            self.tracked = update_tracker(
-                self.tracked, self.lidar, trackable, self._tracker_params, fixed
-            )
+            self.tracked = update_tracker(self.tracked, trackable, self._tracker_params, fixed)
             if self.tracked.of_movers.any():
                 of_movers = np.zeros(len(sweep.points), dtype=np.bool_)
                 of_movers[may_move] = self.tracked.of_movers

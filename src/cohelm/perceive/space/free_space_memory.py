@@ -15,7 +15,6 @@ from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import Floats, Ints
 from cohelm.perceive.scan.deskew import FREE, DeskewedScan, all_round, beam_at
 from cohelm.perceive.space.cell_window import CELL, SIDE, cell, holds, nowhere
-from cohelm.robot.sensors import Lidar
 
 NEAR = 2.5
 """Range of the memory from the LiDAR, at least; the window is larger [m]."""
@@ -63,13 +62,12 @@ def _copied(free_space: FreeSpaceMemory) -> FreeSpaceMemory:
 
 @jit
 def with_scan(
-    free_space: FreeSpaceMemory, lidar: Lidar, sweep: DeskewedScan, static: Floats, clock: float,
-    near: float,
-) -> FreeSpaceMemory:  # fmt: skip
+    free_space: FreeSpaceMemory, sweep: DeskewedScan, static: Floats, clock: float, near: float
+) -> FreeSpaceMemory:
     """The memory after a sweep at `clock`; static: (p, 2), its points in `odom` that have not
     appeared by themselves [m]. near: the range of the memory from the LiDAR [m]."""
     memory = _copied(free_space)
-    sensor, ranges = sweep.sensor, sweep.ranges
+    sensor, ranges, lidar = sweep.sensor, sweep.ranges, sweep.lidar
     for k in range(len(static)):
         x, y = static[k, 0], static[k, 1]
         if abs(x - sensor.x) > near or abs(y - sensor.y) > near:

@@ -44,13 +44,6 @@ _MOVED, _TURNED = 0.05, 0.05  # a LiDAR that moved less sees the same surfaces [
 _REPORTED = 1.0  # beyond the turning circle, within which the border is reported, at least [m]
 
 
-class View(NamedTuple):
-    """The view of a LiDAR: its beams, and its pose in `odom` at its newest sweep."""
-
-    lidar: Lidar
-    sensor: Pose
-
-
 class ObservedCells(NamedTuple):
     """A window of cells that have been in view, see `perceive.space.cell_window`.
 
@@ -128,8 +121,9 @@ def assumed_free(cells: ObservedCells, pose: Pose, outline: Floats, radius: floa
 
 @jit
 def without_covered(
-    cells: ObservedCells, surfaces: Floats, views: tuple[View, ...], pose: Pose, outline: Floats
-) -> ObservedCells:
+    cells: ObservedCells, surfaces: Floats, sweeps: tuple[DeskewedScan, ...], pose: Pose,
+    outline: Floats,
+) -> ObservedCells:  # fmt: skip
     """Without the assumed ground that a surface may cover, see `space.assumed`: out of view, beyond
     it, and nothing between has been seen free. Ground that the robot stands on is observed."""
     which, assumed = cells.which.copy(), cells.assumed.copy()
@@ -144,14 +138,14 @@ def without_covered(
             x, y = (which[a, b, 0] + 0.5) * CELL, (which[a, b, 1] + 0.5) * CELL
             if disc_clearance(pose, outline, x, y, 0.0) <= 0.0:
                 assumed[a, b] = False
-            elif not _in_view(views, x, y) and _covered(cells, surfaces, views, x, y):
+            elif not _in_view(sweeps, x, y) and _covered(cells, surfaces, sweeps, x, y):
                 which[a, b, 0] = NEVER
     return ObservedCells(which, cells.occupied, assumed)
 
 
 @jit_inline
 def _covered(
-    cells: ObservedCells, surfaces: Floats, views: tuple[View, ...], x: float, y: float
+    cells: ObservedCells, surfaces: Floats, sweeps: tuple[DeskewedScan, ...], x: float, y: float
 ) -> bool:
     """Whether a surface may go on as far as a cell. x, y: its middle."""
     covered, side = False, len(cells.which)
@@ -164,23 +158,22 @@ def _covered(
             if goes_on:
                 i, j = cell(x - wx * n / steps), cell(y - wy * n / steps)
                 seen = holds(cells.which, i, j) and not cells.assumed[i % side, j % side]
-                goes_on = not seen or _in_view(views, (i + 0.5) * CELL, (j + 0.5) * CELL)
+                goes_on = not seen or _in_view(sweeps, (i + 0.5) * CELL, (j + 0.5) * CELL)
         covered = covered or goes_on
     return covered
 
 
 @jit
 def with_scan(
-    cells: ObservedCells, lidar: Lidar, sweep: DeskewedScan, kept: float, seen: float,
-    floor: bool = False,
-) -> ObservedCells:  # fmt: skip
+    cells: ObservedCells, sweep: DeskewedScan, kept: float, seen: float, floor: bool = False
+) -> ObservedCells:
     """With the ground in view of a sweep, up to its returns; or with the floor that it sees, within
     the sensor's floor range and before its returns.
 
     kept: cells farther than this from the LiDAR are forgotten [m]. seen: and those farther than
     this not seen [m]."""
     which, occupied, assumed = cells.which.copy(), cells.occupied.copy(), cells.assumed.copy()
-    sensor, n, side = sweep.sensor, len(sweep.ranges), len(cells.which)
+    sensor, lidar, n, side = sweep.sensor, sweep.lidar, len(sweep.ranges), len(cells.which)
     _forget(which, sensor, kept)
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
     low_x, low_y = cell(sensor.x - seen), cell(sensor.y - seen)
@@ -219,11 +212,11 @@ def _forget(which: Ints, sensor: Pose, kept: float) -> None:
 
 
 @jit_inline
-def _in_view(views: tuple[View, ...], x: float, y: float) -> bool:
+def _in_view(sweeps: tuple[DeskewedScan, ...], x: float, y: float) -> bool:
     """Whether any LiDAR has a beam towards an `odom` point, occluded or not."""
     seen = False
-    for k in range(len(views)):
-        seen = seen or in_view(views[k].lidar, views[k].sensor, x, y)
+    for k in range(len(sweeps)):
+        seen = seen or in_view(sweeps[k].lidar, sweeps[k].sensor, x, y)
     return seen
 
 
@@ -242,8 +235,8 @@ def approaching(out_of_view: Floats, pose: Pose, far: float) -> Floats:
 
 @jit
 def occupied(
-    cells: ObservedCells, views: tuple[View, ...], out_of_view: Floats, pose: Pose, outline: Floats,
-    fastest: float, dt: float, kept: float,
+    cells: ObservedCells, sweeps: tuple[DeskewedScan, ...], out_of_view: Floats, pose: Pose,
+    outline: Floats, fastest: float, dt: float, kept: float,
 ) -> ObservedCells:  # fmt: skip
     """With the cells that movers out of view may occupy dt [s] later: where they left the view, and
     what they can reach from there, or from beyond the known cells, over unobserved cells within
@@ -268,7 +261,7 @@ def occupied(
         for b in range(wide):
             i, j = low_x + a, low_y + b
             x, y = (i + 0.5) * CELL, (j + 0.5) * CELL
-            if _in_view(views, x, y) or disc_clearance(pose, outline, x, y, 0.0) < _APART:
+            if _in_view(sweeps, x, y) or disc_clearance(pose, outline, x, y, 0.0) < _APART:
                 continue
             for k in range(len(out_of_view)):
                 away = math.hypot(x - out_of_view[k, HX], y - out_of_view[k, HY])
@@ -314,7 +307,7 @@ def possibly_occupied(cells: ObservedCells, pose: Pose, kept: float) -> Floats:
 
 @jit
 def unobserved_border(
-    cells: ObservedCells, views: tuple[View, ...], pose: Pose, outline: Floats, far: float,
+    cells: ObservedCells, sweeps: tuple[DeskewedScan, ...], pose: Pose, outline: Floats, far: float,
     floor: bool = False,
 ) -> Floats:  # fmt: skip
     """The border of unobserved ground, or floor, (p, 2), in `odom`, within `far` [m] of a robot
@@ -329,7 +322,7 @@ def unobserved_border(
             py = (j + 0.5) * CELL
             if math.hypot(px - pose.x, py - pose.y) > far or _is_free(cells, i, j):
                 continue
-            if not floor and _in_view(views, px, py):
+            if not floor and _in_view(sweeps, px, py):
                 continue  # occluded by a return
             clearance = disc_clearance(pose, outline, px, py, 0.0)
             if clearance <= 0.0:
@@ -403,29 +396,28 @@ class UnobservedSpace(_Ground):
         self._looked: dict[Pose, Pose] = {}  # where a LiDAR was, by its mount, for its surfaces
 
     def points(
-        self, lidar: Lidar, sweep: DeskewedScan, sweeps: list[tuple[Lidar, DeskewedScan]],
-        out_of_view: Floats, fastest: float,
+        self, sweep: DeskewedScan, sweeps: tuple[DeskewedScan, ...], out_of_view: Floats,
+        fastest: float,
     ) -> Floats:  # fmt: skip
         """The border of unobserved ground after a sweep, (p, 2), in `odom`.
 
-        sweeps: each LiDAR with its newest sweep, this one too. out_of_view: movers, as in
+        sweeps: the newest of each LiDAR, this one too. out_of_view: movers, as in
         `track.departed`. fastest: assumed largest speed, unless observed faster [m/s].
         """
         kept, seen, far, _ = self._extent
         pose = sweep.pose
-        views = tuple(View(its_lidar, its.sensor) for its_lidar, its in sweeps)
         cells = self._cells
         if cells is None:
             free = turning_ground(self._outline, self._lidars)
             cells = assumed_free(no_cells(self._extent.side), pose, self._outline, free)
-        cells = with_scan(cells, lidar, sweep, kept, seen)
-        if self._moved(lidar.mount, sweep.sensor):
-            surfaces = cut_surfaces(lidar, sweep.ranges, sweep.sensor)
-            cells = without_covered(cells, surfaces, views, pose, self._outline)
+        cells = with_scan(cells, sweep, kept, seen)
+        if self._moved(sweep.lidar.mount, sweep.sensor):
+            surfaces = cut_surfaces(sweep.lidar, sweep.ranges, sweep.sensor)
+            cells = without_covered(cells, surfaces, sweeps, pose, self._outline)
         dt, self._stamp = min(max(sweep.stamp - self._stamp, 0.0), 1.0), sweep.stamp
         near = approaching(out_of_view, pose, far)
-        self._cells = occupied(cells, views, near, pose, self._outline, fastest, dt, kept)
-        return unobserved_border(self._cells, views, pose, self._outline, far)
+        self._cells = occupied(cells, sweeps, near, pose, self._outline, fastest, dt, kept)
+        return unobserved_border(self._cells, sweeps, pose, self._outline, far)
 
     def _moved(self, mount: Pose, sensor: Pose) -> bool:
         """Whether a LiDAR moved since its surfaces were last taken; remembers where it is now."""
@@ -465,13 +457,12 @@ class UnobservedFloor(_Ground):
         free = max(vouched_floor(lidar, outline, least) for lidar in floor_lidars)
         super().__init__(outline, floor_lidars, stopping, free)
 
-    def points(self, lidar: Lidar, sweep: DeskewedScan) -> Floats:
+    def points(self, sweep: DeskewedScan) -> Floats:
         """The border of unobserved floor after a sweep of one of these, (p, 2), in `odom`."""
         kept, seen, far, _ = self._extent
         pose, before = sweep.pose, self._cells
         if before is None:
             before = no_cells(self._extent.side)
             before = assumed_free(before, pose, self._outline, self._least)
-        self._cells = with_scan(before, lidar, sweep, kept, seen, True)
-        view = (View(lidar, sweep.sensor),)
-        return unobserved_border(self._cells, view, pose, self._outline, far, True)
+        self._cells = with_scan(before, sweep, kept, seen, True)
+        return unobserved_border(self._cells, (sweep,), pose, self._outline, far, True)

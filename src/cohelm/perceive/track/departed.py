@@ -58,7 +58,7 @@ _SAME = 0.3  # association gate of clusters between scans [m]
 
 
 def departed(
-    before: Floats, dropped: Floats, new_movers: Floats, points: Floats, lidar: Lidar,
+    before: Floats, dropped: Floats, new_movers: Floats, points: Floats,
     sweeps: tuple[DeskewedScan, ...], dt: float, max_acceleration: float,
     dynamic: PotentiallyDynamicParams,
 ) -> Floats:  # fmt: skip
@@ -73,8 +73,9 @@ def departed(
     stamps = np.array([sweep.stamp for sweep in sweeps])
     sensors = np.array([sweep.sensor for sweep in sweeps])
     return _departed(
-        before, dropped, new_movers, points, lidar, stamps, sensors, dt, max_acceleration, dynamic
-    )
+        before, dropped, new_movers, points, sweeps[-1].lidar, stamps, sensors, dt,
+        max_acceleration, dynamic,
+    )  # fmt: skip
 
 
 @jit

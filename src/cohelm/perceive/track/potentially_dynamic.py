@@ -64,9 +64,9 @@ def _free_within(lidar: Lidar, dynamic: PotentiallyDynamicParams) -> float:
 
 
 def update_appeared(
-    before: Appeared, lidar: Lidar, sweep: DeskewedScan, places: Floats,
-    of_movers: NDArray[np.bool_], fixed: NDArray[np.bool_], sweeps: Sequence[DeskewedScan],
-    stood: Sequence[DeskewedScan], dt: float, way: float, dynamic: PotentiallyDynamicParams,
+    before: Appeared, sweep: DeskewedScan, places: Floats, of_movers: NDArray[np.bool_],
+    fixed: NDArray[np.bool_], sweeps: Sequence[DeskewedScan], stood: Sequence[DeskewedScan],
+    dt: float, way: float, dynamic: PotentiallyDynamicParams,
 ) -> Appeared:  # fmt: skip
     """After a sweep, whose points are at `places` in `odom`.
 
@@ -75,20 +75,19 @@ def update_appeared(
     since the sweep before, and distance driven [s, m].
     """
     covered = bool((sweep.ranges == -math.inf).any()) and any(
-        is_covered(lidar, sweep, one, before.covered) for one in (*sweeps, NO_SWEEP)
+        is_covered(sweep, one, before.covered) for one in (*sweeps, NO_SWEEP)
     )
     clock = before.clock + dt + way * dynamic.keep / dynamic.vouched
     near = (np.hypot(sweep.points[:, 0], sweep.points[:, 1]) < dynamic.near) & ~of_movers & ~fixed
-    since = clock - dynamic.keep
-    found = which_appeared(places, near, before.free_space, since, sweep, lidar.noise)
+    found = which_appeared(places, near, before.free_space, clock - dynamic.keep, sweep)
     free_space = with_scan(
-        before.free_space, lidar, sweep, places[~of_movers & (found == 0)], clock,
-        _free_within(lidar, dynamic),
+        before.free_space, sweep, places[~of_movers & (found == 0)], clock,
+        _free_within(sweep.lidar, dynamic),
     )  # fmt: skip
     points = certain = np.empty((0, 3))
     if found.any():
         points, certain = (
-            potentially_dynamic_points(lidar, places, which, stood[0], stood[1])
+            potentially_dynamic_points(places, which, stood[0], stood[1])
             for which in (found >= POSSIBLY, found == CERTAINLY)
         )
     if covered:
@@ -100,28 +99,24 @@ def update_appeared(
 @jit
 def which_appeared(
     places: Floats, near: NDArray[np.bool_], free_space: FreeSpaceMemory, since: float,
-    sweep: DeskewedScan, noise: float,
+    sweep: DeskewedScan,
 ) -> Ints:  # fmt: skip
     """(m,) whether a sweep's points in `odom` have appeared since then, of those that are `near`,
-    see `appeared`.
-
-    noise: one standard deviation of its ranges, by which a point may be farther [m].
-    """
+    see `appeared`. A point may be farther by one standard deviation of a range."""
     found = np.zeros(len(places), np.int64)
     for i in range(len(places)):
         if near[i]:
             x, y = places[i, 0], places[i, 1]
             wx, wy = x - sweep.sensor.x, y - sweep.sensor.y
-            far = noise / max(math.hypot(wx, wy), 0.05)
+            far = sweep.lidar.noise / max(math.hypot(wx, wy), 0.05)
             found[i] = appeared(free_space, x + far * wx, y + far * wy, since)
     return found
 
 
 @jit
 def potentially_dynamic_points(
-    lidar: Lidar, places: Floats, appeared: NDArray[np.bool_], first: DeskewedScan,
-    second: DeskewedScan,
-) -> Floats:  # fmt: skip
+    places: Floats, appeared: NDArray[np.bool_], first: DeskewedScan, second: DeskewedScan
+) -> Floats:
     """The potentially dynamic points, (l, 3), of those in `odom`, where `appeared`.
 
     first, second: two earlier sweeps; a point has stood if it was there in both.
@@ -132,7 +127,7 @@ def potentially_dynamic_points(
         if not appeared[i]:
             continue
         x, y = places[i, 0], places[i, 1]
-        stood = _ended_there(lidar, first, x, y) and _ended_there(lidar, second, x, y)
+        stood = _ended_there(first, x, y) and _ended_there(second, x, y)
         near = False
         for j in range(k - 1, -1, -1):
             far = math.hypot(out[j, LX] - x, out[j, LY] - y)
@@ -146,13 +141,11 @@ def potentially_dynamic_points(
 
 
 @jit
-def is_covered(
-    lidar: Lidar, sweep: DeskewedScan, earlier: DeskewedScan, covered_before: bool
-) -> bool:
+def is_covered(sweep: DeskewedScan, earlier: DeskewedScan, covered_before: bool) -> bool:
     """Whether an object covers the LiDAR: many adjacent beams end below the minimum range, and it
     was covered before, or space was free there in an earlier sweep. An obstacle that the robot
     drove up to is static, and not meant."""
-    n, run = len(sweep.ranges), 0
+    lidar, n, run = sweep.lidar, len(sweep.ranges), 0
     c, s = math.cos(sweep.sensor.psi), math.sin(sweep.sensor.psi)
     appeared = covered_before
     for i in range(n):
@@ -163,18 +156,18 @@ def is_covered(
         if not appeared and len(earlier.ranges) == n:
             x, y = lidar.range_min * lidar.beams[i, 0], lidar.range_min * lidar.beams[i, 1]
             x, y = sweep.sensor.x + c * x - s * y, sweep.sensor.y + s * x + c * y
-            appeared = was_free(lidar, earlier, x, y, 0.0)
+            appeared = was_free(earlier, x, y, 0.0)
         if appeared and run * lidar.step > _COVERED_ANGLE:
             return True
     return False
 
 
 @jit
-def _ended_there(lidar: Lidar, earlier: DeskewedScan, x: float, y: float) -> bool:
+def _ended_there(earlier: DeskewedScan, x: float, y: float) -> bool:
     """Whether a beam of an earlier sweep ended near there."""
     wx, wy = x - earlier.sensor.x, y - earlier.sensor.y
     c, s = math.cos(earlier.sensor.psi), math.sin(earlier.sensor.psi)
-    beam = beam_at(lidar, c * wx + s * wy, -s * wx + c * wy)
+    beam = beam_at(earlier.lidar, c * wx + s * wy, -s * wx + c * wy)
     far = math.hypot(wx, wy)
     for k in range(max(beam - 2, 0), min(beam + 3, len(earlier.ranges))):
         if abs(earlier.ranges[k] - far) < FREE:

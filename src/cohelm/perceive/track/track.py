@@ -18,7 +18,6 @@ from cohelm.perceive.scan.clusters import AGE, CX, CY, FRESH, OCCLUDED, SIZE
 from cohelm.perceive.scan.deskew import DeskewedScan, was_free
 from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.rim_fit import Fit, rim_distance, rim_fit
-from cohelm.robot.sensors import Lidar
 
 TX, TY, TVX, TVY, TAX, TAY, PP, PV, VV, PA, VA, AA = range(12)
 RADIUS, RR, SEEN, MISSED, PROOF, MOVES, ENDS_AGE, SEEN_EMPTY, AT_REST, ENDS_AT = range(12, 22)
@@ -228,17 +227,14 @@ def begin_track(track: Floats, cluster: Floats, points: Floats, scatter: float) 
 
 @jit
 def update_track(
-    track: Floats, cluster: Floats, points: Floats, lidar: Lidar, sweep: DeskewedScan,
-    params: TrackerParams,
-) -> None:  # fmt: skip
+    track: Floats, cluster: Floats, points: Floats, sweep: DeskewedScan, params: TrackerParams
+) -> None:
     """Kalman update of a track by its cluster of points in `odom`, `points`."""
     max_acceleration = params.max_acceleration
     track[SEEN] += 1.0
     track[MISSED] = 0.0
     track[SEEN_EMPTY] = 0.0
-    if track[MOVES] > 0.0 and _update_by_rim(
-        track, cluster, points, lidar, sweep, max_acceleration
-    ):
+    if track[MOVES] > 0.0 and _update_by_rim(track, cluster, points, sweep, max_acceleration):
         return
     x, y = _position_at(track, cluster)
     noise = _centre_variance(cluster, params.scatter)
@@ -248,7 +244,7 @@ def update_track(
     occluded = cluster[OCCLUDED] > 0.0
     if track[PROOF] > 0.0 and track[MOVES] == 0.0 and not occluded:
         # Learnt before it counts as a mover: one that is hidden by then is still known by its rim.
-        fit = _fitted_disc(track, points, x, y, lidar.noise * lidar.noise)
+        fit = _fitted_disc(track, points, x, y, sweep.lidar.noise * sweep.lidar.noise)
         if _is_round(fit, points, sweep):
             track[RADIUS], track[RR] = fit.radius, fit.radius_variance
             return
@@ -295,15 +291,14 @@ def _inconsistent(track: Floats, dx: float, dy: float, variance: float) -> bool:
 
 @jit
 def _update_by_rim(
-    track: Floats, cluster: Floats, points: Floats, lidar: Lidar, sweep: DeskewedScan,
-    max_acceleration: float,
-) -> bool:  # fmt: skip
+    track: Floats, cluster: Floats, points: Floats, sweep: DeskewedScan, max_acceleration: float
+) -> bool:
     """Update a mover by a rim fit; returns whether the fit is good."""
     x, y = _position_at(track, cluster)
     occluded, known = cluster[OCCLUDED] > 0.0, _radius_known(track)
     if occluded and known and not _is_rim(track, cluster):
         return False
-    noise = lidar.noise * lidar.noise
+    noise = sweep.lidar.noise * sweep.lidar.noise
     fit = _fitted_disc(track, points, x, y, noise)
     if _inconsistent(track, fit.x - x, fit.y - y, fit.variance):
         _reinitialize(track)
@@ -325,9 +320,8 @@ _ENDS_KEPT = 1.2  # how long the reference ends are kept [s]
 
 @jit
 def update_proof(
-    track: Floats, cluster: Floats, points: Floats, lidar: Lidar, sweep: DeskewedScan,
-    params: TrackerParams,
-) -> None:  # fmt: skip
+    track: Floats, cluster: Floats, points: Floats, sweep: DeskewedScan, params: TrackerParams
+) -> None:
     """Update the proof that a track moves: it is where space was free, or where it was is free.
 
     points: of its cluster, in `odom`.
@@ -336,7 +330,7 @@ def update_proof(
     calm = params.dynamic.keep if _radius_known(track) else params.calm
     moves = math.hypot(track[TVX], track[TVY]) > params.slowest
     fresh = cluster[FRESH] >= 0.5
-    if moves and track[SEEN] >= 3.0 and (fresh or _seen_through(track, lidar, sweep)):
+    if moves and track[SEEN] >= 3.0 and (fresh or _seen_through(track, sweep)):
         track[PROOF] = min(track[PROOF] + 1.0, 2.0 * proof)
     else:
         track[PROOF] = max(track[PROOF] - 1.0, 0.0)
@@ -349,12 +343,12 @@ def update_proof(
 
 
 @jit
-def _seen_through(track: Floats, lidar: Lidar, sweep: DeskewedScan) -> bool:
+def _seen_through(track: Floats, sweep: DeskewedScan) -> bool:
     """Whether beams now pass half of the places in which beams ended on it a while ago. The fitted
     disc is not used: of a partly visible object its place may have been free all the time."""
     free = 0
     for i in range(N_ENDS):
         x, y = track[ENDS_AT + 2 * i], track[ENDS_AT + 2 * i + 1]
-        if was_free(lidar, sweep, x, y, _SIGMAS * lidar.noise):
+        if was_free(sweep, x, y, _SIGMAS * sweep.lidar.noise):
             free += 1
     return 2 * free >= N_ENDS

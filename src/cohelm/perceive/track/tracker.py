@@ -76,9 +76,8 @@ _NO_DISCS = np.empty((0, 6)), np.empty((0, 6)), np.empty(0)
 
 
 def update_tracker(
-    before: TrackerState, lidar: Lidar, sweep: DeskewedScan, params: TrackerParams,
-    fixed: NDArray[np.bool_],
-) -> TrackerState:  # fmt: skip
+    before: TrackerState, sweep: DeskewedScan, params: TrackerParams, fixed: NDArray[np.bool_]
+) -> TrackerState:
     """The state after a sweep.
 
     fixed: (m,) which of its points are on walls of a map: they are not merged with a mover that
@@ -87,26 +86,26 @@ def update_tracker(
     pose, stamp = sweep.pose, sweep.stamp
     dt = min(max(stamp - before.stamp, 0.0), params.longest) if before.sweeps else 0.0
     earlier = [_sweep_at(before.sweeps, stamp - lookback) for lookback in params.lookback]
-    found = clusters(lidar, sweep, fixed)
+    found = clusters(sweep, fixed)
     for one in earlier:
         if one is not None:
-            update_freshness(lidar, found, sweep, one)
+            update_freshness(found, sweep, one)
     places = placed(sweep.points, pose)
     tracks, track_of, dropped, new_movers = _updated_tracks(
-        before.tracks, found, places, lidar, sweep, dt, params
+        before.tracks, found, places, sweep, dt, params
     )
     of_movers = _mover_points(tracks, track_of, found, sweep) & ~fixed
     kept = tuple(one for one in before.sweeps if stamp - one.stamp < max(params.lookback) + 0.2)
     way = math.dist(before.sweeps[-1].sensor[:2], sweep.sensor[:2]) if before.sweeps else 0.0
     stood = [one or NO_SWEEP for one in earlier[-2:]]
     appeared = update_appeared(
-        before.appeared, lidar, sweep, places, of_movers, fixed, kept, stood, dt, way,
+        before.appeared, sweep, places, of_movers, fixed, kept, stood, dt, way,
         params.dynamic,
     )  # fmt: skip
     kept = (*kept, sweep)
     # a wall on possibly occupied ground is not remembered as a mover: that would never end
     departed_tracks = departed(
-        before.departed_tracks, dropped, new_movers, appeared.certain, lidar, kept, dt,
+        before.departed_tracks, dropped, new_movers, appeared.certain, kept, dt,
         params.max_acceleration, params.dynamic,
     )  # fmt: skip
     return TrackerState(tracks, kept, stamp, of_movers, appeared, departed_tracks)
@@ -182,7 +181,7 @@ def movers_out_of_view(tracked: TrackerState, params: TrackerParams) -> Floats:
 
 @jit
 def _updated_tracks(
-    tracks: Floats, found: Floats, places: Floats, lidar: Lidar, sweep: DeskewedScan, dt: float,
+    tracks: Floats, found: Floats, places: Floats, sweep: DeskewedScan, dt: float,
     params: TrackerParams,
 ) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
     """The tracks after these clusters of a sweep's points in `odom`, `places`; the track of each
@@ -214,8 +213,8 @@ def _updated_tracks(
             break
         track_of[bj], assigned[bi] = bi, True
         points = _points(places, found[bj])
-        update_track(out[bi], found[bj], points, lidar, sweep, params)
-        update_proof(out[bi], found[bj], points, lidar, sweep, params)
+        update_track(out[bi], found[bj], points, sweep, params)
+        update_proof(out[bi], found[bj], points, sweep, params)
     n = t
     for j in range(k):
         if track_of[j] < 0.0 and not _within_mover(out, t, found[j]):
@@ -224,7 +223,7 @@ def _updated_tracks(
             n += 1
     kept, dropped, new_movers = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     for i in range(n):
-        kept[i] = _is_kept(out[i], lidar, sweep, params)
+        kept[i] = _is_kept(out[i], sweep, params)
         dropped[i] = not kept[i] and _may_move(out[i], params)
         new_movers[i] = out[i, MOVES] > 0.0 and (i >= t or tracks[i, MOVES] == 0.0)
     number = np.cumsum(kept) - 1
@@ -252,7 +251,7 @@ def _within_mover(tracks: Floats, t: int, cluster: Floats) -> bool:
 
 
 @jit
-def _is_kept(track: Floats, lidar: Lidar, sweep: DeskewedScan, params: TrackerParams) -> bool:
+def _is_kept(track: Floats, sweep: DeskewedScan, params: TrackerParams) -> bool:
     """Whether a track is kept: seen now, or a mover that may be occluded."""
     if track[MISSED] == 0.0:
         return True
@@ -261,7 +260,7 @@ def _is_kept(track: Floats, lidar: Lidar, sweep: DeskewedScan, params: TrackerPa
     wx, wy = track[TX] - sweep.sensor.x, track[TY] - sweep.sensor.y
     far = max(math.hypot(wx, wy), 1e-6)
     beyond = 1.0 + (track[RADIUS]) / far
-    if was_free(lidar, sweep, sweep.sensor.x + beyond * wx, sweep.sensor.y + beyond * wy, 0.0):
+    if was_free(sweep, sweep.sensor.x + beyond * wx, sweep.sensor.y + beyond * wy, 0.0):
         track[SEEN_EMPTY] += 1.0
     return track[SEEN_EMPTY] < 3.0 and track[MISSED] < params.keep
 
