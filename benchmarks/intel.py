@@ -45,11 +45,11 @@ def surveyed(raw: bool = False) -> MappingResult:
     raw odometry between its scans."""
     drive = read_log(LOG)
     seen = mapping_scans(drive.lidar.lidar(), drive.odometry, drive.scans)
-    survey, odometry = Mapper(drive.lidar.lidar()), seen[0].odometry
-    for glimpse, segment in zip(seen, [None, *_segments()], strict=False):
+    survey, odometry = Mapper(drive.lidar.lidar()), seen[0].pose
+    for sweep, segment in zip(seen, [None, *_segments()], strict=False):
         if segment is not None:
             odometry = compose(odometry, between(segment[0].pose, segment[-1].pose))
-        survey.add(glimpse._replace(odometry=odometry) if raw else glimpse)
+        survey.add(sweep._replace(pose=odometry) if raw else sweep)
     return survey.finished()
 
 

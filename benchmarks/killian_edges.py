@@ -188,9 +188,9 @@ def among_themselves(log: Log, folds: int = 5) -> tuple[Floats, Floats]:
 def _seen(log: Log) -> list[FlatPoints]:
     """Points of each scan with their normals."""
     seen: list[FlatPoints] = []
-    for glimpse in log.seen:
-        near = np.hypot(*glimpse.points.T) < _FAR
-        seen.append(flat_points(glimpse.points[near], glimpse.beams[near], log.lidar))
+    for sweep in log.seen:
+        near = np.hypot(*sweep.points.T) < _FAR
+        seen.append(flat_points(sweep.points[near], sweep.beams[near], log.lidar))
     return seen
 
 

@@ -107,8 +107,8 @@ def surveyed() -> tuple[LocalizationMap, list[Row]]:
         seen = mapping_scans(LIDAR.lidar(), odometry, list(scans.values()))
         begun = time.process_time()
         survey = Mapper(LIDAR.lidar())
-        for glimpse in seen:
-            survey.add(glimpse)
+        for sweep in seen:
+            survey.add(sweep)
         found = survey.finished()
         took = 1e3 * (time.process_time() - begun) / len(seen)
         truth = [true[round(g.stamp, 2)] for g in seen]
@@ -385,8 +385,8 @@ def court_mapped(drifting: bool) -> tuple[MappingResult, float]:
     log = killian.read(killian.FILE)
     begun = time.process_time()
     survey = Mapper(log.lidar)
-    for glimpse, pose in zip(log.seen, log.odometry if drifting else log.poses, strict=True):
-        survey.add(glimpse._replace(odometry=pose))
+    for sweep, pose in zip(log.seen, log.odometry if drifting else log.poses, strict=True):
+        survey.add(sweep._replace(pose=pose))
     return survey.finished(), time.process_time() - begun
 
 

@@ -308,8 +308,8 @@ def mapping(first: int, last: int, alike: bool) -> None:
         way = float(np.hypot(*np.diff(np.array(truth)[:, :2], axis=0).T).sum())
         begun = time.process_time()
         survey = Mapper(lidar)
-        for glimpse in seen:
-            survey.add(glimpse)
+        for sweep in seen:
+            survey.add(sweep)
         found = survey.finished()
         took = time.process_time() - begun
         off = loop_errors(found.poses, truth)

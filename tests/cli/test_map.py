@@ -274,8 +274,8 @@ def test_ctrl_c_in_the_middle_of_a_scan_is_taken_after_it(
     folder, record, tmp_path, monkeypatch, cohelm, sent
 ):
     class Pressed(Mapper):
-        def add(self, glimpse):
-            super().add(glimpse)
+        def add(self, sweep):
+            super().add(sweep)
             if self.scans == 60:
                 signal.raise_signal(sent)
 

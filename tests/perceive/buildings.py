@@ -21,8 +21,7 @@ from cohelm.core.frames import between, compose
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap, map_from_occupancy
-from cohelm.perceive.map.mapping_scans import MappingScan
-from cohelm.perceive.scan.deskew import deskew
+from cohelm.perceive.scan.deskew import DeskewedScan, deskew
 from cohelm.robot.sensors import Lidar, LidarModel
 from cohelm.sim.grid import NO_GRID, Grid
 from cohelm.sim.lidar import scan as cast
@@ -292,7 +291,7 @@ class Surveying(NamedTuple):
     """A drive to be mapped: its LiDAR, what it saw with the odometry of it, and where it was."""
 
     lidar: Lidar
-    seen: list[MappingScan]
+    seen: list[DeskewedScan]
     truth: list[Pose]
 
 
@@ -334,7 +333,7 @@ def surveying(seed, alike=False):
             odometry = compose(odometry, step)
         cast(pose, lidar, NO_DISCS, walls, NO_GRID, seed, k, ranges)
         swept = deskew(lidar, ranges, 0.1 * k, 0.0, np.array([[0.1 * k, *odometry, 0.0, 0.0]]))
-        seen.append(MappingScan(swept.stamp, swept.pose, swept.points, swept.beams))
+        seen.append(swept)
     return Surveying(lidar, seen, truth)
 
 

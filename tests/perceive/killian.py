@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 from cohelm.core.frames import compose
 from cohelm.core.types import Pose, Twist
-from cohelm.perceive.map.mapping_scans import MappingScan, mapping_scans
+from cohelm.perceive.map.mapping_scans import mapping_scans
+from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.port import Odometry
 from cohelm.robot.sensors import Lidar
 from cohelm.scenario.worlds.carmen import read_log
@@ -20,11 +21,11 @@ FILE = Path(GIVEN) if GIVEN else None
 
 
 class Log(NamedTuple):
-    """seen: a glimpse for each of `poses`, of the published solution. odometry: the sequential
+    """seen: a sweep for each of `poses`, of the published solution. odometry: the sequential
     edges in a row. loops: pairs of scans and the pose of the second seen from the first."""
 
     lidar: Lidar
-    seen: list[MappingScan]
+    seen: list[DeskewedScan]
     poses: list[Pose]
     odometry: list[Pose]
     loops: list[tuple[int, int, Pose]]

@@ -66,8 +66,8 @@ def tour():
     odometry, scans, truth = recorded(along(TOUR + HOME))
     seen = mapping_scans(LIDAR.lidar(), odometry, scans)
     survey = Mapper(LIDAR.lidar())
-    for glimpse in seen:
-        survey.add(glimpse)
+    for sweep in seen:
+        survey.add(sweep)
     states.append(survey.state())
     return survey.finished(), seen, [truth[round(g.stamp, 2)] for g in seen]
 
@@ -113,11 +113,11 @@ def test_of_places_that_are_left_out_none_meets_others(tour):
 def test_a_mapping_that_is_resumed_is_the_same_as_one_that_did_not_stop(tour):
     _, seen, _ = tour
     whole, half = Mapper(LIDAR.lidar()), Mapper(LIDAR.lidar())
-    for k, glimpse in enumerate(seen[:200]):
-        whole.add(glimpse)
+    for k, sweep in enumerate(seen[:200]):
+        whole.add(sweep)
         if k == 120:
             half = Mapper.restored(LIDAR.lidar(), half.state())
-        half.add(glimpse)
+        half.add(sweep)
     for name, values in whole.state().items():
         assert np.array_equal(values, half.state()[name]), name
 
@@ -154,8 +154,8 @@ def test_a_robot_that_stands_makes_one_place():
     still = [Pose(3.0, -1.0, 0.0)] * 101
     odometry, scans, _ = recorded((still, [Twist(0.0, 0.0)] * 100), drift=0.0)
     survey = Mapper(LIDAR.lidar())
-    for glimpse in mapping_scans(LIDAR.lidar(), odometry, scans):
-        survey.add(glimpse)
+    for sweep in mapping_scans(LIDAR.lidar(), odometry, scans):
+        survey.add(sweep)
     assert len(survey.finished().places) == 1
 
 
@@ -239,8 +239,8 @@ def test_what_wheels_measure_wrongly_is_learnt_from_matches(scale, bend):
 def test_a_building_whose_loops_drift_has_torn_apart_by_metres_lies_on_itself():
     lidar, seen, truth = surveying(4)
     survey = Mapper(lidar)
-    for glimpse in seen:
-        survey.add(glimpse)
+    for sweep in seen:
+        survey.add(sweep)
     off = loop_errors(survey.finished().poses, truth)
     assert off.mean() < 0.05
     assert off.max() < 0.3
@@ -282,8 +282,8 @@ def test_a_loop_is_closed_though_the_robot_slid_metres_unnoticed():
     odometry, scans, truth = recorded(way, walls=RING, around=CONES[:0], pushes=slid)
     survey = Mapper(LIDAR.lidar())
     seen = mapping_scans(LIDAR.lidar(), odometry, scans)
-    for glimpse in seen:
-        survey.add(glimpse)
+    for sweep in seen:
+        survey.add(sweep)
     made = survey.finished()
     true = [truth[round(g.stamp, 2)] for g in seen]
     last = between(between(made.poses[0], made.poses[-1]), between(true[0], true[-1]))
@@ -484,8 +484,8 @@ def test_two_kilometres_of_mit_are_put_together_right():
     """From odometry that is 12 m wrong, rms; every place where the way met itself is closed."""
     log = killian.read(killian.FILE)
     survey = Mapper(log.lidar)
-    for glimpse in log.seen:
-        survey.add(glimpse)
+    for sweep in log.seen:
+        survey.add(sweep)
     made = survey.finished()
     assert np.sqrt((errors(log.odometry, log.poses)[0] ** 2).mean()) > 10.0
     off, _, _ = errors(made.poses, log.poses)

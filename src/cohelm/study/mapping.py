@@ -19,8 +19,9 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
 from cohelm.core.types import Floats, Pose, Progress
 from cohelm.perceive.map.mapper import Mapper, MappingResult, encounters
-from cohelm.perceive.map.mapping_scans import MappingScan, mapping_scans
+from cohelm.perceive.map.mapping_scans import mapping_scans
 from cohelm.perceive.map.raster import Raster, cropped, raster
+from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.record.replay import Replayed
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.worlds.carmen import RecordedDrive, read_log
@@ -138,8 +139,8 @@ def mapped(
             show_at = saved + _SHOWN
             while True:
                 new = _new(recorded, session, live)
-                for k, glimpse in enumerate(new):
-                    session.add(glimpse)
+                for k, sweep in enumerate(new):
+                    session.add(sweep)
                     if k % 20 == 0:
                         at = f"scan {len(session.stamps)}, {session.survey.places} places"
                         progress(at, 0.0 if live else 0.6 * k / len(new))
@@ -273,7 +274,7 @@ def _live_drive(path: Path, robot: RobotModel | None) -> RecordedDrive:
         time.sleep(_LOOK_AGAIN)
 
 
-def _new(recorded: RecordedDrive, session: MappingSession, live: bool) -> list[MappingScan]:
+def _new(recorded: RecordedDrive, session: MappingSession, live: bool) -> list[DeskewedScan]:
     later = [s for s in recorded.scans if s.stamp + s.duration > session.last + _SAME]
     if session.stamps and not later:
         return []

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular, whole, writing
 from cohelm.perceive.map.mapper import Mapper
-from cohelm.perceive.map.mapping_scans import MappingScan
+from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import LidarModel
 
 NAME = "survey.npz"
@@ -57,15 +57,15 @@ class MappingSession:
     """(m, 2), of those that are drawn [m]."""
     marks: list[Mark] = field(default_factory=list[Mark])
 
-    def add(self, glimpse: MappingScan) -> None:
+    def add(self, sweep: DeskewedScan) -> None:
         """The next scan."""
-        self.survey.add(glimpse)
+        self.survey.add(sweep)
         k = len(self.stamps)
-        self.stamps.append(glimpse.stamp)
-        self.last = glimpse.stamp
-        self.empty += not len(glimpse.points)
+        self.stamps.append(sweep.stamp)
+        self.last = sweep.stamp
+        self.empty += not len(sweep.points)
         if k % self._every == 0:
-            self.points[k] = glimpse.points.astype(np.float32)
+            self.points[k] = sweep.points.astype(np.float32)
         if k == _DRAWN * self._every:
             self.points = {i: p for i, p in self.points.items() if i % self._every == 0}
 

@@ -23,7 +23,6 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import Pose
 from cohelm.perceive.map.loop_closure import LoopClosure, revisits
 from cohelm.perceive.map.mapper_params import PARAMS
-from cohelm.perceive.map.mapping_scans import MappingScan
 from cohelm.perceive.map.place_graph import Place, PlaceGraph
 from cohelm.perceive.map.pose_graph import ROUGH, Link, into_axes, library
 from cohelm.perceive.match.odometry_covariance import (
@@ -36,6 +35,7 @@ from cohelm.perceive.match.odometry_covariance import (
 )
 from cohelm.perceive.match.scan_matching import MatchParams, ScanFit, align
 from cohelm.perceive.match.surfaces import FlatPoints, Surfaces, facing, flat_points, one_each
+from cohelm.perceive.scan.deskew import DeskewedScan
 from cohelm.robot.sensors import Lidar
 
 _SET_DOWN = 0.5  # a robot is put back by hand within this of its last position [m]
@@ -84,18 +84,18 @@ class Mapper:
         """Of the newest scan."""
         return self._pose
 
-    def add(self, scan: MappingScan) -> None:
+    def add(self, sweep: DeskewedScan) -> None:
         """Add the next scan of the drive."""
-        flat = self._surfaces(scan)
+        flat = self._surfaces(sweep)
         if self._submap is None:
-            self._odometry = scan.odometry
+            self._odometry = sweep.pose
             self._add_place(flat, None)
             return
         if self._odometry is None:
-            self._pose, self._odometry = self._start_pose(flat), scan.odometry
+            self._pose, self._odometry = self._start_pose(flat), sweep.pose
             self._joint = joined(np.diag(ROUGH**2), self._joint[3:, 3:])
-        step = self._wheels.corrected(between(self._odometry, scan.odometry))
-        self._odometry = scan.odometry
+        step = self._wheels.corrected(between(self._odometry, sweep.pose))
+        self._odometry = sweep.pose
         predicted, joint = predict(self._pose, self._joint, step, PARAMS.mount)
         prior = inverted(joint[:3, :3])
         fit = align(self._submap, flat, predicted, prior, MatchParams())
@@ -212,12 +212,9 @@ class Mapper:
             )
         return fits[0].pose
 
-    def _surfaces(self, scan: MappingScan) -> FlatPoints:
-        gaps = np.hypot(
-            scan.points[:, 0] - self.lidar.mount.x, scan.points[:, 1] - self.lidar.mount.y
-        )
-        near = gaps < PARAMS.far
-        return flat_points(scan.points[near], scan.beams[near], self.lidar)
+    def _surfaces(self, sweep: DeskewedScan) -> FlatPoints:
+        near = np.hypot(*(sweep.points - self.lidar.mount[:2]).T) < PARAMS.far
+        return flat_points(sweep.points[near], sweep.beams[near], self.lidar)
 
     def _add_place(self, flat: FlatPoints, since: Pose | None) -> None:
         """Add a place; `since`: its pose seen from the last one."""
