@@ -23,7 +23,7 @@ from cohelm.core.jit import jit
 from cohelm.core.obstacles import Obstacles, Surroundings
 from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.rules import Rules
-from cohelm.law.guard.step import Guarded, guard
+from cohelm.law.guard.step import guard
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.pilot.safety_filter import SafetyFilter
 from cohelm.robot.limits import Limits
@@ -73,14 +73,18 @@ class _Constant(NamedTuple):
     rules: Rules
 
 
+_Passed = tuple[float, float, int, float, float, int]
+"""The twist that the guard passes, and the rest of its answer."""
+
+
 def prepared(
     outline: Floats, limits: Limits, rules: Rules
-) -> Callable[[Pose, Twist, Twist, Surroundings], Guarded]:
+) -> Callable[[Pose, Twist, Twist, Surroundings], _Passed]:
     """`guard`, all that is constant bound; numba takes 0.8 us to convert a named tuple."""
     row = numbers(_Constant(limits, rules))
 
-    def step(pose: Pose, before: Twist, nominal: Twist, obstacles: Surroundings) -> Guarded:
-        return Guarded._make(_flat(*pose, *before, *nominal, *obstacles, outline, row))
+    def step(pose: Pose, before: Twist, nominal: Twist, obstacles: Surroundings) -> _Passed:
+        return _flat(*pose, *before, *nominal, *obstacles, outline, row)
 
     return step
 
@@ -90,14 +94,14 @@ def _flat(
     x: float, y: float, psi: float, v0: float, omega0: float, v: float, omega: float,
     discs: Floats, max_acceleration: Floats, velocity_error: Floats, segments: Floats,
     points: Floats, outline: Floats, row: Floats,
-) -> tuple[float, float, int, float, float, int]:  # fmt: skip
+) -> _Passed:  # fmt: skip
     s = read(_Constant, row, 0)
     g = guard(
         Pose(x, y, psi), Twist(v0, omega0), Twist(v, omega),
         Surroundings(discs, max_acceleration, velocity_error, segments, points), outline, s.limits,
         s.rules, False,
     )  # fmt: skip
-    return g.v, g.omega, g.verdict, g.change, g.clearance, g.limiting
+    return g.twist.v, g.twist.omega, g.verdict, g.change, g.clearance, g.limiting
 
 
 def measure(progress: Callable[[str, float], None], quick: bool) -> GuardTimes:

@@ -91,7 +91,7 @@ def pressed(setup: Setup, rng: np.random.Generator) -> tuple[Pose, float]:
             passed = guard(
                 pose, twist, nominal, obstacles, setup.outline, limits, rules, False
             )  # fmt: skip
-            twist = Twist(passed.v, passed.omega)
+            twist = passed.twist
             pose = arc(pose, twist, dt)
             if t > _AT_LEAST and abs(twist.v) + abs(twist.omega) < 1e-3:
                 gap = outline_clearance(

@@ -77,7 +77,7 @@ def drive(pose, world, goal_line, seconds, seen=NOTHING):
         passed = guard_step(
             pose, twist, wanted, surroundings(points=points), outline, limits, Rules()
         )
-        twist = Twist(passed.v, passed.omega)
+        twist = passed.twist
         if left != NO_MOVE:
             left = rest(left, twist, DT)
             left = left if left.distance or left.turn else NO_MOVE

@@ -299,7 +299,7 @@ def _foretold_and_driven(rng):
             pose, twist, requested, surroundings([mover], [1.0]), ON.outline, ON.limits, ON.rules,
             True,
         )  # fmt: skip
-        twist = Twist(passed.v, passed.omega)
+        twist = passed.twist
         pose = arc(pose, twist, DT)
     return math.hypot(went.pose.x - pose.x, went.pose.y - pose.y)
 

@@ -241,9 +241,9 @@ def _filtered(
         obstacles = predict_obstacles(obstacles, horizon)
     nominal = Twist(v, omega) if known else Twist(math.nan, math.nan)
     g = guard(pose, before, nominal, obstacles, outline, limits, rules, False)
-    sent[k % d, 0], sent[k % d, 1] = g.v, g.omega
+    sent[k % d, 0], sent[k % d, 1] = g.twist.v, g.twist.omega
     count[0] = k + 1
-    return g.v, g.omega, g.verdict, g.change, g.clearance, g.limiting
+    return g.twist.v, g.twist.omega, g.verdict, g.change, g.clearance, g.limiting
 
 
 _VERDICTS = tuple(Verdict)

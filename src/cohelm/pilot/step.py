@@ -186,12 +186,12 @@ def pilot_step(
             evasion.on,
         )  # fmt: skip
         clearance, change = filtered.clearance, filtered.change
-        u = Twist(filtered.v - tau.v, filtered.omega - tau.omega)
+        u = Twist(filtered.twist.v - tau.v, filtered.twist.omega - tau.omega)
         step = total_command(
             tau_c, operator, tau,
             Avoidance(u, 0.0, 0.0, math.inf, filtered.verdict, filtered.limiting),
         )  # fmt: skip
-        safe = Twist(filtered.v, filtered.omega)  # also for INVALID: it brakes
+        safe = filtered.twist  # also for INVALID: it brakes
     else:
         step = control_step(pose_ahead, target, stick, obstacles_ahead.discs, s.gains)
         safe = Twist(step.safe_v, step.safe_omega)

@@ -99,9 +99,8 @@ def rollout(
                 now[:n], scene.max_acceleration, sure, scene.walls, scene.points
             )
             passed = guard(pose, applied, nominal, surrounding, outline, limits, rules, False)
-            command = Twist(passed.v, passed.omega)
+            twist = command = passed.twist
             verdict, limiting = passed.verdict, passed.limiting
-            twist = command
         else:
             command = nominal
             if law == PAPER:

@@ -34,7 +34,7 @@ def test_no_order_of_the_corners_lets_the_robot_drive_into_what_is_ahead(corners
     pose, twist = Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0)
     for _ in range(100):
         got = guard_step(pose, twist, Twist(1.0, 0.0), AHEAD, outline, SALLY_LIMITS)
-        twist = Twist(got.v, 0.0)
+        twist = Twist(got.twist.v, 0.0)
         pose = arc(pose, twist, RULES.dt)
         assert 0.41 - 0.36 - pose.x >= RULES.hard_margin / 2
 

@@ -46,7 +46,7 @@ def driving(draw):
 def test_the_command_is_within_the_limits_to_the_last_digit(outline, state, around):
     lim, before, nominal = state
     got = guard_step(HERE, before, nominal, around, outline, lim)
-    assert inside_limits(Twist(got.v, got.omega), before, lim, RULES.dt)
+    assert inside_limits(got.twist, before, lim, RULES.dt)
 
 
 @given(outlines(), driving(), still_things())
@@ -58,7 +58,7 @@ def test_a_nominal_command_far_from_every_bound_passes_to_the_last_bit(outline, 
         around.discs + np.array([9, 9, 0, 0, 0, 0]), None, around.segments + 9, np.c_[x, y]
     )
     got = guard_step(HERE, before, nominal, far, outline, lim)
-    assert (got.v, got.omega) == nominal
+    assert got.twist == nominal
     assert (got.verdict, got.limiting) == (UNTOUCHED, NOTHING)
 
 
@@ -66,16 +66,17 @@ def test_a_nominal_command_far_from_every_bound_passes_to_the_last_bit(outline, 
 def test_verdict_and_change_describe_the_filters_action(outline, state, around):
     lim, before, nominal = state
     got = guard_step(HERE, before, nominal, around, outline, lim)
-    change = math.hypot(got.v - nominal.v, RULES.steer_weight * (got.omega - nominal.omega))
+    v, omega = got.twist
+    change = math.hypot(v - nominal.v, RULES.steer_weight * (omega - nominal.omega))
     assert got.change == pytest.approx(change, abs=1e-12)
     count = len(around.discs) + len(around.segments) + len(around.points)
     assert -1 <= got.limiting < count
     if got.verdict == UNTOUCHED:
-        assert (got.v, got.omega) == pytest.approx(nominal, abs=1e-8)
+        assert got.twist == pytest.approx(nominal, abs=1e-8)
     elif got.verdict == SHAPED:
         assert got.change > 1e-9
     else:
-        assert got.verdict == (STANDING if (got.v, got.omega) == REST else BRAKING)
+        assert got.verdict == (STANDING if got.twist == REST else BRAKING)
     near = clearances(outline, HERE, around)
     if 0.0 < got.clearance < math.inf:  # the gap of one of them, and if any is near, of the nearest
         assert np.abs(near - got.clearance).min() < 1e-9
@@ -105,7 +106,7 @@ def test_it_guards_both_sides_and_both_directions_alike(outline, state, around, 
         HERE, Twist(sv * before.v, so * before.omega), Twist(sv * nominal.v, so * nominal.omega),
         there, flipped, lim,
     )  # fmt: skip
-    assert (sv * other.v, so * other.omega) == pytest.approx((got.v, got.omega), abs=1e-7)
+    assert (sv * other.twist.v, so * other.twist.omega) == pytest.approx(got.twist, abs=1e-7)
     assert other.verdict == got.verdict
 
 
@@ -122,8 +123,8 @@ def test_whatever_goes_in_a_number_comes_out(numbers, around):
             got = guard_step(
                 Pose(x, y, psi), Twist(v0, omega0), Twist(v, omega), things, SALLY, lim
             )
-            assert math.isfinite(got.v)
-            assert math.isfinite(got.omega)
+            assert math.isfinite(got.twist.v)
+            assert math.isfinite(got.twist.omega)
             assert not math.isnan(got.clearance)
             if not np.isfinite(numbers[:7]).all():
                 assert got.verdict == INVALID
@@ -144,16 +145,16 @@ def test_a_number_that_is_none_brakes_from_a_known_speed(bad):
     ]
     for pose, nominal, around in cases:
         got = guard_step(pose, cruise, nominal, around, SALLY, SALLY_LIMITS)
-        assert (got.v, got.omega) == pytest.approx((0.46, 0.0))
+        assert got.twist == pytest.approx((0.46, 0.0))
         assert got.verdict == INVALID
     unknown = guard_step(HERE, Twist(bad, 0.0), cruise, EMPTY, SALLY, SALLY_LIMITS)
-    assert (unknown.v, unknown.omega, unknown.verdict) == (0.0, 0.0, INVALID)
+    assert (*unknown.twist, unknown.verdict) == (0.0, 0.0, INVALID)
 
 
 def test_a_scan_with_drop_outs_is_a_scan_of_the_rest():
     scan = np.array([[math.nan, math.nan], [math.inf, 0.0], [0.39, 0.0], [1.0, math.nan]])
     got = guard_step(HERE, REST, Twist(1.0, 0.0), surroundings(points=scan), SALLY, SALLY_LIMITS)
-    assert got.v == pytest.approx(0.0, abs=1e-12)
+    assert got.twist.v == pytest.approx(0.0, abs=1e-12)
     assert got.limiting == 2
     assert got.clearance == pytest.approx(0.03)
 
@@ -163,7 +164,7 @@ def test_ten_thousand_points_all_round_leave_no_way_but_standing():
     ring = surroundings(points=np.c_[0.47 * np.cos(turn), 0.47 * np.sin(turn)])
     for nominal in (Twist(1.0, 0.0), Twist(-1.0, 0.5), Twist(0.3, -2.0)):
         got = guard_step(HERE, REST, nominal, ring, SALLY, SALLY_LIMITS)
-        after = moved(HERE, Twist(got.v, got.omega), 0.02)
+        after = moved(HERE, got.twist, 0.02)
         assert clearances(SALLY, after, ring).min() >= 0.0075
 
 
@@ -172,9 +173,9 @@ def test_a_robot_of_no_size_is_guarded_as_a_point():
     ahead = surroundings([disc(0.12, 0.0, 0.1)])
     got = guard_step(HERE, REST, Twist(1.0, 0.0), ahead, dot, SALLY_LIMITS)
     assert got.clearance == pytest.approx(0.02)
-    assert got.v == pytest.approx(0.0, abs=1e-9)
+    assert got.twist.v == pytest.approx(0.0, abs=1e-9)
     away = guard_step(HERE, REST, Twist(-1.0, 0.0), ahead, dot, SALLY_LIMITS)
-    assert away.v == pytest.approx(-0.04)
+    assert away.twist.v == pytest.approx(-0.04)
 
 
 def test_a_robot_without_limits_stops_at_once_in_front_of_a_wall():
@@ -185,7 +186,7 @@ def test_a_robot_without_limits_stops_at_once_in_front_of_a_wall():
     for outline in (SALLY, np.zeros((1, 2))):
         got = guard_step(HERE, Twist(9.0, 0.0), Twist(99.0, 0.0), wall, outline, free)
         front = outline[:, 0].max()
-        assert front + got.v * 0.02 == pytest.approx(1.0 - RULES.soft_margin)
+        assert front + got.twist.v * 0.02 == pytest.approx(1.0 - RULES.soft_margin)
 
 
 @pytest.mark.parametrize("was", [Twist(-0.0581, 0.0), Twist(-0.1425, 0.0)])
@@ -193,7 +194,7 @@ def test_where_no_motion_keeps_all_bounds_it_brakes(was):
     """Too near in front, behind and beside, and turning brings a corner nearer still."""
     box = surroundings(points=[[0.39, 0.0957], [-0.3872, -0.1607], [-0.0622, 0.3053]])
     got = guard_step(Pose(0.0, 0.0, 0.0), was, Twist(0.27, -0.48), box, SALLY, SALLY_LIMITS)
-    assert (got.v, got.omega) == braked(was, SALLY_LIMITS, RULES.dt)
+    assert got.twist == braked(was, SALLY_LIMITS, RULES.dt)
     assert got.verdict == BRAKING
 
 
@@ -203,17 +204,17 @@ def test_it_backs_out_and_turns_where_it_is_boxed_in():
         segments=[[0.38, -0.31, 0.38, 0.31], [-2.0, 0.31, 0.38, 0.31], [-2.0, -0.31, 0.38, -0.31]]
     )
     forward = guard_step(HERE, REST, Twist(1.0, 0.0), pen, SALLY, SALLY_LIMITS)
-    assert forward.v == 0.0
+    assert forward.twist.v == 0.0
     assert forward.limiting in (0, 1, 2)
     back = guard_step(HERE, REST, Twist(-1.0, 0.0), pen, SALLY, SALLY_LIMITS)
-    assert back.v == pytest.approx(-0.04)
+    assert back.twist.v == pytest.approx(-0.04)
     mirrored = surroundings(segments=-pen.segments)
     assert guard_step(
         HERE, REST, Twist(1.0, 0.0), mirrored, SALLY, SALLY_LIMITS
-    ).v == pytest.approx(0.04)
+    ).twist.v == pytest.approx(0.04)
     spin = guard_step(HERE, REST, Twist(0.0, 2.0), surroundings([disc(0.7, 0, 0.1)]), SALLY,
                       SALLY_LIMITS)  # fmt: skip
-    assert (spin.v, spin.omega) == pytest.approx((0.0, 0.16))
+    assert spin.twist == pytest.approx((0.0, 0.16))
 
 
 @st.composite
@@ -252,7 +253,7 @@ def test_an_obstacle_inside_the_footprint_never_gets_deeper(scene, state):
     assume(deep > 1e-6)
     for _ in range(20):
         got = guard_step(pose, before, nominal, around, outline, lim)
-        before = Twist(got.v, got.omega)
+        before = got.twist
         pose = moved(pose, before, 0.02)
         after = depth(outline, pose, around)
         assert after <= max(deep, -RULES.hard_margin / 2) + 1e-9  # once out, as any other thing
@@ -272,12 +273,12 @@ def test_from_an_overlap_it_can_leave_and_then_not_return(around):
     pose, before = HERE, REST
     for _ in range(60):
         got = guard_step(pose, before, Twist(-0.5, 0.0), around, SALLY, SALLY_LIMITS)
-        before = Twist(got.v, got.omega)
+        before = got.twist
         pose = moved(pose, before, 0.02)
     assert pose.x < -0.3
     for _ in range(200):
         got = guard_step(pose, before, Twist(1.0, 0.0), around, SALLY, SALLY_LIMITS)
-        before = Twist(got.v, got.omega)
+        before = got.twist
         pose = moved(pose, before, 0.02)
         assert clearances(SALLY, pose, around).min() >= 0.0075
 
@@ -287,8 +288,8 @@ def test_the_robots_side_of_a_wall_is_that_of_its_outline_not_of_its_origin():
     body = SALLY + np.array([1.0, 0.0])
     wall = surroundings(segments=[[0.62, -1.0, 0.62, 1.0]])
     away = guard_step(HERE, REST, Twist(1.0, 0.0), wall, body, SALLY_LIMITS)
-    assert away.v == pytest.approx(0.04)
-    assert guard_step(HERE, REST, Twist(-1.0, 0.0), wall, body, SALLY_LIMITS).v == 0.0
+    assert away.twist.v == pytest.approx(0.04)
+    assert guard_step(HERE, REST, Twist(-1.0, 0.0), wall, body, SALLY_LIMITS).twist.v == 0.0
 
 
 def test_incompatible_parts_are_refused_with_the_reason():

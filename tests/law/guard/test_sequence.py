@@ -97,7 +97,7 @@ def drive(
     for _ in range(steps):
         nominal = attack(kind, rng, pose, nominal, around)
         got = guard(pose, before, nominal, around, outline, lim, RULES, planned)
-        after = Twist(got.v, got.omega)
+        after = got.twist
         assert inside_limits(after, before, lim, RULES.dt)
         before = after
         for _ in range(FINE):
@@ -141,7 +141,7 @@ def test_no_patience_creeps_up_on_a_wall(start):
     tries = [Twist(v, o) for v in (-0.1, 0.003, 0.1) for o in (-0.5, -0.2, 0.0, 0.2, 0.5)]
     for _ in range(300):
         ways = [guard_step(pose, before, nominal, wall, SALLY, SALLY_LIMITS) for nominal in tries]
-        commands = [Twist(way.v, way.omega) for way in ways]
+        commands = [way.twist for way in ways]
         before = min(commands, key=lambda c: x - bow(moved(pose, c, RULES.dt)))
         pose = moved(pose, before, RULES.dt)
         least = min(least, x - bow(pose))

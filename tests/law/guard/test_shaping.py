@@ -54,7 +54,7 @@ def test_nothing_is_approached_faster_than_the_robot_can_stop(outline, around, n
     around = beyond(outline, around, 1e-3)
     near = clearances(outline, HERE, around)
     got = guard_step(HERE, Twist(0.0, 0.0), nominal, around, outline, BRISK, SLOW_CLOCK)
-    after = clearances(outline, moved(HERE, Twist(got.v, got.omega), 1e-4), around)
+    after = clearances(outline, moved(HERE, got.twist, 1e-4), around)
     most = [approach(clearance - 0.03, 0.7 * 8.0, 0.1) for clearance in near]
     assert (after >= near - 1e-4 * np.array(most) - 1e-6).all()
 
@@ -66,7 +66,7 @@ def test_an_obstacle_right_beside_is_approached_as_fast_as_allowed_and_no_faster
     """A wall square to the bow, and the robot straight at it: the approach law to the digit."""
     wall = surroundings(segments=[[0.36 + clearance, -0.2, 0.36 + clearance, 0.2]])
     got = guard_step(HERE, Twist(0.0, 0.0), Twist(5.0, 0.0), wall, SALLY, BRISK, SLOW_CLOCK)
-    assert got.v == pytest.approx(min(approach(clearance - 0.03, 0.7 * 8.0, 0.1), 0.8))
+    assert got.twist.v == pytest.approx(min(approach(clearance - 0.03, 0.7 * 8.0, 0.1), 0.8))
 
 
 @given(st.floats(0.2, 1.2), st.floats(0.0, 1.0))
@@ -76,9 +76,9 @@ def test_a_moving_disc_is_approached_with_its_own_speed_taken_off(clearance, spe
         oncoming = surroundings([disc(0.36 + clearance + 0.1, 0.0, 0.1, 0.2, -sign * speed, 0.0)])
         got = guard_step(HERE, Twist(0.0, 0.0), Twist(5.0, 0.0), oncoming, SALLY, BRISK, SLOW_CLOCK)
         allowed = max(approach(clearance - 0.03, 0.7 * 8.0, 0.1) - sign * speed, 0.0)
-        assert -1e-9 <= got.v <= min(allowed, 0.8) + 1e-9
+        assert -1e-9 <= got.twist.v <= min(allowed, 0.8) + 1e-9
         if speed == 0.0:
-            assert got.v == pytest.approx(min(allowed, 0.8))
+            assert got.twist.v == pytest.approx(min(allowed, 0.8))
 
 
 @given(limits(), wishes, wishes)
@@ -125,7 +125,7 @@ def test_where_the_origin_of_the_world_is_makes_no_difference(
     here = guard_step(HERE, before, nominal, around, outline, lim)
     pose = Pose(x, y, psi)
     there = guard_step(pose, before, nominal, turned(around, pose), outline, lim)
-    assert (there.v, there.omega) == pytest.approx((here.v, here.omega), abs=1e-7)
+    assert there.twist == pytest.approx(here.twist, abs=1e-7)
     assert (there.verdict, there.limiting) == (here.verdict, here.limiting)
     if (
         here.clearance < RULES.soft_margin
@@ -149,22 +149,22 @@ def test_the_limiting_obstacle_is_numbered_through_discs_walls_and_points(limiti
     assert (shaped.verdict, shaped.limiting) == (SHAPED, limiting)
     fast = guard_step(HERE, Twist(0.9, 0.0), Twist(1.0, 0.0), around, SALLY, SALLY_LIMITS)
     assert (fast.verdict, fast.limiting) == (BRAKING, limiting)
-    assert fast.v == pytest.approx(0.86)
+    assert fast.twist.v == pytest.approx(0.86)
     blind = Rules(soft_margin=-1.0)
     for speed, verdict, left in ((0.3, SHAPED, 0.27), (0.5, BRAKING, 0.46)):  # a quarter; none
         was = Twist(speed, 0.0)
         got = guard_step(HERE, was, was, around, SALLY, SALLY_LIMITS, blind)
-        assert (got.v, got.verdict, got.limiting) == (pytest.approx(left), verdict, limiting)
+        assert (got.twist.v, got.verdict, got.limiting) == (pytest.approx(left), verdict, limiting)
 
 
 def test_standing_is_distinguished_from_braking():
     """Somebody upon the robot lets it only stand; spinning, it first has to stop."""
     upon = surroundings([disc(0.367, 0.0, 0.0)], [1.0])
     still = guard_step(HERE, Twist(0.0, 0.0), Twist(-1.0, 0.0), upon, SALLY, SALLY_LIMITS)
-    assert (still.v, still.omega, still.verdict) == (0.0, 0.0, STANDING)
+    assert (*still.twist, still.verdict) == (0.0, 0.0, STANDING)
     spinning = guard_step(HERE, Twist(0.0, 1.0), Twist(-1.0, 0.0), upon, SALLY, SALLY_LIMITS)
     assert spinning.verdict == BRAKING
-    assert (spinning.v, spinning.omega) == (0.0, pytest.approx(0.84))
+    assert spinning.twist == (0.0, pytest.approx(0.84))
     rolling = guard_step(HERE, Twist(0.5, 0.0), Twist(-1.0, 0.0), upon, SALLY, SALLY_LIMITS)
     assert rolling.verdict == BRAKING
 
@@ -181,7 +181,7 @@ def test_standing_is_distinguished_from_braking():
 )
 def test_with_nothing_near_the_clearance_is_infinite_and_the_command_passes(far):
     got = guard_step(HERE, Twist(0.5, 0.0), Twist(0.52, 0.0), far, SALLY, SALLY_LIMITS)
-    assert (got.v, got.omega, got.clearance, got.change) == (0.52, 0.0, math.inf, 0.0)
+    assert (*got.twist, got.clearance, got.change) == (0.52, 0.0, math.inf, 0.0)
 
 
 def crossing(x: float) -> Surroundings:
@@ -191,15 +191,15 @@ def crossing(x: float) -> Surroundings:
 
 def test_a_motion_that_was_planned_is_not_slowed_down_while_it_can_still_stop():
     args = HERE, Twist(0.8, 0.0), Twist(0.8, 0.0), crossing(1.6)
-    assert guard_step(*args, SALLY, SALLY_LIMITS).v < 0.8
+    assert guard_step(*args, SALLY, SALLY_LIMITS).twist.v < 0.8
     got = guard(*args, SALLY, SALLY_LIMITS, RULES, True)
-    assert (got.v, got.omega, got.verdict) == (0.8, 0.0, UNTOUCHED)
+    assert (*got.twist, got.verdict) == (0.8, 0.0, UNTOUCHED)
 
 
 def test_a_planned_motion_that_can_not_be_certified_is_shaped_as_any_other():
     args = HERE, Twist(0.8, 0.0), Twist(0.8, 0.0), crossing(0.9)
     plain = guard_step(*args, SALLY, SALLY_LIMITS)
-    assert plain.v < 0.8
+    assert plain.twist.v < 0.8
     assert guard(*args, SALLY, SALLY_LIMITS, RULES, True) == plain
 
 
@@ -207,4 +207,4 @@ def test_nothing_is_planned_beside_a_disc_that_is_not_a_number():
     bad = surroundings([disc(2.0, 0.0, 0.25, 0.3, 0.0, 0.0)])
     bad.discs[0, 4] = math.nan
     got = guard(HERE, REST, Twist(0.5, 0.0), bad, SALLY, SALLY_LIMITS, RULES, True)
-    assert (got.v, got.omega, got.verdict) == (0.0, 0.0, INVALID)
+    assert (*got.twist, got.verdict) == (0.0, 0.0, INVALID)

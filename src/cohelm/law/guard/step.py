@@ -29,9 +29,8 @@ _TRIES = 4  # the projected command, then a half, a quarter and an eighth of it 
 class Guarded(NamedTuple):
     """The command that the guard passes, and why."""
 
-    v: float
-    omega: float
-    """The command [m/s, rad/s]; within the limits, one step after `before`."""
+    twist: Twist
+    """Within the limits, one step after `before`."""
     verdict: int
     """UNTOUCHED: the nominal command passed. SHAPED: the nearest allowed command passed. BRAKING:
     nothing near the nominal command could be certified; the stop certified one step ago goes on.
@@ -74,7 +73,7 @@ def guard(
     stop = braked(before, limits, rules.dt) if twist_known else Twist(0.0, 0.0)
     state_known = twist_known and is_finite(pose.x) and is_finite(pose.y) and is_finite(pose.psi)
     if not (state_known and is_finite(nominal.v) and is_finite(nominal.omega)):
-        return Guarded(stop.v, stop.omega, INVALID, 0.0, math.inf, NOTHING)
+        return Guarded(stop, INVALID, 0.0, math.inf, NOTHING)
     rows = np.empty((WHEEL_ROWS + max_rows(obstacles, outline), 4))
     n = wheel_rows(rows, before, limits, rules.dt)
     reach = circumscribed_radius(outline)
@@ -83,7 +82,7 @@ def guard(
         rules.dt, rules.soft_margin, rules.deceleration_fraction,
     )  # fmt: skip
     if n < 0:
-        return Guarded(stop.v, stop.omega, INVALID, 0.0, math.inf, NOTHING)
+        return Guarded(stop, INVALID, 0.0, math.inf, NOTHING)
     wanted = Twist(_bounded(nominal.v), _bounded(nominal.omega))
     if planned:
         goal = achievable(wanted, before, limits, rules.dt)
@@ -108,7 +107,7 @@ def guard(
             share *= 0.5
     verdict = STANDING if stop.v == 0.0 and stop.omega == 0.0 else BRAKING
     change = _metric_distance(stop, wanted, rules.steer_weight)
-    return Guarded(stop.v, stop.omega, verdict, change, min_clearance, limiting)
+    return Guarded(stop, verdict, change, min_clearance, limiting)
 
 
 @jit
@@ -123,8 +122,8 @@ def _accepted(
 ) -> Guarded:
     change = _metric_distance(command, nominal, steer_weight)
     if change <= 1e-9:
-        return Guarded(command.v, command.omega, UNTOUCHED, change, min_clearance, NOTHING)
-    return Guarded(command.v, command.omega, SHAPED, change, min_clearance, limiting)
+        return Guarded(command, UNTOUCHED, change, min_clearance, NOTHING)
+    return Guarded(command, SHAPED, change, min_clearance, limiting)
 
 
 @jit
