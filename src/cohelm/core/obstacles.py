@@ -275,5 +275,6 @@ def per_disc(
     made = _array(name, given)
     made = np.full(n, made.item()) if made.size == 1 else made
     if made.shape != (n,) or (made < least).any():
-        raise CohelmError(f"{name} needs a number >= 0 for each of {n} discs, got {made}")
+        number = f"a number >= {least:g}" if least > -math.inf else "a number"
+        raise CohelmError(f"{name} needs {number} for each of {n} discs, got {made}")
     return made
