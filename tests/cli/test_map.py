@@ -381,6 +381,7 @@ def test_cuts_and_crops_of_a_mapping_can_be_undone(folder, tmp_path, cohelm):
         (("map", "--cut", "0:1e9"), "nothing is left to draw"),
         (("map", "--live"), "are for a record"),
         ((".", "--undo"), "name the folder of a mapping"),
+        ((".",), "or the record of a drive to map (--out is the folder that it writes into)"),
         (("map/map.png", "--undo"), "name its folder instead of a record"),
         (("map/map.png", "--resume", "--out", "nowhere"), "there is no such file"),
     ],
