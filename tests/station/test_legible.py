@@ -236,7 +236,7 @@ def test_whatever_the_letters_all_that_is_pressed_is_on_the_screen_and_free(
             assert page.evaluate(UNREACHABLE) == [], (width, height)
 
 
-@pytest.mark.parametrize(("width", "height"), first([(740, 330), (390, 780)]))
+@pytest.mark.parametrize(("width", "height"), first([(1024, 600), (740, 330), (390, 780)]))
 def test_with_large_letters_what_removes_a_waypoint_is_whole(
     browser: Browser, tmp_path: Path, width: int, height: int
 ) -> None:
