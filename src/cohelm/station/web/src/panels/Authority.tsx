@@ -17,6 +17,7 @@ export function Authority() {
   const clearance = state?.clearance_seen ?? null
   const applied = state?.applied ?? [0, 0]
   const nominal = state?.nominal ?? [0, 0]
+  const measured = state?.measured ?? [0, 0]
   return (
     <section class="authority" aria-label="Operator and controller">
       <Dial />
@@ -35,6 +36,9 @@ export function Authority() {
             </tr>
             <tr title="the command at the wheels">
               <th scope="row">applied</th><td>{speed(applied[0])}</td><td>{yaw(applied[1])}</td>
+            </tr>
+            <tr class="measured" title="what the robot does, by its odometry">
+              <th scope="row">measured</th><td>{speed(measured[0])}</td><td>{yaw(measured[1])}</td>
             </tr>
           </tbody>
         </table>
