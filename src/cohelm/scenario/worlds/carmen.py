@@ -106,7 +106,7 @@ def read_log(path: Path | str) -> RecordedDrive:
     if not scans or all(one.pose is None for one in lines):
         raise CohelmError(
             f"{path}: holds no scan of a CARMEN log with its odometry (FLASER, or ROBOTLASER1, or "
-            "RAWLASER1 beside ODOM): give such a log"
+            "RAWLASER1 beside ODOM): give such a log, an MCAP record or a bag"
         )
     _check_in_radians(path, np.array([one.pose[:3] for one in lines if one.pose is not None]))
     _check_in_metres(path, np.concatenate([one.scan[0] for one in scans if one.scan is not None]))
