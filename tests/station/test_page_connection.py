@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import BrowserContext, Page, WebSocketRoute, expect
+from playwright.sync_api import BrowserContext, Page, expect
 
 from cohelm.core.types import Pose
 from cohelm.law.verdict import Verdict
@@ -43,6 +43,7 @@ from tests.link.ends import STATUS, until
 from tests.station.bare import Bare
 from tests.station.conftest import WAIT
 from tests.station.person import (
+    SOON,
     keep,
     mode_button,
     page_of,
@@ -399,27 +400,38 @@ def test_a_button_pressed_without_a_connection_says_so(context: BrowserContext, 
     expect(page.locator(".refused")).to_contain_text("not sent, as there is no connection")
 
 
+MORTAL = """(() => {
+  const made = []
+  window.WebSocket = class extends WebSocket {
+    constructor(...options) {
+      super(...options)
+      made.push(this)
+      this.addEventListener('message', (event) => this.dead && event.stopImmediatePropagation())
+    }
+    send(data) {
+      if (!this.dead) super.send(data)
+    }
+  }
+  window.die = () => made.forEach((one) => (one.dead = true))
+})()"""
+"""`die` cuts the connections made so far, which stay open: nothing passes, either way."""
+
+
 def test_a_press_into_a_connection_that_is_dead_already_says_so(
     context: BrowserContext, bare: Bare
 ) -> None:
     """As where a tablet leaves the WiFi: it is taken, and nobody ever hears of it."""
-    dead: list[bool] = []
-
-    def between(ours: WebSocketRoute) -> None:
-        theirs, first = ours.connect_to_server(), not dead
-        dead.append(False)
-        ours.on_message(lambda text: None if first and dead[0] else theirs.send(text))
-        theirs.on_message(lambda text: None if first and dead[0] else ours.send(text))
-
+    bare.requests.clear()
     with served(bare.connect, stale=0.25) as station:
-        page = context.new_page()
-        page.route_web_socket("**/ws*", between)
-        page.goto(station.address)
-        take(page)
-        dead[0] = True
-        mode_button(page, "Manual").click()
+        page = page_of(context, station, MORTAL)
+
+        def press() -> None:
+            take(page)  # at once after its death: nothing on its way comes in between
+            mode_button(page, "Manual").evaluate("(one) => { die(); one.click() }")
+
+        broke = "Manual: the connection broke: if it is not done, press it"
         refused = page.locator(".refused")
-        expect(refused).to_contain_text("Manual: the connection broke: if it is not done, press it")
+        do_until(lambda: expect(refused).to_contain_text(broke, timeout=SOON), press)
         connected(page)
         assert RequestKind.MODE not in bare.requests
 
