@@ -2,6 +2,8 @@
 not before it is there.
 """
 
+import numpy as np
+
 from cohelm.core.obstacles import Obstacles
 from cohelm.core.types import Pose, Twist
 from cohelm.drive.factory import simulated
@@ -11,6 +13,8 @@ from cohelm.perceive.map.mapping_scans import mapping_scans
 from cohelm.perceive.map.raster import raster
 from cohelm.perceive.pipeline import warm_up
 from cohelm.pilot.safety_filter import SafetyFilter
+from cohelm.plan.recovery import recovery_move
+from cohelm.plan.recovery_search import search_recovery
 from cohelm.robot.clock import SteppedClock
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
@@ -19,6 +23,7 @@ from cohelm.study.campaign import suites
 from cohelm.study.campaign.worker import chunk
 from tests.perceive import drives
 from tests.pilot.drives import drive
+from tests.ros.fuzz import with_clouds
 
 
 def driven(suite: str, law: str, plant: str = "kinematic") -> None:
@@ -46,8 +51,16 @@ def mapped() -> None:
     raster(mapper.finished().poses, [view.points for view in views], lidar.mount, 0.05)
 
 
+def freed() -> None:
+    """A way out of a tight place."""
+    here, walls = Pose(0.0, 0.0, 0.0), np.array([[0.0, 0.4], [0.0, -0.4]])
+    for move in (recovery_move, search_recovery):
+        move(here, 3.0, walls, robot("sally").outline)
+
+
 def first() -> None:
     """The law and the planner, in rooms driven on exact arcs and through the loop on the twin."""
+    freed()
     driven("random", "guard")
     driven("random", "guard", "twin")
     driven("heights", "guard", "twin")
@@ -57,7 +70,8 @@ def first() -> None:
 def more() -> None:
     """Perception and mapping."""
     warm_up(robot("sally"), True)
-    warm_up(robot("sally-rear"), False)  # two LiDARs are other types to the compiler
+    for several in (robot("sally-rear"), with_clouds(robot("sally-rear"))):
+        warm_up(several, False)  # two LiDARs, and three, are other types to the compiler
     mapped()
     driven("adversary", "guard")
     driven("random", "none")
