@@ -26,7 +26,8 @@ reproduce: $(READY) ## run the paper's three experiments and draw its figures
 	@echo "The figures are in out/reproduce (PNG and SVG)."
 
 test: $(READY)   ## lint, then the tests
-	@$(MAKE) --no-print-directory -j2 --output-sync=target $(WEB) $(GL) $(BROWSER) $(FASTDDS) \
+	@# Three at a time: one of them waits for packages most of the time.
+	@$(MAKE) --no-print-directory -j3 --output-sync=target $(WEB) $(GL) $(BROWSER) $(FASTDDS) \
 	  warm warm-more lint $(REWRITTEN)
 	$(BIN)/pytest -n auto --dist loadgroup $(EXAMPLES)
 
