@@ -12,6 +12,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from cohelm import __version__ as cohelm_version
+from cohelm.core.interrupts import INTERRUPTS
 from cohelm.robot.model import shipped_path
 from cohelm.study.campaign.runner import processors
 from cohelm.study.campaign.worker import commit
@@ -179,8 +180,7 @@ def test_a_folder_of_another_campaign_is_not_touched(cohelm, driven, tmp_path):
     assert sorted((f.name, f.stat().st_size) for f in (tmp_path / "there").rglob("*")) == before
 
 
-# SIGTERM: as a batch system's limit
-@pytest.mark.parametrize("sent", first([signal.SIGINT, signal.SIGTERM]))
+@pytest.mark.parametrize("sent", first(INTERRUPTS))
 def test_ctrl_c_keeps_finished_episodes_and_prints_how_to_continue(cohelm, tmp_path, sent):
     command = [sys.executable, "-m", "cohelm", "campaign", "adversary", "--law", "none"]
     process = subprocess.Popen(

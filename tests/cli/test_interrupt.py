@@ -10,12 +10,13 @@ import time
 import pytest
 
 from cohelm.cli.app import interrupted
+from cohelm.core.interrupts import INTERRUPTS
 from cohelm.drive import robot_process
 
 
 @pytest.fixture(autouse=True)
 def handled():
-    before = {s: signal.signal(s, interrupted) for s in (signal.SIGINT, signal.SIGALRM)}
+    before = {s: signal.signal(s, interrupted) for s in (*INTERRUPTS, signal.SIGALRM)}
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
@@ -122,25 +123,31 @@ class Starting:
 
         threading.Thread(target=dies).start()
 
-    def _press(self, signals: int) -> None:
+    def _press(self, signals: tuple[signal.Signals, ...]) -> None:
         while "handle_exit" not in str(signal.getsignal(signal.SIGINT)):
             time.sleep(0.01)  # the page is not served yet
-        for _ in range(signals):
-            os.kill(os.getpid(), signal.SIGINT)
+        for one in signals:
+            os.kill(os.getpid(), one)
         self.killed.set()
 
 
 @pytest.mark.parametrize(
     ("handler", "signals", "code"),
-    [(signal.default_int_handler, 1, 130), (signal.SIG_IGN, 1, 0), (signal.SIG_IGN, 0, 2)],
-)
+    [
+        *((signal.default_int_handler, (one,), 130) for one in INTERRUPTS),
+        (signal.SIG_IGN, (signal.SIGINT,), 0), (signal.SIG_IGN, (), 2),
+    ],
+)  # fmt: skip
 def test_only_without_ctrl_c_is_the_end_of_a_starting_robot_an_error(
     cohelm, monkeypatch, handler, signals, code
 ):
     """The terminal sends it to the robot's process too. Ignored is it in the background."""
     signal.signal(signal.SIGINT, handler)
+    for one in INTERRUPTS[1:]:
+        signal.signal(one, signal.SIG_DFL)
     monkeypatch.setattr(Starting, "signals", signals, raising=False)
     monkeypatch.setattr(robot_process, "RobotProcess", Starting)
     said = cohelm("drive", "--kinematic", "--port", "0")
     assert said.code == code
     assert ("error:" in said.err) == (code == 2)
+    assert "the station is closed" in said.err

@@ -12,6 +12,7 @@ import pytest
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.frames import between
+from cohelm.core.interrupts import INTERRUPTS
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.map.mapper import Mapper
 from cohelm.perceive.pipeline import Perception
@@ -269,7 +270,7 @@ def test_an_interrupted_mapping_resumes_and_makes_the_same_map(folder, record, t
         assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("sent", INTERRUPTS)
 def test_ctrl_c_in_the_middle_of_a_scan_is_taken_after_it(
     folder, record, tmp_path, monkeypatch, cohelm, sent
 ):
@@ -280,11 +281,12 @@ def test_ctrl_c_in_the_middle_of_a_scan_is_taken_after_it(
                 signal.raise_signal(sent)
 
     monkeypatch.setattr(mapping, "Mapper", Pressed)
-    before = signal.getsignal(signal.SIGTERM)
+    before = {one: signal.getsignal(one) for one in INTERRUPTS}
     try:
         said = cohelm("map", record, "--resolution", 0.05, "--out", tmp_path)
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for one, handler in before.items():
+            signal.signal(one, handler)
     assert said.code == 130
     assert "interrupted; the map so far is kept, continue with: cohelm map " in said.err
     monkeypatch.undo()

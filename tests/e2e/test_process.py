@@ -11,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from cohelm.core.interrupts import INTERRUPTS
+from tests.few import first
+
 COHELM = (sys.executable, "-m", "cohelm")
 
 
@@ -20,7 +23,7 @@ def cohelm(*arguments: str, **options) -> "subprocess.CompletedProcess[str]":
     )
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])  # as a batch system's limit
+@pytest.mark.parametrize("sent", first(INTERRUPTS))
 def test_ctrl_c_in_mid_run_ends_with_130_and_a_record_that_is_replayed_so_far(tmp_path, sent):
     record = tmp_path / "cut" / "record.mcap"
     process = subprocess.Popen(

@@ -19,6 +19,7 @@ import typer.core
 from cohelm import __version__
 from cohelm.cli.output import plain, say
 from cohelm.core.errors import CohelmError, did_you_mean
+from cohelm.core.interrupts import INTERRUPTS
 
 _MAY_BE_EMPTY = ("lock",)
 """Options of which an empty value means none."""
@@ -279,10 +280,11 @@ def patient() -> None:
 
 
 def end_as_by_ctrl_c() -> None:
-    """Take SIGTERM as Ctrl-C too: a batch system sends it at the end of the time that it gives."""
-    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-        signal.signal(signal.SIGALRM, interrupted)
-        signal.signal(signal.SIGTERM, interrupted)
+    """Take the other `INTERRUPTS` as Ctrl-C too."""
+    for number in INTERRUPTS:
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(signal.SIGALRM, interrupted)
+            signal.signal(number, interrupted)
 
 
 def settled() -> None:

@@ -102,8 +102,9 @@ def print_json(value: Mapping[str, Any]) -> None:
 
 
 def say(text: str) -> None:
-    """Print a line on stderr."""
-    console(stderr=True).print(text)
+    """Print a line on stderr, while that is there: not on a terminal that was closed."""
+    with suppress(OSError):
+        console(stderr=True).print(text)
 
 
 def typed(path: str | Path) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cohelm.cli.app import app, examples, idle_beside, idle_together
+from cohelm.cli.app import app, end_as_by_ctrl_c, examples, idle_beside, idle_together
 from cohelm.cli.drive_options import (
     CarryOn,
     Changes,
@@ -316,6 +316,9 @@ def serve(
         server.stop()
 
     afterwards(last_words)
-    server.run()
-    say(plain("the station is closed"))
+    end_as_by_ctrl_c()
+    try:
+        server.run()
+    finally:
+        say("the station is closed")
     return server.interrupted

@@ -15,6 +15,7 @@ from types import FrameType, TracebackType
 import numpy as np
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.interrupts import INTERRUPTS
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.link.bulk_messages import LineKind, Map, Polyline, ZoneMap
@@ -168,8 +169,8 @@ def _cannot_create(path: Path, error: OSError) -> str:
 
 @contextmanager
 def _delaying_interrupts() -> Generator[None]:
-    """Delay Ctrl-C until the block is done, so that it never leaves half a chunk: SIGINT, SIGTERM
-    where that is the same, and SIGALRM, by which `cli/app` repeats one that was put off.
+    """Delay Ctrl-C until the block is done, so that it never leaves half a chunk: `INTERRUPTS`,
+    and SIGALRM, by which `cli/app` repeats one that was put off.
 
     Each may arrive, and raise, while the handler of another is being exchanged. So `later`
     checks `over`: left in place, it restores the former handler and raises the signal again.
@@ -178,7 +179,7 @@ def _delaying_interrupts() -> Generator[None]:
         yield  # Ctrl-C reaches the main thread only
         return
     held, over = list[int](), False
-    kinds = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
+    kinds = (*INTERRUPTS, signal.SIGALRM)
     before = {kind: signal.getsignal(kind) for kind in kinds}
 
     def later(number: int, _: FrameType | None) -> None:

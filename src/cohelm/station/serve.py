@@ -7,11 +7,13 @@ import contextlib
 import gc
 import logging
 import secrets
+import signal
 import socket
 import ssl
+import threading
 import time
 from asyncio import Transport
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from enum import Enum
 from pathlib import Path
 from types import FrameType
@@ -142,7 +144,8 @@ class Server:
     def run(self) -> None:
         """Serve until `stop`, or until a signal ends the process."""
         gc.freeze()  # a collection over all imports would delay the stick by 0.1 s
-        asyncio.run(self._server.serve(sockets=[self._listener]))
+        with self._server.ended_with_terminal():
+            asyncio.run(self._server.serve(sockets=[self._listener]))
 
     def stop(self) -> None:
         """Make `run` return; from any thread."""
@@ -169,6 +172,22 @@ class _GracefulServer(uvicorn.Server):
         if not self.should_exit:
             self.interrupted = True
             super().handle_exit(sig, frame)
+
+    @contextlib.contextmanager
+    def ended_with_terminal(self) -> Generator[None]:
+        """Take the end of the terminal as SIGTERM, which uvicorn handles; not where it is ignored,
+        as under `nohup`."""
+        main = threading.current_thread() is threading.main_thread()
+        if not main or signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+            yield
+            return
+        before = signal.signal(
+            signal.SIGHUP, lambda _, frame: self.handle_exit(signal.SIGTERM, frame)
+        )
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGHUP, before)
 
 
 # A listening socket that always has room for the next connection.

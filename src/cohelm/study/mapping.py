@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular
+from cohelm.core.interrupts import INTERRUPTS
 from cohelm.core.types import Floats, Pose, Progress
 from cohelm.perceive.map.mapper import Mapper, MappingResult, encounters
 from cohelm.perceive.map.mapping_scans import mapping_scans
@@ -77,8 +78,8 @@ def drive(
 
 
 class _BetweenScans:
-    """Takes Ctrl-C, and SIGTERM where that is the same, between two scans: in the middle of one,
-    what is kept would fit nothing. Pressed again, it comes at once."""
+    """Takes `INTERRUPTS` that are handled between two scans: in the middle of one, what is kept
+    would fit nothing. Pressed again, it comes at once."""
 
     def __init__(self) -> None:
         self._pressed = False
@@ -86,7 +87,7 @@ class _BetweenScans:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            for kind in (signal.SIGINT, signal.SIGTERM):
+            for kind in INTERRUPTS:
                 if callable(signal.getsignal(kind)):
                     self._before[kind] = signal.signal(kind, self._press)
         return self
