@@ -54,6 +54,20 @@ def test_a_law_that_rams_is_judged_to_have_touched():
     assert result.metrics.contact
 
 
+def test_a_law_that_changes_what_it_is_given_changes_neither_world_nor_evaluation():
+    def shifts(now: cohelm.Observation) -> cohelm.Twist:
+        seen = now.obstacles
+        for one in (seen.discs, seen.segments, seen.points, seen.max_acceleration):
+            one += 100.0  # as into the body's frame, in place
+        return cohelm.Twist(0.5, 0.0)
+
+    kept, shifted = (
+        cohelm.run("lab-track", law, changes=STRAIGHT).trace.rows["clearance"]
+        for law in (lambda now: cohelm.Twist(0.5, 0.0), shifts)
+    )
+    assert np.array_equal(kept, shifted)
+
+
 def test_the_filter_around_the_same_law_touches_nothing():
     robot = cohelm.load_robot("sally")
     safe = cohelm.SafetyFilter(robot, period=0.02, delay=0.06)

@@ -10,7 +10,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.files import check_regular, read_bytes
 from cohelm.link import stick
 from cohelm.record.messages import messages
-from cohelm.record.read import read
+from cohelm.record.read import read, read_record
 from cohelm.scenario import load
 from cohelm.scenario.worlds.file import contents
 from cohelm.scenario.worlds.maps import read_map
@@ -67,3 +67,12 @@ def test_a_missing_file_is_left_to_the_reader(tmp_path):
     check_regular(tmp_path / "nothing")
     with pytest.raises(FileNotFoundError):
         read_bytes(tmp_path / "nothing", 1, "a note")
+
+
+@pytest.mark.parametrize("reads", [load.load_robot, load.load_scenario, read_record])
+def test_a_name_that_no_file_can_have_is_refused(tmp_path, reads):
+    loop = tmp_path / "loop.yaml"
+    loop.symlink_to(loop)
+    for name in ("x" * 5000, "a\0.yaml", loop):
+        with pytest.raises(CohelmError, match="check"):
+            reads(name)

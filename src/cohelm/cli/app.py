@@ -23,8 +23,6 @@ from cohelm.core.interrupts import INTERRUPTS
 
 _MAY_BE_EMPTY = ("lock",)
 """Options of which an empty value means none."""
-_NAMES = (errno.ENAMETOOLONG, errno.ELOOP)
-"""Of files whose names can not be."""
 _MOST_PROBLEMS = 20
 """Of a scenario's problems, no more than these are printed."""
 
@@ -155,7 +153,9 @@ def main() -> None:
             say(f"... and {len(lines) - _MOST_PROBLEMS} more")
         sys.exit(USER_ERROR)
     except OSError as error:
-        if error.errno in _NAMES:
+        from cohelm.core.files import NO_NAMES  # its imports would delay each command
+
+        if error.errno in NO_NAMES:
             say(f"[bold red]error:[/bold red] {plain(f'{error.filename} can not be read')} "
                 f"({error.strerror}): check the name")  # fmt: skip
             sys.exit(USER_ERROR)

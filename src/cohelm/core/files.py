@@ -5,6 +5,7 @@ A device never ends, and a pipe may never begin: neither is waited for.
 
 from __future__ import annotations
 
+import errno
 import gzip
 import io
 import os
@@ -16,6 +17,8 @@ from pathlib import Path
 
 from cohelm.core.errors import CohelmError
 
+NO_NAMES = (errno.ENAMETOOLONG, errno.ELOOP)
+"""Of files whose names can not be."""
 _GZIP = b"\x1f\x8b"
 
 
@@ -23,7 +26,16 @@ def as_path(given: object, what: str) -> Path:
     """What a caller in Python gave as a path; what: it should name, for the error."""
     if not isinstance(given, str | Path):
         raise CohelmError(f"name {what}, got {type(given).__name__}")
-    return Path(given)
+    path = Path(given)
+    try:
+        path.stat()
+    except ValueError as error:  # a letter that ends a string of C
+        raise CohelmError(f"{str(path)!r} can not be a name ({error}): check it") from error
+    except OSError as error:
+        if error.errno in NO_NAMES:
+            why = f"{path} can not be read ({error.strerror}): check the name"
+            raise CohelmError(why) from error
+    return path
 
 
 def check_regular(path: Path | str) -> None:

@@ -220,6 +220,8 @@ def _command(controller: Controller, now: Observation) -> tuple[Twist, bool]:
 
 
 def _obstacles(discs: Floats, max_acceleration: Floats, walls: Floats) -> Obstacles:
+    """The law's own: it may change them in place, and they are nobody else's."""
     return Obstacles(
-        discs=discs[:, [X, Y, RADIUS, VX, VY]], segments=walls, max_acceleration=max_acceleration
-    )
+        discs=discs[:, [X, Y, RADIUS, VX, VY]], segments=walls.copy(),
+        max_acceleration=max_acceleration.copy(),
+    )  # fmt: skip
