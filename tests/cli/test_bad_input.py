@@ -3,9 +3,12 @@
 import gzip
 import io
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+from cohelm.core.files import alone
 
 BASE = "name: b\nreference: {speed_mps: 0.5, waypoints_m: [[0, 0], [2, 0]]}\n"
 HERE = "start: {x_m: %s, y_m: 0, heading_rad: 0}\n"
@@ -209,6 +212,15 @@ def test_an_empty_path_is_refused(cohelm, tmp_path, command):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    "words", [("map", "no.mcap"), ("reproduce",), ("calibrate", "sally", "--yes")]
+)
+def test_a_folder_that_another_command_writes_into_is_left_to_it(cohelm, words):
+    with alone(Path("busy")):
+        refused(cohelm(*words, "--out", "busy"), "busy: another cohelm writes there", "--out")
+    assert not Path("busy").exists()  # nothing was written
+
+
 def test_a_file_named_out_in_place_of_the_default_folder_is_reported(cohelm, tmp_path):
     (tmp_path / "out").write_text("mine")
     refused(cohelm("run", "minimal"), "the folder out can not be made", "--out")
@@ -233,7 +245,35 @@ def test_a_file_in_place_of_the_records_folder_is_reported(cohelm, tmp_path):
     assert "taken/r.mcap can not be made (Not a directory): choose a folder" in said.err
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+MAY_ALL = pytest.mark.skipif(os.geteuid() == 0, reason="root may read and write everything")
+
+
+@MAY_ALL
+@pytest.mark.parametrize("words", [("map", "no.mcap"), ("reproduce",), ("calibrate", "sally")])
+def test_a_read_only_folder_is_reported_before_the_work(cohelm, tmp_path, words):
+    (tmp_path / "shut").mkdir(mode=0o555)
+    refused(cohelm(*words, "--out", "shut"), "shut can not be written", "--out")
+
+
+@MAY_ALL
+def test_what_is_in_a_closed_folder_is_not_said_to_be_unwritable_alone(cohelm, tmp_path):
+    (tmp_path / "shut").mkdir(mode=0)
+    said = cohelm("replay", "shut/x.mcap")
+    assert said.code == 1
+    assert "shut/x.mcap can not be read or written (Permission denied)" in said.err
+
+
+def test_a_folder_that_was_removed_meanwhile_is_told_as_that(cohelm, tmp_path, monkeypatch):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    said = cohelm("drive", "--kinematic", "--port", "0")
+    monkeypatch.chdir(tmp_path)
+    assert said.code == 1
+    assert said.err.startswith("error: the folder that this was started in has been removed: go to")
+
+
+@MAY_ALL
 @pytest.mark.parametrize("out", ["shut", "shut/below"])
 def test_a_read_only_folder_is_reported(cohelm, tmp_path, out):
     (tmp_path / "shut").mkdir(mode=0o555)

@@ -162,15 +162,23 @@ def main() -> None:
         # Nothing more can be written there, and Python must not try again when it ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         if not isinstance(error, BrokenPipeError):  # that one is `cohelm ... | head`
-            where = str(error.filename or "what is printed")
-            full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-            mend = "free some space" if full else "choose a place you may write to"
-            problem = f"{where} can not be written ({error.strerror}): {mend}"
-            say(f"[bold red]error:[/bold red] {plain(problem)}")
+            say(f"[bold red]error:[/bold red] {plain(_unusable(error))}")
         sys.exit(1)
     finally:
         settled()
         _say_unkept()
+
+
+def _unusable(error: OSError) -> str:
+    """What can not be read or written, and the cure."""
+    why = f"({error.strerror})"
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return f"{error.filename or 'what is printed'} can not be written {why}: free some space"
+    if error.filename is not None:
+        return f"{error.filename} can not be read or written {why}: choose a place where you may"
+    if error.errno == errno.ENOENT:  # of its own only the working folder has no name
+        return "the folder that this was started in has been removed: go to another"
+    return f"what is printed can not be written {why}: choose a place you may write to"
 
 
 def _say_unkept() -> None:

@@ -71,7 +71,7 @@ def calibrate(
         with_load,
     )
     from cohelm.core.errors import CohelmError
-    from cohelm.core.files import check_folder
+    from cohelm.core.files import alone
     from cohelm.drive.operate import DriveOptions, end_signals, robot_factory
     from cohelm.robot.keep.gated_robot import rules
     from cohelm.robot.keep.priority import raise_priority, restore_priority
@@ -82,6 +82,7 @@ def calibrate(
     idle_together(context, ("--driver", "--ros2"), "--scenario", "--kinematic")
     file = Path(shipped_path(name) if name in SHIPPED else name)
     model = load_robot(name)
+    context.with_resource(alone(out))
     before = out / "calibration.json"
     earlier = earlier_run(before, model.name) if load else None
     if measured := "" if load else whole_run(before):
@@ -102,7 +103,6 @@ def calibrate(
     )
     if not yes and not _agreed("is the floor free, and the stop at hand?"):
         raise CohelmError("nothing was driven: answer y when the floor is free, or give --yes")
-    check_folder(out)
     with starting(model.name) as line, end_signals() as stop:
         gated = RemoteGatedRobot(made.maker(), rules(made.model, PERIOD))
         try:

@@ -12,7 +12,7 @@ import typer
 from cohelm.cli.app import app, end_as_by_ctrl_c, examples
 from cohelm.cli.output import Json, Out, named, plain, print_json, print_table, progress, say, typed
 from cohelm.core.errors import CohelmError, naming
-from cohelm.core.files import check_folder
+from cohelm.core.files import alone
 
 if TYPE_CHECKING:
     from cohelm.study.map_files import MapResult
@@ -136,9 +136,8 @@ def map_(
             "--robot are for a record"
         )
     folder = out or (record if earlier else Path("out/map"))
-    check_folder(folder)
     end_as_by_ctrl_c()
-    with progress("starting") as bar:
+    with alone(folder), progress("starting") as bar:
         from cohelm.scenario import load
         from cohelm.study import mapping
 
@@ -207,12 +206,11 @@ def _check(path: Path, robot: str, folder: Path, as_json: bool) -> None:
     from cohelm.scenario.worlds.maps import read_map
     from cohelm.study import map_check
 
-    check_folder(folder)
     lidar = load.robot(robot).lidar
     if lidar is None:
         raise CohelmError(f"{robot} has no LiDAR to localise with: name another with --robot")
     occupancy = read_map(path)
-    with progress("starting") as bar:
+    with alone(folder), progress("starting") as bar:
         with naming(path):
             check = map_check.checked(occupancy, lidar, bar)
         map_check.write(folder, occupancy, check)

@@ -6,6 +6,7 @@ A device never ends, and a pipe may never begin: neither is waited for.
 from __future__ import annotations
 
 import errno
+import fcntl
 import gzip
 import io
 import os
@@ -95,13 +96,38 @@ def writing(folder: Path) -> Generator[None]:
         ) from error
 
 
-def check_folder(folder: Path) -> None:
-    """CohelmError if a folder can not be made, before the work to be written there."""
+@contextmanager
+def alone(folder: Path) -> Generator[None]:
+    """Be the only process that writes into a folder, from before the work on: the files of two
+    would not fit one another. One in which nothing is written is not left.
+
+    CohelmError if it can not be made, or another process is at it.
+    """
     missing = [one for one in (folder, *folder.parents) if not one.exists()]
     make_folder(folder)
-    with suppress(OSError):  # somebody else has begun to write there
-        for one in missing:
-            one.rmdir()
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise CohelmError(
+                f"{folder} can not be written (no permission): choose another folder with --out"
+            )
+        _lock(handle, folder)
+        yield
+    finally:
+        os.close(handle)
+        with suppress(OSError):  # it is not empty
+            for one in missing:
+                one.rmdir()
+
+
+def _lock(handle: int, folder: Path) -> None:
+    with suppress(OSError):  # a file system that has no locks
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise CohelmError(
+                f"{folder}: another cohelm writes there: wait for it, or choose another with --out"
+            ) from error
 
 
 def unmade(folder: Path, error: OSError) -> CohelmError:

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from cohelm.core.files import writing
+from cohelm.core.files import alone, writing
 from cohelm.core.types import Progress
 from cohelm.record.write import Recorder
 from cohelm.study.experiments import SETTLED, Experiments, perform
@@ -25,7 +25,7 @@ def reproduce(out: Path, progress: Progress = lambda _doing, _share: None) -> Ex
     code writes the same bytes every time. progress: called with a description, and the share of the
     whole that is done. Raises CohelmError where the folder can not be written.
     """
-    with writing(out):  # which is made before the work
+    with alone(out), writing(out):
         (out / "records").mkdir(exist_ok=True)
         ex = perform(lambda doing, share: progress(doing, _RUNS * share))
         _write(ex, out, progress)
