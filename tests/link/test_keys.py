@@ -47,6 +47,17 @@ def shaken(robot: keys.Keys, station: keys.Keys) -> tuple[Channel, Channel]:
     return server, client
 
 
+def test_a_user_without_a_home_is_told_how_to_name_a_folder(monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    for variable in ("COHELM_KEYS", "XDG_CONFIG_HOME"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr(keys.Path, "home", homeless)
+    with pytest.raises(CohelmError, match="name a folder with the variable COHELM_KEYS"):
+        keys.home()
+
+
 def test_a_paired_station_is_accepted_and_both_ends_are_authenticated(tmp_path, moved):
     keys.robot("sally")
     keys.pair("anna", tmp_path / "anna.pair")

@@ -50,12 +50,18 @@ class Keys(NamedTuple):
 
 
 def home() -> Path:
-    """The folder of the keys."""
+    """The folder of the keys. Raises CohelmError for a user without a home."""
     chosen = os.environ.get("COHELM_KEYS")
     if chosen:
         return Path(chosen)
     config = os.environ.get("XDG_CONFIG_HOME")
-    return (Path(config) if config else Path.home() / ".config") / "cohelm" / "keys"
+    try:
+        return (Path(config) if config else Path.home() / ".config") / "cohelm" / "keys"
+    except RuntimeError as error:
+        raise CohelmError(
+            "this user has no home folder to keep keys in: name a folder with the variable "
+            "COHELM_KEYS"
+        ) from error
 
 
 def made(name: str, role: str) -> tuple[bytes, bytes]:

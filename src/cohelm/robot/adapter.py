@@ -9,8 +9,9 @@ import contextlib
 import inspect
 import math
 import os
+import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -33,6 +34,7 @@ _SAME = 0.005  # stamps of one reading, read twice with its age, differ by less 
 _AGAIN = 0.1  # a stop is repeated after this time, in case one was lost [s]
 _LOOK = 0.05  # period of the watchdog [s]
 _MOST, _LONGEST = 16, 400  # faults at a time, and letters of each
+_WAITS = 5.0  # a call at the start that takes longer is named [s]
 _HANGS = 0.1  # a call that takes longer is not waited for before stopping [s]
 
 
@@ -58,6 +60,7 @@ class RobotAdapter:
             )
         self._robot, self._free = robot, unbraked(robot.model.bounds())
         self._newest = Readings()
+        self._first: contextlib.AbstractContextManager[None] = said_if_it_waits("read")
         self._calls = threading.Lock()  # into the robot: one at a time
         self._commanded = self._stopped = -math.inf
         self._moves = False
@@ -92,7 +95,10 @@ class RobotAdapter:
         self._open()
         with self._calls:
             try:
-                given = _in_place(_checked(self._robot.read()), self.model)
+                first, self._first = self._first, contextlib.nullcontext()
+                with first:
+                    given = self._robot.read()
+                given = _in_place(_checked(given), self.model)
                 if given.odometry is not None and _again(given.odometry, self._newest.odometry):
                     given = given._replace(odometry=None)
                 given = given._replace(outline=self._outline(given.outline))
@@ -291,6 +297,25 @@ def _brief(text: str) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1].rstrip()}…"
 
 
+@contextlib.contextmanager
+def said_if_it_waits(call: str) -> Generator[None]:
+    """During a start: a call of the user's robot that takes long is named on stderr, else it is
+    taken for compiling."""
+
+    def say() -> None:
+        what = f"{call} of the robot's driver has not returned for {_WAITS:g} s; the start waits"
+        with contextlib.suppress(Exception):  # the driver may have closed it
+            print(what, file=sys.stderr, flush=True)
+
+    timer = threading.Timer(_WAITS, say)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
 class AdaptedMaker(NamedTuple):
     """Makes a user's robot in the process that is to hold it."""
 
@@ -301,7 +326,8 @@ class AdaptedMaker(NamedTuple):
         """Raises CohelmError if that fails, or if its model differs."""
         make, model = self
         try:
-            robot = make if isinstance(make, Robot) else _made(make, model)
+            with said_if_it_waits("the constructor"):
+                robot = make if isinstance(make, Robot) else _made(make, model)
         except CohelmError:
             raise
         except BaseException as error:

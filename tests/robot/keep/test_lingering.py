@@ -16,9 +16,11 @@ import pytest
 
 import cohelm
 from cohelm.core.errors import CohelmError
+from cohelm.robot import adapter
 from cohelm.robot.adapter import AdaptedMaker
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.process import RemoteGatedRobot
+from cohelm.robot.port import RobotPort
 from tests.few import first
 from tests.patience import looks
 from tests.robot.keep.test_processes import WITHIN, alive
@@ -203,6 +205,35 @@ def test_the_call_in_which_a_driver_hangs_is_named(call):
     """Whatever the loop asked for: the gate process reads and sends by itself too."""
     with pytest.raises(CohelmError, match=f"answer: {call} of the robot's driver waits; the robot"):
         driven(AdaptedMaker(functools.partial(Waits, call=call), SALLY))
+
+
+class WaitsAtOnce(Still):
+    def __init__(self, model: cohelm.RobotModel, call: str) -> None:
+        self.call = call
+        self.waits("the constructor")
+        super().__init__(model)
+
+    def waits(self, call: str) -> None:
+        if call == self.call:
+            time.sleep(0.5)
+
+    def read(self) -> cohelm.Readings:
+        self.waits("read")
+        return super().read()
+
+
+def impatient(call: str) -> RobotPort:
+    adapter._WAITS = 0.1
+    return AdaptedMaker(functools.partial(WaitsAtOnce, call=call), SALLY)()
+
+
+@pytest.mark.parametrize("call", ["the constructor", "read"])
+def test_a_driver_that_waits_at_the_start_is_named_meanwhile(call, capfd):
+    """It is not taken for compiling."""
+    RemoteGatedRobot(functools.partial(impatient, call), rules(SALLY, 0.02)).close()
+    said = capfd.readouterr().err
+    assert said.count("has not returned") == 1
+    assert f"{call} of the robot's driver has not returned for 0.1 s" in said
 
 
 class Prints(Still):
