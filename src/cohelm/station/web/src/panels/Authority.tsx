@@ -17,7 +17,7 @@ export function Authority() {
   const clearance = state?.clearance_seen ?? null
   const applied = state?.applied ?? [0, 0]
   const nominal = state?.nominal ?? [0, 0]
-  const measured = state?.measured ?? [0, 0]
+  const measured = state?.measured ?? null
   return (
     <section class="authority" aria-label="Operator and controller">
       <Dial />
@@ -38,7 +38,9 @@ export function Authority() {
               <th scope="row">applied</th><td>{speed(applied[0])}</td><td>{yaw(applied[1])}</td>
             </tr>
             <tr class="measured" title="what the robot does, by its odometry">
-              <th scope="row">measured</th><td>{speed(measured[0])}</td><td>{yaw(measured[1])}</td>
+              <th scope="row">measured</th>
+              <td>{measured === null ? '–' : speed(measured[0])}</td>
+              <td>{measured === null ? '–' : yaw(measured[1])}</td>
             </tr>
           </tbody>
         </table>
