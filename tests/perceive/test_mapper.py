@@ -77,7 +77,7 @@ def test_the_trajectory_in_the_lab_is_true_within_centimetres(tour):
     off, heading, _ = errors(made.poses, truth)
     assert np.sqrt((off**2).mean()) < 0.03
     assert np.abs(heading).max() < math.radians(0.6)
-    drifted, _, _ = errors([g.odometry for g in seen], truth)
+    drifted, _, _ = errors([g.pose for g in seen], truth)
     assert np.sqrt((off**2).mean()) < 0.2 * np.sqrt((drifted**2).mean())
 
 
