@@ -94,17 +94,13 @@ def _occluded(lidar: Lidar, points: Floats, beams: Ints, a: int, b: int, far: fl
 
 
 @jit
-def update_freshness(found: Floats, sweep: DeskewedScan, earlier: DeskewedScan) -> None:
-    """Raise FRESH of each cluster to the share of its points where an earlier sweep saw free
-    space."""
-    pose = sweep.pose
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
+def update_freshness(found: Floats, places: Floats, earlier: DeskewedScan) -> None:
+    """Raise FRESH of each cluster to the share of its points, at `places` in `odom`, where an
+    earlier sweep saw free space."""
     for k in range(len(found)):
         a, b = int(found[k, FIRST]), int(found[k, LAST])
         free = 0
         for i in range(a, b):
-            x = pose.x + c * sweep.points[i, 0] - s * sweep.points[i, 1]
-            y = pose.y + s * sweep.points[i, 0] + c * sweep.points[i, 1]
-            if was_free(earlier, x, y, 0.0):
+            if was_free(earlier, places[i, 0], places[i, 1], 0.0):
                 free += 1
         found[k, FRESH] = max(found[k, FRESH], free / (b - a))

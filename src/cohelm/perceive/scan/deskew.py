@@ -68,11 +68,18 @@ def all_round(lidar: Lidar) -> bool:
 
 
 @jit_inline
-def in_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> bool:
-    """Whether a beam points at an `odom` point, occluded or not."""
+def in_sensor_frame(sensor: Pose, x: float, y: float) -> tuple[float, float]:
+    """An `odom` point in the frame of a sensor at this pose."""
     c, s = math.cos(sensor.psi), math.sin(sensor.psi)
     wx, wy = x - sensor.x, y - sensor.y
-    return 0 <= beam_at(lidar, c * wx + s * wy, -s * wx + c * wy) < len(lidar.beams)
+    return c * wx + s * wy, -s * wx + c * wy
+
+
+@jit_inline
+def in_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> bool:
+    """Whether a beam points at an `odom` point, occluded or not."""
+    sx, sy = in_sensor_frame(sensor, x, y)
+    return 0 <= beam_at(lidar, sx, sy) < len(lidar.beams)
 
 
 @jit_inline
@@ -82,23 +89,20 @@ def within_view(lidar: Lidar, sensor: Pose, x: float, y: float) -> float:
         return math.inf
     if not in_view(lidar, sensor, x, y):
         return 0.0
-    c, s = math.cos(sensor.psi), math.sin(sensor.psi)
-    wx, wy = x - sensor.x, y - sensor.y
-    bearing = math.atan2(-s * wx + c * wy, c * wx + s * wy)
+    sx, sy = in_sensor_frame(sensor, x, y)
+    bearing = math.atan2(sy, sx)
     if bearing < lidar.first - 0.5 * lidar.step:
         bearing += 2.0 * math.pi
     last = lidar.first + (len(lidar.beams) - 1) * lidar.step
     edge = min(bearing - lidar.first, last - bearing)
-    return math.hypot(wx, wy) * math.sin(min(max(edge, 0.0), 0.5 * math.pi))
+    return math.hypot(sx, sy) * math.sin(min(max(edge, 0.0), 0.5 * math.pi))
 
 
 @jit
 def was_free(sweep: DeskewedScan, x: float, y: float, beside: float) -> bool:
     """Whether a sweep saw past an `odom` point, and past `beside` [m] on either side of it, at
     least by a beam."""
-    wx, wy = x - sweep.sensor.x, y - sweep.sensor.y
-    c, s = math.cos(sweep.sensor.psi), math.sin(sweep.sensor.psi)
-    sx, sy = c * wx + s * wy, -s * wx + c * wy
+    sx, sy = in_sensor_frame(sweep.sensor, x, y)
     far = math.hypot(sx, sy)
     beam = beam_at(sweep.lidar, sx, sy)
     aside = max(1, math.ceil(beside / (max(far, 0.1) * sweep.lidar.step)))

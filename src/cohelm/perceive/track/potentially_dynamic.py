@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints
-from cohelm.perceive.scan.deskew import FREE, NO_SWEEP, DeskewedScan, beam_at, was_free
+from cohelm.perceive.scan.deskew import (
+    FREE,
+    NO_SWEEP,
+    DeskewedScan,
+    beam_at,
+    in_sensor_frame,
+    was_free,
+)
 from cohelm.perceive.space.free_space_memory import (
     CERTAINLY,
     NEAR,
@@ -165,10 +172,8 @@ def is_covered(sweep: DeskewedScan, earlier: DeskewedScan, covered_before: bool)
 @jit
 def _ended_there(earlier: DeskewedScan, x: float, y: float) -> bool:
     """Whether a beam of an earlier sweep ended near there."""
-    wx, wy = x - earlier.sensor.x, y - earlier.sensor.y
-    c, s = math.cos(earlier.sensor.psi), math.sin(earlier.sensor.psi)
-    beam = beam_at(earlier.lidar, c * wx + s * wy, -s * wx + c * wy)
-    far = math.hypot(wx, wy)
+    sx, sy = in_sensor_frame(earlier.sensor, x, y)
+    beam, far = beam_at(earlier.lidar, sx, sy), math.hypot(sx, sy)
     for k in range(max(beam - 2, 0), min(beam + 3, len(earlier.ranges))):
         if abs(earlier.ranges[k] - far) < FREE:
             return True

@@ -83,18 +83,18 @@ def update_tracker(
     fixed: (m,) which of its points are on walls of a map: they are not merged with a mover that
     passes.
     """
-    pose, stamp = sweep.pose, sweep.stamp
+    stamp = sweep.stamp
     dt = min(max(stamp - before.stamp, 0.0), params.longest) if before.sweeps else 0.0
     earlier = [_sweep_at(before.sweeps, stamp - lookback) for lookback in params.lookback]
     found = clusters(sweep, fixed)
+    places = placed(sweep.points, sweep.pose)
     for one in earlier:
         if one is not None:
-            update_freshness(found, sweep, one)
-    places = placed(sweep.points, pose)
+            update_freshness(found, places, one)
     tracks, track_of, dropped, new_movers = _updated_tracks(
         before.tracks, found, places, sweep, dt, params
     )
-    of_movers = _mover_points(tracks, track_of, found, sweep) & ~fixed
+    of_movers = _mover_points(tracks, track_of, found, places) & ~fixed
     kept = tuple(one for one in before.sweeps if stamp - one.stamp < max(params.lookback) + 0.2)
     way = math.dist(before.sweeps[-1].sensor[:2], sweep.sensor[:2]) if before.sweeps else 0.0
     stood = [one or NO_SWEEP for one in earlier[-2:]]
@@ -267,24 +267,21 @@ def _is_kept(track: Floats, sweep: DeskewedScan, params: TrackerParams) -> bool:
 
 @jit
 def _mover_points(
-    tracks: Floats, track_of: Floats, found: Floats, sweep: DeskewedScan
-) -> np.ndarray:  # fmt: skip
-    """Which points of the sweep belong to movers: those of their clusters, and within their
-    discs."""
-    of_movers, pose = np.zeros(len(sweep.points), np.bool_), sweep.pose
+    tracks: Floats, track_of: Floats, found: Floats, places: Floats
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Which of a sweep's points in `odom` belong to movers: those of their clusters, and within
+    their discs."""
+    of_movers = np.zeros(len(places), np.bool_)
     for j in range(len(found)):
         i = int(track_of[j])
         if i >= 0 and tracks[i, MOVES] > 0.0:
             of_movers[int(found[j, FIRST]) : int(found[j, LAST])] = True
-    c, s = math.cos(pose.psi), math.sin(pose.psi)
     for i in range(len(tracks)):
         if tracks[i, MOVES] == 0.0:
             continue
         reach = tracks[i, RADIUS] + 0.05
         for p in range(len(of_movers)):
-            x = pose.x + c * sweep.points[p, 0] - s * sweep.points[p, 1]
-            y = pose.y + s * sweep.points[p, 0] + c * sweep.points[p, 1]
-            dx, dy = x - tracks[i, TX], y - tracks[i, TY]
+            dx, dy = places[p, 0] - tracks[i, TX], places[p, 1] - tracks[i, TY]
             if dx * dx + dy * dy < reach * reach:
                 of_movers[p] = True
     return of_movers
