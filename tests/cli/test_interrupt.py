@@ -103,6 +103,7 @@ class Starting:
     """In place of the robot's process: it starts, until it is killed by what a person pressed."""
 
     pid, host, port, over = 0, "", 0, ""
+    stopped = False
 
     def __init__(self, *_: object, **__: object) -> None:
         self.ready, self.killed = threading.Event(), threading.Event()
@@ -111,7 +112,9 @@ class Starting:
         threading.Thread(target=self._press, args=(self.signals,)).start()
         return self
 
-    def __exit__(self, *_: object) -> None: ...
+    def __exit__(self, *_: object) -> None:
+        os.kill(os.getpid(), signal.SIGINT)  # once more, while it is stopped
+        Starting.stopped = True
 
     def when_ready(self, then: object) -> None: ...
 
@@ -146,8 +149,10 @@ def test_only_without_ctrl_c_is_the_end_of_a_starting_robot_an_error(
     for one in INTERRUPTS[1:]:
         signal.signal(one, signal.SIG_DFL)
     monkeypatch.setattr(Starting, "signals", signals, raising=False)
+    monkeypatch.setattr(Starting, "stopped", False)
     monkeypatch.setattr(robot_process, "RobotProcess", Starting)
     said = cohelm("drive", "--kinematic", "--port", "0")
     assert said.code == code
     assert ("error:" in said.err) == (code == 2)
     assert "the station is closed" in said.err
+    assert Starting.stopped

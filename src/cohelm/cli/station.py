@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -24,6 +25,7 @@ from cohelm.cli.drive_options import (
 from cohelm.cli.live import Foxglove, FoxgloveTeleop, live, shown_at
 from cohelm.cli.output import Pictures, named, plain, say, starting
 from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transports, on_ros
+from cohelm.core.interrupts import INTERRUPTS
 
 if TYPE_CHECKING:
     from cohelm.station.robot_link import Connect
@@ -320,5 +322,7 @@ def serve(
     try:
         server.run()
     finally:
+        for number in INTERRUPTS:  # the robot is being stopped, which ends by itself
+            signal.signal(number, signal.SIG_IGN)
         say("the station is closed")
     return server.interrupted
