@@ -54,6 +54,24 @@ def test_an_interrupt_inside_numba_is_delayed_and_never_lost(file):
         pytest.fail("it was lost")
 
 
+def test_numbas_compiler_is_interrupted_at_once_but_for_what_llvm_calls_back():
+    compiler: dict = {}
+    source = "def run(passes):\n    passes()\ndef _raw_object_cache_notify(passes):\n    passes()"
+    exec(compile(source, "/x/numba/core/compiler_machinery.py", "exec"), compiler)
+    busy, done = frames_of("/x/numba/core/typeinfer.py")["busy"], []
+    with pytest.raises(KeyboardInterrupt):
+        compiler["run"](lambda: done.append(busy(0.1)))
+    assert not done
+
+    def called_back() -> None:
+        compiler["_raw_object_cache_notify"](lambda: done.append(busy(0.1)))
+        time.sleep(5.0)
+
+    with pytest.raises(KeyboardInterrupt):
+        called_back()
+    assert done
+
+
 PRESSED = """
 import os, signal, sys
 from cohelm.__main__ import main

@@ -275,6 +275,7 @@ def common(
 
 
 _MOMENT = 0.003  # [s]
+_COMPILER = "/numba/core/compiler_machinery.py"
 
 
 def patient() -> None:
@@ -302,13 +303,21 @@ def settled() -> None:
 
 def interrupted(_: int, frame: FrameType | None) -> None:
     """The handler: raises, or comes again as an alarm, however often, until it can."""
-    if frame is not None and _inside(frame.f_code.co_filename):
+    if frame is not None and _inside(frame):
         signal.setitimer(signal.ITIMER_REAL, _MOMENT)
         return
     raise KeyboardInterrupt
 
 
-def _inside(file: str) -> bool:
-    """Whether code of this file runs while numba makes an answer: its own, that of named tuples,
-    which is made from text, or this one's."""
-    return file.startswith("<") or "/numba/" in file or file == __file__
+def _inside(frame: FrameType) -> bool:
+    """Whether this code runs while numba makes an answer: its own, that of named tuples, which is
+    made from text, or this one's. Its compiler may be interrupted, which is at it for a minute, but
+    for what LLVM calls back, where an exception is lost."""
+    file, compiles = frame.f_code.co_filename, False
+    above: FrameType | None = frame
+    while above is not None:
+        if above.f_code.co_name.startswith("_raw_object_cache"):
+            return True
+        compiles = compiles or above.f_code.co_filename.endswith(_COMPILER)
+        above = above.f_back
+    return not compiles and (file.startswith("<") or "/numba/" in file or file == __file__)
