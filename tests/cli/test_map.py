@@ -282,6 +282,7 @@ def test_ctrl_c_in_the_middle_of_a_scan_is_taken_after_it(
 
     monkeypatch.setattr(mapping, "Mapper", Pressed)
     before = {one: signal.getsignal(one) for one in INTERRUPTS}
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored where pytest is under nohup
     try:
         said = cohelm("map", record, "--resolution", 0.05, "--out", tmp_path)
     finally:
