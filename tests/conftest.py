@@ -10,7 +10,6 @@ import itertools
 import os
 import re
 import signal
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -47,10 +46,9 @@ def _let_go() -> None:
 gc.unfreeze = _let_go
 
 
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Freeze what is there, and let what watches the clock go first."""
+def pytest_runtest_setup() -> None:
+    """Freeze what is there."""
     global _frozen
-    _give_way(item)
     if not _frozen:
         if next(_COLLECTED):
             gc.collect()
@@ -69,30 +67,30 @@ NOT_QUICK = (
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what is quick."""
+    tests = config.rootpath / "tests"
     for item in items:
-        quick = _quick(item.path, config.rootpath / "tests")
+        where = item.path.relative_to(tests).as_posix() if tests in item.path.parents else ""
+        quick = where.startswith(tuple(f"{folder}/" for folder in QUICK))
+        quick = quick and not where.endswith(NOT_QUICK)
         if quick and item.get_closest_marker("slow") is None:
             item.add_marker(pytest.mark.quick)
 
 
-@functools.cache
-def _quick(file: Path, tests: Path) -> bool:
-    where = file.relative_to(tests).as_posix() if tests in file.parents else ""
-    quick = where.startswith(tuple(f"{folder}/" for folder in QUICK))
-    return quick and not where.endswith(NOT_QUICK)
-
-
-WATCHING = {"gw0", "gw1"}
-"""The workers that run what watches the clock, which mostly waits: side by side, and first."""
+FIRST, SECOND = "gw0", "gw1"
+"""The worker that runs what watches the clock; and the one that helps it at the end."""
 REALTIME, STATION, LONGEST = "realtime", "tests/station/", "wheel"
-LOW = 10
-"""The niceness of all others, and of these when they have none of it left."""
 
 
 @pytest.hookimpl(optionalhook=True)  # the mutants are run without xdist
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """So there are two workers more than cores."""
-    return len(WATCHING) + (os.cpu_count() or 1)
+    """What watches the clock mostly waits: one worker more than there are cores."""
+    return 1 + (os.cpu_count() or 1)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """The other workers take what the first one leaves of the cores."""
+    worker = getattr(config, "workerinput", {"workerid": FIRST})["workerid"]
+    os.nice({FIRST: 0, SECOND: 5}.get(worker, 10))
 
 
 GROUP = r'xdist_group\("(\w+)"\)'
@@ -100,42 +98,20 @@ MARKED = re.compile(rf"^@pytest\.mark\.{GROUP}\n(?:@.*\n)*def (\w+)", re.MULTILI
 """A test that is marked by itself, and not with its file."""
 
 
-@functools.cache
-def _groups(file: Path) -> tuple[str, dict[str, str]]:
-    """The group of a file's tests, if they have one, and of those that have one of their own."""
-    text = file.read_text()
-    own = {match[2]: match[1] for match in MARKED.finditer(text)}
-    whole = re.search(GROUP, MARKED.sub("", text))
-    return whole[1] if whole else "", own
-
-
-def _group(root: Path, test: str) -> str:
-    """Of a test, by its node id; its file, where it has none."""
-    file, _, name = test.partition("::")
-    whole, own = _groups(root / file)
-    return own.get(name.partition("[")[0], whole) or file
-
-
-def _give_way(item: pytest.Item) -> None:
-    """A worker that has nothing left that watches the clock takes what is left of the cores."""
-    here, root = (os.PRIO_PROCESS, 0), item.config.rootpath
-    if hasattr(item.config, "workerinput") and _group(root, item.nodeid) != REALTIME:
-        os.setpriority(*here, max(os.getpriority(*here), LOW))
-
-
 class ByFile(LoadScopeScheduling):
     """Each file to one worker, with those of its group; tests that are marked by themselves, with
-    theirs; what watches the clock, to two workers. The longest group of the others begins first:
+    theirs; what watches the clock, to the first one. The longest group of the others begins first:
     nobody waits for it at the end.
 
-    One after another, those that watch the clock take longer than all others: so two at a time,
-    file by file (those of the station together, which share a robot and a browser).
+    One after another, those that watch the clock take longer than all others: file by file (those
+    of the station together, which share a robot and a browser) the second worker takes of them as
+    soon as nothing else is left, and so nothing else needs its core.
 
     pytest-xdist 3.8 tells groups by a name of tests that pytest 9.2 reads no more.
     """
 
     def _assign_work_unit(self, node: WorkerController) -> None:
-        first = node.gateway.id in WATCHING
+        first = node.gateway.id == FIRST
         self.workqueue.move_to_end(
             min(
                 self.workqueue,
@@ -147,18 +123,27 @@ class ByFile(LoadScopeScheduling):
 
     def _reschedule(self, node: WorkerController) -> None:
         watching = all(unit.startswith(REALTIME) for unit in self.workqueue)
-        there = {one.gateway.id for one in self.nodes} & WATCHING
+        there = {one.gateway.id for one in self.nodes} & {FIRST, SECOND}
         if not watching or not there or node.gateway.id in there:
             super()._reschedule(node)
         elif not node.shutting_down:
             node.shutdown()  # when it has ended what it has
 
     def _split_scope(self, nodeid: str) -> str:
-        group = _group(self.config.rootpath, nodeid)
+        file, _, test = nodeid.partition("::")
+        whole, own = self._groups(file)
+        group = own.get(test.partition("[")[0], whole)
         if group != REALTIME:
             return group
-        file = nodeid.partition("::")[0]
         return f"{REALTIME} {STATION if file.startswith(STATION) else file}"
+
+    @functools.cache  # noqa: B019  there is one, for the whole run
+    def _groups(self, file: str) -> tuple[str, dict[str, str]]:
+        """The group of a file's tests, and of those that have one of their own."""
+        text = (self.config.rootpath / file).read_text()
+        own = {match[2]: match[1] for match in MARKED.finditer(text)}
+        whole = re.search(GROUP, MARKED.sub("", text))
+        return whole[1] if whole else file, own
 
 
 @pytest.hookimpl(optionalhook=True)
