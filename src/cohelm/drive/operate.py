@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.interrupts import INTERRUPTS
 from cohelm.drive.factory import (
     OWN_SITE,
     OwnRobot,
@@ -258,14 +259,14 @@ class End:
 
 @contextmanager
 def end_signals() -> Generator[End]:
-    """Handle Ctrl-C and SIGTERM: while a robot starts they end this process at once, even in the
+    """Handle `INTERRUPTS`: while a robot starts they end this process at once, even in the
     middle of compiling; once it may move, they request the end, see `End.handle_signals`.
 
     Under `nohup`, which ignores the end of the terminal, the drive continues without one.
     """
-    signals = [signal.SIGINT, signal.SIGTERM]
-    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
-        signals.append(signal.SIGHUP)
+    signals: list[signal.Signals] = list(INTERRUPTS)
+    if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
+        signals.remove(signal.SIGHUP)
     before = {number: signal.signal(number, signal.SIG_DFL) for number in signals}
     signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)  # see `robot.keep.processes`
     try:
