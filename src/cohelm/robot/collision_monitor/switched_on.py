@@ -66,13 +66,14 @@ def surface(ranges: Floats, bearings: Floats, noise: float) -> CutSurface | None
     known = np.flatnonzero(~np.isnan(ranges))
     if not len(known) or not 0.0 <= ranges[known[0]] < math.inf:
         return None
+    ends = np.isinf(ranges[known])  # at the first beam without a return, whatever comes after it
+    known = known[: ends.argmax() if ends.any() else None]
     r, at = ranges[known], bearings[known]
     x, y = r * np.cos(at), r * np.sin(at)
     apart = np.abs(np.diff(at))
     gap = r[:-1] * np.sin(apart) / np.sin(np.maximum(_FLAT - apart, 1e-9)) + 3.0 * noise
-    with np.errstate(invalid="ignore"):
-        goes_on = (apart < _FLAT) & (np.hypot(np.diff(x), np.diff(y)) <= gap)
-        goes_on &= np.hypot(x[1:] - x[0], y[1:] - y[0]) <= _PIECE[0]
+    goes_on = (apart < _FLAT) & (np.hypot(np.diff(x), np.diff(y)) <= gap)
+    goes_on &= np.hypot(x[1:] - x[0], y[1:] - y[0]) <= _PIECE[0]
     n = 1 + (len(goes_on) if goes_on.all() else int(goes_on.argmin()))
     points = np.column_stack((x[:n], y[:n]))
     if n < 3 or math.dist(points[0], points[-1]) < _PIECE[1]:
