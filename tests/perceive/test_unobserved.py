@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike
 from cohelm.core.frames import between, compose, inverse, placed
 from cohelm.core.types import Pose, Twist
 from cohelm.perceive.pipeline import Perception, Seen
+from cohelm.perceive.scan.deskew import NO_SWEEP
+from cohelm.perceive.space.cell_window import CELL
+from cohelm.perceive.space.unobserved import UnobservedSpace
 from cohelm.robot.clearance import point_gap
 from cohelm.robot.model import LimitsModel
 from cohelm.robot.port import Odometry, Readings, Scan
@@ -280,6 +283,33 @@ def test_a_mover_behind_the_robot_is_not_beside_it_before_it_can_have_turned_bac
     points = blind(driven(standing(left), start, velocity=(-1.2, 0.0)))
     assert len(points)
     assert points[:, 0].max() < -0.5
+
+
+@pytest.mark.parametrize("rate", [10.0, 7.0, 40.0])
+def test_however_often_it_is_scanned_a_mover_out_of_view_spreads_at_its_speed(rate: float):
+    """In all directions: no slower than that, and no faster than by an eighth; to a cell and a
+    half."""
+    lidar, ranges, speed = SALLY.lidar.lidar(), np.full(720, math.inf), 1.3
+    space, sweep = UnobservedSpace(SALLY.outline, [lidar], 0.3), NO_SWEEP._replace(stamp=-1.0)
+    for psi in (2.1, -2.1, 0.0):  # to have seen the ground all round
+        here = Pose(0.0, 0.0, psi)
+        sweep = sweep._replace(
+            ranges=ranges, pose=here, sensor=compose(here, lidar.mount), lidar=lidar
+        )
+        space.points(sweep, (sweep,), np.empty((0, 6)), speed)
+    scans = round(0.4 * rate)
+    for k in range(scans + 1):  # at first it is where it left the view, then it may be anywhere
+        mover = np.array([[-1.2, 0.0, 0.0, 0.0, 1.1 if k else 0.2, 0.3 if k else 0.2]])
+        sweep = sweep._replace(stamp=k / rate)
+        space.points(sweep, (sweep,), mover, speed)
+    cells = (np.mgrid[-50:51, -50:51].reshape(2, -1).T + 0.5) * CELL
+    out = ~in_view(cells, lidar, here) & (cells[:, 0] < -0.5)
+    found = space.possibly_occupied(here)
+    may = np.array([np.abs(found - one).max(axis=1).min() < 1e-6 for one in cells])
+    away = np.hypot(cells[:, 0] + 1.2, cells[:, 1])
+    way = speed * scans / rate
+    assert may[out & (away < 0.2 + way - 1.5 * CELL)].all()
+    assert not may[away > 0.2 + 1.125 * way + 1.5 * CELL].any()
 
 
 CROSSES = np.array([[-1.4, 3.0 + 0.8 * 6.3, 0.0, 0.0, 0.25, 0.7]])

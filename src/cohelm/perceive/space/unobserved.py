@@ -236,24 +236,23 @@ def approaching(out_of_view: Floats, pose: Pose, far: float) -> Floats:
 @jit
 def occupied(
     cells: ObservedCells, sweeps: tuple[DeskewedScan, ...], out_of_view: Floats, pose: Pose,
-    outline: Floats, fastest: float, dt: float, kept: float,
+    outline: Floats, steps: tuple[int, int], kept: float,
 ) -> ObservedCells:  # fmt: skip
-    """With the cells that movers out of view may occupy dt [s] later: where they left the view, and
-    what they can reach from there, or from beyond the known cells, over unobserved cells within
-    the bounds of their predicted tracks.
+    """With the cells that movers out of view may occupy some steps of a cell later: where they left
+    the view, and what they can reach from there, or from beyond the known cells, over unobserved
+    cells within the bounds of their predicted tracks.
 
-    fastest: assumed largest speed, unless one was observed to be faster [m/s]. kept: within this of
+    steps: how many were made, and how many are then, since movers are out of view. Every second one
+    is diagonal too, so that the steps cover a circle, in an octagon about it. kept: within this of
     the body's origin [m].
     """
     before, side = cells.occupied, len(cells.which)
     after = np.zeros_like(before)
     if not len(out_of_view):
         return ObservedCells(cells.which, after, cells.assumed)
-    speed, any_away = fastest, False
+    any_away = False
     for k in range(len(out_of_view)):
         any_away = any_away or out_of_view[k, UNSEEN] >= _JUST_LEFT
-        speed = max(speed, math.hypot(out_of_view[k, HVX], out_of_view[k, HVY]))
-    steps = math.ceil(speed * dt / CELL)
     low_x, low_y = cell(pose.x - kept), cell(pose.y - kept)
     wide = math.ceil(2.0 * kept / CELL) + 1
     reachable, filled = np.zeros((wide, wide), np.bool_), np.zeros((wide, wide), np.bool_)
@@ -272,16 +271,18 @@ def occupied(
                 any_away and not holds(cells.which, i, j)
             )
             filled[a, b] &= reachable[a, b]
-    for _ in range(steps):
-        previous = filled.copy()
+    for step in range(steps[0], steps[1]):
+        previous, diagonal = filled.copy(), step % 2 == 0
         for a in range(1, wide - 1):
             for b in range(1, wide - 1):
                 if reachable[a, b] and not previous[a, b]:
                     filled[a, b] = (
-                        previous[a - 1, b] or previous[a + 1, b] or previous[a,
-                        b - 1] or previous[a, b + 1]
-                        or previous[a - 1, b - 1] or previous[a - 1, b + 1]
-                        or previous[a + 1, b - 1] or previous[a + 1, b + 1]
+                        previous[a - 1, b] or previous[a + 1, b]
+                        or previous[a, b - 1] or previous[a, b + 1]
+                        or (diagonal and (
+                            previous[a - 1, b - 1] or previous[a - 1, b + 1]
+                            or previous[a + 1, b - 1] or previous[a + 1, b + 1]
+                        ))
                     )  # fmt: skip
     for a in range(wide):
         for b in range(wide):
@@ -393,6 +394,7 @@ class UnobservedSpace(_Ground):
         stops from full speed [m]."""
         super().__init__(outline, lidars, stopping)
         self._stamp = -math.inf
+        self._way = 0.0  # that a mover can have gone, of those now out of view [m]
         self._looked: dict[Pose, Pose] = {}  # where a LiDAR was, by its mount, for its surfaces
 
     def points(
@@ -416,7 +418,11 @@ class UnobservedSpace(_Ground):
             cells = without_covered(cells, surfaces, sweeps, pose, self._outline)
         dt, self._stamp = min(max(sweep.stamp - self._stamp, 0.0), 1.0), sweep.stamp
         near = approaching(out_of_view, pose, far)
-        self._cells = occupied(cells, sweeps, near, pose, self._outline, fastest, dt, kept)
+        before = self._way if len(near) else 0.0
+        speed = float(np.hypot(near[:, HVX], near[:, HVY]).max(initial=fastest))
+        self._way = before + speed * dt
+        steps = math.ceil(before / CELL), math.ceil(self._way / CELL)
+        self._cells = occupied(cells, sweeps, near, pose, self._outline, steps, kept)
         return unobserved_border(self._cells, sweeps, pose, self._outline, far)
 
     def _moved(self, mount: Pose, sensor: Pose) -> bool:
