@@ -71,7 +71,7 @@ def test_the_score_is_the_mean_over_all_episodes_failures_counting_nothing():
     assert math.isnan(summary("guard", [row()], goals=True).score)
 
 
-def test_moving_contacts_with_what_was_out_of_view_are_counted_apart():
+def test_contacts_with_what_was_out_of_view_are_counted_apart():
     rows = [
         row(contacts_moving=1, contact_seen_s=0.0),
         row(contacts_moving=2, contact_seen_s=0.4, contact_needed_s=1.0),
@@ -86,10 +86,14 @@ def test_moving_contacts_with_what_was_out_of_view_are_counted_apart():
     assert (found.late.count, found.late.of) == (1, 5)
     assert found.as_dict()["contacts_moving_unseen"] == 1
     assert found.as_dict()["contacts_moving_late"] == 1
+    assert found.touched_unseen is not None
+    assert (found.touched.count, found.touched_unseen.count, found.touched_unseen.of) == (4, 2, 5)
+    assert found.as_dict()["touched_unseen"] == 2
     told = summary("guard", [row(contacts_moving=1)], goals=True)  # knows all, sees nothing
     assert told.unseen is None
     assert told.as_dict()["contacts_moving_unseen"] is None
     assert told.as_dict()["contacts_moving_late"] is None
+    assert told.as_dict()["touched_unseen"] is None
 
 
 def test_the_json_has_the_keys_that_are_promised():

@@ -93,6 +93,7 @@ def table(found: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         ("with a standing contact: walked into", lambda s: _share(s.standing)),
         ("with a departing contact: moved on into it", lambda s: _share(s.departing)),
         ("touched, of any kind", lambda s: _share(s.touched)),
+        ("... first by what was out of view at that moment", lambda s: _share(s.touched_unseen)),
         ("share of steps untouched", lambda s: _number(s.untouched_share, 5)),
         ("smallest clearance while moving [m]", lambda s: _least(s.spreads, "moving_")),
         ("closest: smallest clearance of all [m]", lambda s: _least(s.spreads, "")),

@@ -93,6 +93,9 @@ class Summary(NamedTuple):
     """Episodes in which it moved into what had walked into it."""
     touched: Share
     """Episodes with a contact of any kind."""
+    touched_unseen: Share | None
+    """Those of them whose first one, a moving one before a standing one, was with something out of
+    view."""
     fell: Share | None
     """Episodes with a fall; None where there are no heights."""
     stuck: Share | None
@@ -123,6 +126,7 @@ class Summary(NamedTuple):
                 **_counted("falls", self.fell),
                 "stuck": self.stuck and self.stuck.count,
                 **_counted("touched", self.touched),
+                "touched_unseen": self.touched_unseen and self.touched_unseen.count,
                 "untouched_share": self.untouched_share,
                 "closest_m": least["min_clearance_m"],
                 "min_clearance_m": least["min_clearance_m"],
@@ -171,8 +175,9 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
         not (row.arrived or row.falls or row.contacts_moving + row.contacts_standing)
         for row in wanting
     )
-    moved = [row for row in sound if row.contacts_moving > 0]
-    seen = [row for row in moved if math.isfinite(row.contact_seen_s)]
+    touched = [row for row in sound if row.contacts_moving + row.contacts_standing > 0]
+    known = [row for row in touched if math.isfinite(row.contact_seen_s)]  # when it was in view
+    moved = [row for row in known if row.contacts_moving > 0]
     scored = any(math.isfinite(row.score) for row in sound)
     scores = [0.0 if row.fault else row.score for row in rows]
     return Summary(
@@ -181,14 +186,15 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
         n - driven,
         share(sum(row.arrived for row in sound), of) if goals else None,
         share(sum(_succeeded(row) for row in sound), of) if goals else None,
-        share(len(moved), driven),
-        share(sum(row.contact_seen_s == 0.0 for row in seen), driven) if seen else None,
-        share(sum(0.0 < row.contact_seen_s < row.contact_needed_s for row in seen), driven)
-        if seen
+        share(sum(row.contacts_moving > 0 for row in sound), driven),
+        share(sum(row.contact_seen_s == 0.0 for row in moved), driven) if moved else None,
+        share(sum(0.0 < row.contact_seen_s < row.contact_needed_s for row in moved), driven)
+        if moved
         else None,
         share(sum(row.contacts_standing > 0 for row in sound), driven),
         share(sum(row.contacts_departing > 0 for row in sound), driven),
-        share(sum(row.contacts_moving + row.contacts_standing > 0 for row in sound), driven),
+        share(len(touched), driven),
+        share(sum(row.contact_seen_s == 0.0 for row in known), driven) if known else None,
         share(sum(row.falls > 0 for row in sound), driven) if uneven else None,
         share(stuck, of) if uneven else None,
         _untouched(sound),
