@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -275,9 +276,12 @@ class Filter:
     def latched(self) -> bool:
         return latched(self.gated.gate.mode)
 
-    def close(self) -> None:
+    def close(self, robot_gone: bool = False) -> None:
+        """robot_gone: the gate process, which would wait for it to stand, is killed."""
         self._over.set()
         self._thread.join(10.0)
+        if robot_gone:
+            os.kill(self.gated.pid, signal.SIGKILL)
         self.gated.close()
 
 
@@ -318,6 +322,8 @@ class Stage:
         topics = Topics(footprint=footprint)
         self.found = look(self.ours, named(robot), topics, Allowed())._replace(connection=way)
         self.filter = Filter(self.found, self.ours)
+        self.robot_gone = False
+        """Said by a test that has taken robot or way to it away for good."""
 
     def speed(self) -> float:
         return abs(self.base.truth().twist.v)
@@ -339,7 +345,8 @@ class Stage:
         return until(lambda: self.speed() < 0.005, within)
 
     def close(self) -> None:
-        for one in (self.filter, self.controller, self.ours, self.theirs, self.base):
+        self.filter.close(self.robot_gone)
+        for one in (self.controller, self.ours, self.theirs, self.base):
             one.close()
 
 

@@ -205,4 +205,4 @@ def test_behind_the_filter_it_stops_for_a_wall_and_for_faults(peer, transport):
         assert until(lambda: any("odometry is" in one for one in list(made.said)), 3.0), made.said
         assert made.fault is None
     finally:
-        made.close()
+        made.close(robot_gone=True)

@@ -214,4 +214,5 @@ def test_it_drives_over_zenoh_on_without_a_router_and_stands_without_a_robot():
         made.base.fault("no odometry")
         assert made.stands(3.0)
         made.base.process.kill()
+        made.robot_gone = True
         assert until(lambda: made.filter.rows[-1].applied == Twist(0.0, 0.0))

@@ -19,6 +19,9 @@ STILL = re.compile(r"applied\s*0\.00 m/s\s*0\.00 rad/s")
 """What the wheels are given, as the screen says it."""
 SOON = 4_000
 """When a person would press again [ms]."""
+AT_ONCE = 1_000
+"""When one would press again what the page may have taken for the second half of a double click: of
+who drives what comes within 600 ms [ms]."""
 PATIENCE = 60.0
 """When even a patient person gives up [s]."""
 
@@ -88,7 +91,7 @@ def take(page: Page) -> None:
     """Become the driver of a robot that nobody drives."""
     who(page).get_by_role("status").wait_for()  # else the first press is of a button yet to come
     until(
-        lambda: expect(who(page)).to_contain_text("You drive", timeout=SOON),
+        lambda: expect(who(page)).to_contain_text("You drive", timeout=AT_ONCE),
         press(page, "Take over"),
     )
 
@@ -146,6 +149,6 @@ def lead(page: Page, key: str, seen: re.Pattern[str]) -> None:
 
 def release(page: Page) -> None:
     until(
-        lambda: expect(who(page)).to_contain_text("No driver", timeout=SOON),
+        lambda: expect(who(page)).to_contain_text("No driver", timeout=AT_ONCE),
         press(page, "Release"),
     )

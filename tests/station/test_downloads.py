@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.types import Pose
+from cohelm.link import congestion, robot_bulk
 from cohelm.link.bulk_messages import Fetch, HealthReport, Picture, Piece
 from cohelm.link.robot_records import RecordTransfer
 from cohelm.link.station_bulk import StationBulk
@@ -32,6 +33,18 @@ SPARSE = 300_000_000
 MEMORY = 24_000_000
 """What a download may take of the station's and the robot's memory together [byte]: what is on its
 way, 1 MB, several times over in Python, TLS and the kernel, and what the allocator keeps."""
+
+
+@pytest.fixture(autouse=True)
+def _fast_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bulk begins with 256 kB/s and doubles that in 0.7 s (tests/link/test_bulk.py)."""
+
+    class Fast(congestion.CongestionControl):
+        def __init__(self, now: float) -> None:
+            super().__init__(now)
+            self.rate = congestion.FASTEST / 5.0
+
+    monkeypatch.setattr(robot_bulk, "CongestionControl", Fast)
 
 
 @pytest.fixture
