@@ -34,7 +34,7 @@ from cohelm.ros.types import HAZARDS
 from tests.ros.stage import alone, until
 from tests.ros.transports import TRANSPORTS, bridge, foxglove
 
-pytestmark = pytest.mark.xdist_group("realtime")
+pytestmark = pytest.mark.xdist_group("bridge")  # which a worker starts once
 STRING = "std_msgs/msg/String"
 
 
