@@ -195,4 +195,4 @@ def test_identified_clients_are_never_dropped_for_unidentified_ones(
     monkeypatch.setattr(serve, "MOST_SERVED", 5)
     idle = HOW["says one thing and sits there"]
     with OwnTime() as own, opened(server) as page, crowd(server.port, 50, idle):
-        beats(page, own, 3.0)
+        beats(page, own, 1.5)
