@@ -10,6 +10,7 @@ import re
 import signal
 import sys
 from collections.abc import Iterable
+from functools import cache
 from types import FrameType
 from typing import Annotated, Any
 
@@ -123,6 +124,13 @@ _NO_NODE = (
 )
 
 
+@cache
+def _built() -> Any:
+    """All commands, once in a process: to read their annotations takes longer than to parse a
+    line."""
+    return typer.main.get_command(app)
+
+
 def main() -> None:
     """Run the command line: one sentence and code 2 for what the user can mend, 130 on Ctrl-C."""
     _open_standard_streams()
@@ -135,7 +143,7 @@ def main() -> None:
         try:
             if "--ros-args" in sys.argv:
                 raise CohelmError(_NO_NODE)
-            if code := app(standalone_mode=False):
+            if code := _built()(standalone_mode=False):
                 sys.exit(code)
         finally:
             if sys.stdout is not None:  # pyright: ignore[reportUnnecessaryComparison]  # `>&-`
