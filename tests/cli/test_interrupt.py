@@ -132,9 +132,16 @@ class Starting:
 
     def __exit__(self, *_: object) -> None:
         os.kill(os.getpid(), signal.SIGINT)  # once more, while it is stopped
+        self.waiting()
+        os.kill(os.getpid(), signal.SIGINT)  # and again, once it is said that this helps
+
+    def kill(self) -> None:
         Starting.stopped = True
 
     def when_ready(self, then: object) -> None: ...
+
+    def when_waiting(self, then) -> None:
+        self.waiting = then
 
     def afterwards(self, then) -> None:
         def dies() -> None:

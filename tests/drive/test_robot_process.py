@@ -4,6 +4,7 @@ import os
 import signal
 import time
 
+from cohelm.drive import robot_process
 from cohelm.drive.operate import DriveOptions
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
@@ -65,4 +66,23 @@ def test_a_robot_tells_its_stations_whether_it_drives_on_without_them(tmp_path):
         hello = next((n.message for n in link.news() if isinstance(n.message, Hello)), None)
     assert hello.carry_on
     link.close()
+    os.kill(robot.pid, signal.SIGSTOP)  # such a one is not waited for, and is not killed
     robot.close()
+    assert robot._process.exitcode == 0
+
+
+def never_ends(line, *_: object) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    line.send(("127.0.0.1", 1))
+    time.sleep(600.0)
+
+
+def test_a_robot_that_does_not_end_is_said_and_can_be_killed(tmp_path, monkeypatch):
+    monkeypatch.setattr(robot_process, "_drive", never_ends)
+    monkeypatch.setattr(robot_process, "_WAITS", 0.1)
+    own, _ = keys.pair_here()
+    robot = RobotProcess(LAB, TeleopConfig(own, "127.0.0.1", 0, tmp_path))
+    assert started(robot)
+    robot.when_waiting(robot.kill)
+    robot.close()
+    assert robot._process.exitcode == -signal.SIGKILL

@@ -212,7 +212,20 @@ def drive(
         def connect(_: str) -> RobotLink:
             return linked() or StartingLink(linked, lambda: robot.over or begun.text())
 
+        def waiting() -> None:
+            say(
+                f"the robot's process ({robot.pid}) does not end yet; Ctrl-C again kills it, and "
+                "its gate process stops the robot"
+            )
+            for number in INTERRUPTS:
+                signal.signal(number, kill)
+
+        def kill(*_: object) -> None:
+            robot.kill()
+            say("killed; its gate process stops the robot, and ends within some seconds")
+
         robot.when_ready(ready)
+        robot.when_waiting(waiting)
         interrupted = serve(connect, host, port, files, robot.afterwards)
         over, came = robot.over, robot.ready.is_set()
     if interrupted or not over:  # a terminal sends Ctrl-C to the robot's process as well

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from cohelm.core.errors import CohelmError
 from cohelm.drive.operate import DriveOptions
 from cohelm.drive.teleop_server import TeleopConfig
-from cohelm.robot.keep.processes import end_with_parent, how_ended, start_process
+from cohelm.robot.keep.processes import end_with_parent, how_ended, resume, start_process
 
 if TYPE_CHECKING:
     from cohelm.drive.live import LiveConfig
@@ -22,6 +22,8 @@ _START = 900.0
 """Time limit for the start, compiling included [s]."""
 _END = 15.0
 """Time limit for the end; then the process is terminated [s]."""
+_WAITS = 1.5
+"""An end that takes longer is no longer waited for in silence [s]."""
 
 
 class RobotProcess:
@@ -51,6 +53,7 @@ class RobotProcess:
         self._on_ready: Callable[[], None] | None = None
         self._turn = threading.Lock()
         self._then: Callable[[], None] = lambda: None
+        self._on_wait: Callable[[], None] = lambda: None
         self._watch = threading.Thread(target=self._watching, name="robot's end", daemon=True)
         self._watch.start()
 
@@ -100,6 +103,15 @@ class RobotProcess:
         if came:
             then()
 
+    def when_waiting(self, then: Callable[[], None]) -> None:
+        """Call a function, in the thread that closes, if the robot's process does not end soon."""
+        self._on_wait = then
+
+    def kill(self) -> None:
+        """End the robot's process at once; its gate process stops the robot. Also in a signal's
+        handler while another call of `close` waits."""
+        self._process.kill()
+
     def close(self) -> None:
         """Request the robot to stop and end, and wait for that."""
         self._end_requested = True
@@ -110,6 +122,10 @@ class RobotProcess:
 
     def _end(self) -> None:
         self._line.close()
+        resume(self._process)
+        self._process.join(_WAITS)
+        if self._process.is_alive():
+            self._on_wait()
         self._process.join(_END)
         if self._process.is_alive():
             self._process.terminate()
@@ -187,5 +203,5 @@ def _drive(
         except CohelmError as error:
             try:
                 line.send(str(error))
-            except OSError:
-                raise error from None
+            except OSError:  # the station has ended
+                _log.error("%s", error)

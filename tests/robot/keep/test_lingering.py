@@ -176,6 +176,16 @@ def test_no_driver_keeps_the_gate_process_alive(make, capfd):
     assert LINGERS in capfd.readouterr().err
 
 
+def test_a_gate_process_that_was_stopped_says_so_and_is_continued_to_end():
+    gated = RemoteGatedRobot(AdaptedMaker(Still, SALLY), rules(SALLY, 0.02))
+    gated._within = 0.2
+    os.kill(gated.pid, signal.SIGSTOP)
+    with pytest.raises(CohelmError, match=r"it was stopped \(SIGSTOP\), and is continued"):
+        gated.read()
+    gated.close()
+    assert not alive(gated.pid)
+
+
 class Waits(Still):
     """One of its calls never returns."""
 

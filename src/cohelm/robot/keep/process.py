@@ -17,7 +17,14 @@ from cohelm.robot.clock import sleep_until
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import LocalGatedRobot
-from cohelm.robot.keep.processes import detach, end_group, how_ended, start_process
+from cohelm.robot.keep.processes import (
+    detach,
+    end_group,
+    how_ended,
+    resume,
+    start_process,
+    stopped,
+)
 from cohelm.robot.keep.serve import BRAKING, CLOSING, Begun, control, serve
 from cohelm.robot.keep.shared_memory import SharedMemory
 from cohelm.robot.model import RobotModel
@@ -137,6 +144,7 @@ class RemoteGatedRobot:
 
     def close(self) -> None:
         """Stop the robot; the gate process closes it once it stands."""
+        resume(self._process)
         with contextlib.suppress(OSError, CohelmError):
             self._ask("close")
         with contextlib.suppress(OSError):
@@ -178,6 +186,11 @@ class RemoteGatedRobot:
         return answer
 
     def _silent(self) -> CohelmError:
+        if stopped(self._process):
+            return CohelmError(
+                "the gate process does not answer: it was stopped (SIGSTOP), and is continued now "
+                "to stop the robot"
+            )
         call = self._memory.called
         why = f"{call} of the robot's driver waits" if call else "this computer is too slow"
         return CohelmError(f"the gate process does not answer: {why}; the robot stops by itself")

@@ -59,6 +59,21 @@ def how_ended(process: SpawnProcess, within: float) -> str:
     return f"killed by {signal.Signals(-code).name}" if code < 0 else f"it exited with code {code}"
 
 
+def stopped(process: SpawnProcess) -> bool:
+    """Whether a process stands still, as after SIGSTOP."""
+    try:
+        stat = Path(f"/proc/{process.pid}/stat").read_text()
+    except OSError:  # it has ended
+        return False
+    return stat.rpartition(")")[2].split()[0] == "T"
+
+
+def resume(process: SpawnProcess) -> None:
+    """Continue a process that may have been stopped: else it can not end."""
+    if process.is_alive():
+        os.kill(process.pid or 0, signal.SIGCONT)
+
+
 def detach(process: SpawnProcess) -> None:
     """Do not join the process at exit, as Python would, without a limit."""
     multiprocessing.process._children.discard(process)  # pyright: ignore
