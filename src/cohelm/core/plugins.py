@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from contextlib import redirect_stdout
+from collections.abc import Generator
+from contextlib import contextmanager, redirect_stdout
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from operator import attrgetter
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.waiting import said_if_it_ends, said_if_it_waits
 
 
 def plugins(group: str) -> dict[str, EntryPoint]:
@@ -20,7 +22,8 @@ def plugins(group: str) -> dict[str, EntryPoint]:
 
 def plugin(group: str, name: str) -> Any:
     """The object of `package:name`, also in the working folder, or the entry point of that name.
-    What it prints when it is imported goes to stderr: it is no result of a command.
+    What it prints when it is imported goes to stderr: it is no result of a command. That it waits,
+    or ends this process, is said there too.
 
     Raises CohelmError where there is no such thing, or importing it fails.
     """
@@ -29,7 +32,7 @@ def plugin(group: str, name: str) -> Any:
         if not colon:
             known = plugins(group)
             if name in known:
-                with redirect_stdout(sys.stderr):
+                with _importing(name):
                     return known[name].load()
             there = f"; installed packages have {', '.join(sorted(known))}" if known else ""
             package, dot, last = name.rpartition(".")
@@ -45,7 +48,7 @@ def plugin(group: str, name: str) -> Any:
         here = str(Path.cwd())
         if here not in sys.path:
             sys.path.insert(0, here)
-        with redirect_stdout(sys.stderr):
+        with _importing(name):
             return attrgetter(inside)(import_module(module))
     except CohelmError:
         raise
@@ -54,3 +57,15 @@ def plugin(group: str, name: str) -> Any:
             f"{name} can not be imported ({type(error).__name__}: {error}): check the name, and "
             "that its package is installed or its file in this folder"
         ) from error
+
+
+@contextmanager
+def _importing(name: str) -> Generator[None]:
+    ended = f"error: this program ended while {name} was imported: run that alone, with " \
+        "python -X faulthandler"  # fmt: skip
+    with (
+        redirect_stdout(sys.stderr),
+        said_if_it_waits(f"the import of {name}"),
+        said_if_it_ends(ended),
+    ):
+        yield

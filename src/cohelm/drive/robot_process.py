@@ -49,6 +49,7 @@ class RobotProcess:
         """Set when the robot can be driven, at `host` and `port`."""
         self.over = ""
         """Why the robot's process has ended without a request; empty: it has not."""
+        self._driver = f", with {options.driver}" if options.driver else ""
         self._end_requested = False
         self._on_ready: Callable[[], None] | None = None
         self._turn = threading.Lock()
@@ -66,7 +67,7 @@ class RobotProcess:
         except (EOFError, OSError):
             self._end()
             raise CohelmError(
-                f"the robot's process ended before it was ready: {self._how_ended()}"
+                f"the robot's process ended before it was ready{self._driver}: {self._how_ended()}"
             ) from None
         except BaseException:
             self._process.kill()  # it does not drive yet, and need not be waited for

@@ -9,9 +9,9 @@ import contextlib
 import inspect
 import math
 import os
-import sys
+import pickle
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from cohelm.core.errors import CohelmError
 from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Pose, Twist
+from cohelm.core.waiting import said_if_it_waits
 from cohelm.robot.achievable import achievable
 from cohelm.robot.base import Robot
 from cohelm.robot.limits import unbraked
@@ -34,7 +35,6 @@ _SAME = 0.005  # stamps of one reading, read twice with its age, differ by less 
 _AGAIN = 0.1  # a stop is repeated after this time, in case one was lost [s]
 _LOOK = 0.05  # period of the watchdog [s]
 _MOST, _LONGEST = 16, 400  # faults at a time, and letters of each
-_WAITS = 5.0  # a call at the start that takes longer is named [s]
 _HANGS = 0.1  # a call that takes longer is not waited for before stopping [s]
 
 
@@ -60,7 +60,9 @@ class RobotAdapter:
             )
         self._robot, self._free = robot, unbraked(robot.model.bounds())
         self._newest = Readings()
-        self._first: contextlib.AbstractContextManager[None] = said_if_it_waits("read")
+        self._first: contextlib.AbstractContextManager[None] = said_if_it_waits(
+            "read of the robot's driver"
+        )
         self._calls = threading.Lock()  # into the robot: one at a time
         self._commanded = self._stopped = -math.inf
         self._moves = False
@@ -297,36 +299,27 @@ def _brief(text: str) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1].rstrip()}…"
 
 
-@contextlib.contextmanager
-def said_if_it_waits(call: str) -> Generator[None]:
-    """During a start: a call of the user's robot that takes long is named on stderr, else it is
-    taken for compiling."""
-
-    def say() -> None:
-        what = f"{call} of the robot's driver has not returned for {_WAITS:g} s; the start waits"
-        with contextlib.suppress(Exception):  # the driver may have closed it
-            print(what, file=sys.stderr, flush=True)
-
-    timer = threading.Timer(_WAITS, say)
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
-
-
 class AdaptedMaker(NamedTuple):
     """Makes a user's robot in the process that is to hold it."""
 
     make: Make
     model: RobotModel
 
+    def __reduce__(self) -> tuple[type[_Unimported], tuple[bytes, str, RobotModel]]:
+        return _Unimported, (pickle.dumps(self.make), self.driver, self.model)
+
+    @property
+    def driver(self) -> str:
+        """The name of what makes it, package:Class."""
+        func: Any = getattr(self.make, "func", self.make)  # of functools.partial
+        made: Any = func if hasattr(func, "__qualname__") else type(func)
+        return f"{made.__module__}:{made.__qualname__}"
+
     def __call__(self) -> RobotPort:
         """Raises CohelmError if that fails, or if its model differs."""
         make, model = self
         try:
-            with said_if_it_waits("the constructor"):
+            with said_if_it_waits("the constructor of the robot's driver"):
                 robot = make if isinstance(make, Robot) else _made(make, model)
         except CohelmError:
             raise
@@ -339,6 +332,24 @@ class AdaptedMaker(NamedTuple):
                 "it keep that one, def __init__(self, model): super().__init__(model)"
             )
         return adapted
+
+
+class _Unimported(NamedTuple):
+    """An `AdaptedMaker` in another process, which imports the driver when it is to make it."""
+
+    pickled: bytes
+    driver: str
+    model: RobotModel
+
+    def __call__(self) -> RobotPort:
+        """Raises CohelmError also if the driver can not be imported there."""
+        try:
+            with said_if_it_waits(f"the import of {self.driver}"):
+                make = pickle.loads(self.pickled)
+        except BaseException as error:
+            why = f"{self.driver} can not be imported by the gate process: {_named(error)}"
+            raise CohelmError(_brief(why)) from error
+        return AdaptedMaker(make, self.model)()
 
 
 def _made(make: Callable[..., Any], model: RobotModel) -> Robot:

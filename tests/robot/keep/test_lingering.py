@@ -2,6 +2,7 @@
 
 import contextlib
 import functools
+import importlib
 import os
 import pty
 import signal
@@ -15,8 +16,8 @@ from pathlib import Path
 import pytest
 
 import cohelm
+from cohelm.core import waiting
 from cohelm.core.errors import CohelmError
-from cohelm.robot import adapter
 from cohelm.robot.adapter import AdaptedMaker
 from cohelm.robot.keep import process
 from cohelm.robot.keep.gated_robot import rules
@@ -230,7 +231,7 @@ class WaitsAtOnce(Still):
 
 
 def impatient() -> RobotPort:
-    adapter._WAITS = 0.1
+    waiting.WAITS = 0.1
     return AdaptedMaker(WaitsAtOnce, SALLY)()
 
 
@@ -306,8 +307,19 @@ def driven(made: AdaptedMaker, kills: bool = False) -> None:
 )  # fmt: skip
 def test_how_the_gate_process_has_ended_is_said(at, how, said):
     made = AdaptedMaker(functools.partial(Crashes, how=how, at=at), SALLY)
-    with pytest.raises(CohelmError, match=rf"the gate process has ended \({said}\); the robot"):
+    then = "; the robot stops" if at else f" while it made {__name__}:Crashes: run that alone"
+    with pytest.raises(CohelmError, match=rf"the gate process has ended \({said}\){then}"):
         driven(made)
+
+
+def test_a_driver_that_only_the_gate_process_can_not_import_is_named(tmp_path, monkeypatch):
+    """As one that opens the hardware when it is imported, which another process has by then."""
+    once = "import cohelm, multiprocessing\nassert not multiprocessing.parent_process(), 'busy'\n"
+    (tmp_path / "opens_once.py").write_text(f"{once}class Cart(cohelm.Robot): ...\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    made = AdaptedMaker(importlib.import_module("opens_once").Cart, SALLY)
+    with pytest.raises(CohelmError, match=r"opens_once:Cart can not be imported by .*: busy"):
+        RemoteGatedRobot(made, rules(SALLY, 0.02))
 
 
 def test_a_driver_that_reads_the_terminal_is_told_no_and_stops_no_process():

@@ -46,7 +46,8 @@ class RemoteGatedRobot:
         self, make: Make, rules: GateRules, record: socket.socket | None = None,
         live: socket.socket | None = None,
     ) -> None:  # fmt: skip
-        """make: makes the robot in the other process; must be picklable. record, live: event sinks.
+        """make: makes the robot in the other process; must be picklable; `driver` names what by.
+        record, live: event sinks.
 
         Raises CohelmError if the robot can not be made.
         """
@@ -61,7 +62,7 @@ class RemoteGatedRobot:
         self._offset = 0.0
         self._within = max(_ANSWER, _WATCHDOGS * rules.watchdog)
         try:
-            begun, handle = self._begun()
+            begun, handle = self._begun(getattr(make, "driver", "the robot"))
         except BaseException:
             self._process.kill()  # nothing has reached the wheels
             self._process.join()
@@ -201,7 +202,7 @@ class RemoteGatedRobot:
             f"the gate process has ended{how and f' ({how})'}; the robot stops by itself"
         )
 
-    def _begun(self) -> tuple[Begun, int]:
+    def _begun(self, driver: str) -> tuple[Begun, int]:
         """The gate process's first message, once it has made the robot."""
         try:
             if not self._line.wait(_START):
@@ -211,7 +212,11 @@ class RemoteGatedRobot:
                 )
             begun, handle = self._line.receive()
         except (EOFError, OSError) as error:
-            raise self._gone() from error
+            how = how_ended(self._process, _LAST)
+            raise CohelmError(
+                f"the gate process has ended{how and f' ({how})'} while it made {driver}: run that "
+                "alone, with python -X faulthandler"
+            ) from error
         if isinstance(begun, CohelmError):
             raise begun
         if not isinstance(begun, Begun) or handle is None:
