@@ -311,9 +311,9 @@ class AdaptedMaker(NamedTuple):
     @property
     def driver(self) -> str:
         """The name of what makes it, package:Class."""
-        func: Any = getattr(self.make, "func", self.make)  # of functools.partial
-        made: Any = func if hasattr(func, "__qualname__") else type(func)
-        return f"{made.__module__}:{made.__qualname__}"
+        func = getattr(self.make, "func", self.make)  # of functools.partial
+        name = getattr(func, "__qualname__", type(func).__qualname__)
+        return f"{func.__module__}:{name}"
 
     def __call__(self) -> RobotPort:
         """Raises CohelmError if that fails, or if its model differs."""
