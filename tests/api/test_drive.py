@@ -45,6 +45,20 @@ def test_it_drives_as_the_simulated_robot_of_the_same_site_does():
 
 
 @pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"rate": "50"}, "rate must be from 10"), ({"seconds": math.nan}, "seconds must be more"),
+        ({"seconds": -1}, "seconds must be more"), ({"mode": 3}, "mode must be a text"),
+        ({"listen": 3}, "listen must be a text"), ({"record": 3}, "name the record's file"),
+        ({"model": 3}, "name a robot, or its"), ({"site": 3}, "name a site, or its"),
+    ],
+)  # fmt: skip
+def test_what_a_drive_is_given_is_looked_at_before_it_drives(given, said):
+    with pytest.raises(cohelm.CohelmError, match=said):
+        cohelm.drive(carts.Cart, **given)
+
+
+@pytest.mark.parametrize(
     ("given", "mode"),
     [
         ({}, Mode.HOLD), ({"joystick": True}, Mode.MANUAL), ({"goals": True}, Mode.AUTOMATIC),

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cohelm.core.arrays import floats
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, X, Y
 
@@ -227,15 +228,8 @@ def _mounted(mount: Pose) -> Pose:
 
 
 def _array(name: str, given: ArrayLike | None) -> Floats:
-    """As compiled code takes it without a new specialization: float64, contiguous, writable. None
-    is empty, which NumPy makes a NaN."""
-    if given is None:
-        return _NOTHING
-    try:
-        made: Floats = np.ascontiguousarray(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise CohelmError(f"{name} must be an array of numbers: {error}") from error
-    return made if made.flags.carray else made.copy()
+    """None is empty, which NumPy makes a NaN."""
+    return _NOTHING if given is None else floats(name, given)
 
 
 def rows(name: str, given: ArrayLike | None, width: int) -> Floats:

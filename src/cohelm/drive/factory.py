@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cohelm.core.errors import CohelmError, naming
+from cohelm.core.files import as_path
 from cohelm.core.plugins import plugin
 from cohelm.core.types import Pose
 from cohelm.perceive.localize.localization_map import LocalizationMap
@@ -33,7 +34,8 @@ OWN_SITE = "open"
 
 def site_of(name: str | Path | None, unnamed: str, changes: list[str] | None) -> Scenario:
     """The scenario where a robot is driven. unnamed: the one where no name is given."""
-    return load.scenario(unnamed if name is None else name, changes or [])
+    named = unnamed if name is None else as_path(name, "a site, or its YAML file")
+    return load.scenario(named, changes or [])
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ def own_robot(
         raise CohelmError(
             f"a robot must be a subclass of cohelm.Robot or make one, got {type(make).__name__}"
         )
-    if isinstance(model, str | Path):
+    if model is not None and not isinstance(model, RobotModel):
         model = load.load_robot(model)
     if model is None and isinstance(make, Robot):
         model = RobotAdapter(make).model

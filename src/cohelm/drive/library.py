@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.files import as_path
 from cohelm.drive.factory import own_robot
 from cohelm.drive.operate import End, end_signals, mode_and_stick
 from cohelm.drive.session import SessionConfig
@@ -43,14 +44,19 @@ def drive(
 
     Raises CohelmError where something can not be started.
     """
-    if not 10.0 <= rate <= 500.0:
-        raise CohelmError(f"rate must be from 10 to 500 periods a second, got {rate:g}")
+    if not _is_number(rate) or not 10.0 <= rate <= 500.0:
+        raise CohelmError(f"rate must be from 10 to 500 periods a second, got {rate!r}")
+    if seconds is not None and (not _is_number(seconds) or not seconds > 0.0):
+        raise CohelmError(f"seconds must be more than 0, or None without an end, got {seconds!r}")
+    for name, given in {"mode": mode, "listen": listen or ""}.items():
+        if not isinstance(given, str):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise CohelmError(f"{name} must be a text, got {given!r}")
     if listen is not None and (mode or arrive):
         raise CohelmError(
             "with listen the station chooses mode and goal: leave out mode and arrive"
         )
     made = own_robot(robot, site, model)
-    file = None if record is None else Path(record)
+    file = None if record is None else as_path(record, "the record's file")
     loop = LoopParams(carry_on=carry_on)
     plan = SessionConfig(made, rate, file, loop=loop)
     heeding = threading.current_thread() is threading.main_thread()
@@ -58,3 +64,7 @@ def drive(
         if listen is not None:
             return drive_for_stations(plan, listen, stop, seconds)
         return drive_here(plan, *mode_and_stick(made, mode), stop, seconds, arrive)
+
+
+def _is_number(given: object) -> bool:
+    return isinstance(given, int | float)

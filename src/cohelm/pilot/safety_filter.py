@@ -273,7 +273,7 @@ def _meant(pose: object, twist: object, nominal: object, seen: object, after: ob
 def _within(name: str, value: float, low: float, high: float, unit: str) -> float:
     try:
         made = float(value)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise CohelmError(f"{name} must be a number, got {value!r}") from error
     if not low <= made <= high:  # nor for NaN
         raise CohelmError(f"{name} must be from {low:g} to {high:g} {unit}, got {made:g}")

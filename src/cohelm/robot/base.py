@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cohelm.core.arrays import floats
 from cohelm.core.errors import CohelmError
 from cohelm.core.obstacles import check_in_metres
 from cohelm.core.types import Floats, Pose, Twist
@@ -113,7 +114,7 @@ class Robot(ABC):
                 "or describe it in the robot's YAML"
             )
         lidar = known[name]
-        made: Floats = np.array(ranges, dtype=np.float64)
+        made: Floats = floats("ranges", ranges).copy()
         if made.shape != (lidar.beams,):
             raise CohelmError(of_sensor(
                 name, f"a scan of {self.model.name} has {lidar.beams} beams, got shape "
@@ -131,6 +132,10 @@ class Robot(ABC):
             lasted = float(duration)
         except (TypeError, ValueError) as error:
             raise CohelmError(f"duration is a scan's in seconds, got {duration!r}") from error
+        if edges is not None:
+            edges = np.asarray(edges, dtype=np.bool_)
+            if edges.shape != made.shape:
+                raise CohelmError(f"edges need one of each beam, got shape {edges.shape}")
         return Scan(self.now() - _aged(age) - lasted, number, made, lasted, name, edges)
 
     def contact(self, sensor: str, on: bool, age: float = 0.0) -> Contact:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cohelm.core.arrays import floats
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
 
@@ -24,8 +25,8 @@ def convex_outline(corners: ArrayLike) -> Floats:
     Raises CohelmError for an invalid outline, with the cure.
     """
     try:
-        given = np.array(corners, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        given = floats("corners", corners)
+    except CohelmError as error:
         raise CohelmError(_NOT_CORNERS) from error
     if given.ndim != 2 or given.shape[1] != 2:
         raise CohelmError(f"{_NOT_CORNERS}, got an array of shape {given.shape}")

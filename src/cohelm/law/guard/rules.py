@@ -30,7 +30,7 @@ def checked_rules(rules: Rules) -> Rules:
     """The same rules, as floats. Raises CohelmError for a value out of range."""
     try:
         made = Rules._make(float(value) for value in rules)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise CohelmError(f"the rules must be {len(Rules._fields)} numbers: {error}") from error
     for name in ("dt", "hard_margin", "steer_weight"):
         value = getattr(made, name)
