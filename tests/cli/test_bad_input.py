@@ -202,7 +202,9 @@ def test_a_file_in_place_of_the_output_folder_is_reported(cohelm, tmp_path, out)
         ("run", "minimal", "--out"), ("reproduce", "--out"), ("replay",), ("map",),
         ("map", "r.mcap", "--out"), ("campaign", "random", "--out"), ("campaign", "barn", "--data"),
         ("calibrate", "sally", "--out"), ("station", "--replay"), ("robot", "--record"),
-        ("drive", "--records"),
+        ("drive", "--records"), ("drive", "--map"), ("drive", "--keep-out"), ("pair", "install"),
+        ("drive", "--speed-zones"), ("station", "--tls-cert"), ("station", "--tls-key"),
+        ("pair", "new", "a", "--out"),
     ],
     ids=" ".join,
 )  # fmt: skip
@@ -568,6 +570,20 @@ def test_an_empty_law_name_is_refused(cohelm, laws):
 def test_an_empty_value_is_no_default(cohelm, words, name):
     """As where a variable of the shell is not set: by default a robot may set off."""
     refused(cohelm(*words), f"{name} is empty: name one, or leave it out")
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (("run", "a\nb"), "SCENARIO"), (("robot", "--record", "a\nb"), "--record"),
+        (("campaign", "random", "--law", "a\nb"), "--law"),
+    ],
+)  # fmt: skip
+def test_a_value_of_several_lines_is_one_error(cohelm, words, name):
+    """As the output of a command that was not one name."""
+    said = cohelm(*words)
+    refused(said, f"{name} has a line break in it")
+    assert said.err.count("error:") == 1
 
 
 def test_an_empty_value_in_a_parameter_file_is_no_default(cohelm, tmp_path):

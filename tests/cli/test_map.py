@@ -383,10 +383,10 @@ def test_cuts_and_crops_of_a_mapping_can_be_undone(folder, tmp_path, cohelm):
         (("map", "--cut", "9:1"), "ends before it begins"),
         (("map", "--cut", "0:1e9"), "nothing is left to draw"),
         (("map", "--live"), "are for a record"),
-        ((".", "--undo"), "name the folder of a mapping"),
+        ((".", "--undo"), ".: holds no survey.npz: name the folder of a mapping"),
         ((".",), "or the record of a drive to map (--out is the folder that it writes into)"),
         (("map/map.png", "--undo"), "name its folder instead of a record"),
-        (("map/map.png", "--resume", "--out", "nowhere"), "there is no such file"),
+        (("map/map.png", "--resume", "--out", "nowhere"), "nowhere: holds no survey.npz"),
     ],
 )
 def test_invalid_marks_are_refused_in_one_sentence(folder, tmp_path, cohelm, options, said):

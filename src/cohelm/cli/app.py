@@ -11,6 +11,7 @@ import signal
 import sys
 from collections.abc import Iterable
 from functools import cache
+from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
 
@@ -30,7 +31,8 @@ _MOST_PROBLEMS = 20
 
 class _Command(typer.core.TyperCommand):
     """Refuses an empty value, as where a variable of the shell is not set: the default instead
-    could set off a robot that was given another site, mode or dock."""
+    could set off a robot that was given another site, mode or dock. Also one of several lines, as
+    of a command's output: what is said of it would be several errors."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         try:
@@ -41,9 +43,11 @@ class _Command(typer.core.TyperCommand):
         for one in self.params:
             value = ctx.params.get(one.name)
             given = ctx.get_parameter_source(one.name).name != "DEFAULT"
+            name = one.opts[0] if one.param_type_name == "option" else one.metavar
             if given and one.name not in _MAY_BE_EMPTY and (value == "" or "" in _several(value)):
-                name = one.opts[0] if one.param_type_name == "option" else one.metavar
                 raise CohelmError(f"{name} is empty: name one, or leave it out")
+            if given and isinstance(value, str | Path) and "\n" in str(value):
+                raise CohelmError(f"{name} has a line break in it: take that out")
         return rest
 
 

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from cohelm.cli.output import named
+
 RobotOrScenario = Annotated[
     str | None,
     typer.Argument(
@@ -38,18 +40,24 @@ Chart = Annotated[
     typer.Option(
         "--map",
         metavar="FILE",
+        parser=named,
         help="Localise on this map: of map_server, in the scenario's frame, or made by "
         "`cohelm map` from the same start; else on the scenario's walls.",
     ),
 ]
 KeepOut = Annotated[
     Path | None,
-    typer.Option("--keep-out", metavar="FILE", help="Keep-out zones: a mask of map_server."),
+    typer.Option(
+        "--keep-out", metavar="FILE", parser=named, help="Keep-out zones: a mask of map_server."
+    ),
 ]
 SpeedZones = Annotated[
     Path | None,
     typer.Option(
-        "--speed-zones", metavar="FILE", help="Speed zones: a mask of Nav2's speed filter."
+        "--speed-zones",
+        metavar="FILE",
+        parser=named,
+        help="Speed zones: a mask of Nav2's speed filter.",
     ),
 ]
 Twin = Annotated[

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from cohelm.cli.app import CommandLine, app, examples, idle_beside, idle_without
-from cohelm.cli.output import Json, plain, print_json, say, typed
+from cohelm.cli.output import Json, named, plain, print_json, say, typed
 
 pair = CommandLine(
     help="Pair stations with robots: keys that allow to drive.", no_args_is_help=True
@@ -27,7 +27,9 @@ def new(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="FILE", help="Where to write it; else NAME.pair."),
+        typer.Option(
+            "--out", "-o", metavar="FILE", parser=named, help="Where to write it; else NAME.pair."
+        ),
     ] = None,
 ) -> None:
     """On the robot: pair a station.
@@ -49,7 +51,8 @@ def new(
 @pair.command(epilog=examples("cohelm pair install desk.pair"))
 def install(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="The file that `cohelm pair new` wrote.")
+        Path,
+        typer.Argument(metavar="FILE", parser=named, help="The file that `cohelm pair new` wrote."),
     ],
 ) -> None:
     """On the station: install a key for a robot.

@@ -108,8 +108,9 @@ def say(text: str) -> None:
 
 
 def typed(path: str | Path) -> str:
-    """A path as it is typed into a shell."""
-    return shlex.quote(str(path))
+    """A path as it is typed into a shell; never as an option."""
+    name = str(path)
+    return shlex.quote(f"./{name}" if name.startswith("-") else name)
 
 
 def plain(text: str) -> str:

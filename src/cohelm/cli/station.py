@@ -44,11 +44,18 @@ _LAST_WORDS = 1.0  # pages get the quality of the link four times a second [s]
 Tls = Annotated[bool, typer.Option("--tls", help="HTTPS, with a certificate made here.")]
 Certificate = Annotated[
     Path | None,
-    typer.Option("--tls-cert", metavar="FILE", help="HTTPS, with this certificate (PEM)."),
+    typer.Option(
+        "--tls-cert", metavar="FILE", parser=named, help="HTTPS, with this certificate (PEM)."
+    ),
 ]
 CertificateKey = Annotated[
     Path | None,
-    typer.Option("--tls-key", metavar="FILE", help="Its key (PEM), where it is not in that file."),
+    typer.Option(
+        "--tls-key",
+        metavar="FILE",
+        parser=named,
+        help="Its key (PEM), where it is not in that file.",
+    ),
 ]
 InClear = Annotated[
     bool,

@@ -138,7 +138,7 @@ class MappingSession:
             )  # fmt: skip
         except FileNotFoundError as error:
             raise CohelmError(
-                f"{path}: there is no such file: name the folder of a mapping by `cohelm map`, or "
+                f"{path.parent}: holds no {NAME}: name the folder of a mapping by `cohelm map`, or "
                 "the record of a drive to map (--out is the folder that it writes into)"
             ) from error
         except (
