@@ -71,6 +71,18 @@ def test_a_gap_is_taken_only_if_the_robot_fits_through(width, passes):
     assert (plan_path(AT, points, LINE, JACKAL) is not None) == passes
 
 
+def test_a_long_robot_goes_through_a_door_straight_also_where_its_route_turns_there():
+    """The shortest way turns between the posts, and there a robot 1.2 m long does not fit askew."""
+    points = np.vstack((wall(4, 0.22, 4, 20), wall(4, -0.22, 4, -20)))
+    turns = np.vstack((line(2, 3, 4, 0), line(4.05, 0.08, 6, 3)))
+    found = plan_path(Pose(2.0, 3.0, -1.0), points, turns, LONG)
+    assert found is not None
+    assert found.rejoined == len(turns) - 1
+    poses = tangents(found.points)
+    assert np.abs(poses[np.abs(poses[:, 0] - 4.0) < 0.6, 2]).max() < 0.1
+    assert least_clearance(points, LONG, poses[1:]) >= PATH_PARAMS.clearance
+
+
 def test_a_bend_is_taken_only_if_the_whole_footprint_fits_around_it():
     """A corridor 0.75 m wide with a right-angled corner: the long robot's tail does not clear."""
     points = np.vstack((

@@ -12,12 +12,13 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.plan.distance_field import (
     DistanceField,
+    clearance,
     distance_field,
     inscribed_radius,
     swept_clearances,
 )
 from cohelm.plan.distance_transform import nearest_occupied
-from cohelm.plan.elastic_band import band, distances, tangents
+from cohelm.plan.elastic_band import band, distances, pull, spread, tangents
 from cohelm.plan.heap import pop, push
 
 _LEAVE = 0.4  # radius within which a start in a tight place may be left [m]
@@ -115,17 +116,99 @@ def plan_path(
                 field, path, pose, min_clearance + path_params.room, path_params.spacing,
                 path_params.rounds,
             )  # fmt: skip
-            poses = tangents(smooth)
-            clearances = swept_clearances(points, outline, poses)
-            clearances[0] = math.inf  # the robot is there already, with any heading
+            poses, clearances = _swept(smooth, points, outline)
             if clearances.min() >= path_params.clearance:
                 return PlannedPath(smooth, rejoined, float(clearances.min()))
+            straight = _through_gaps(field, smooth, points, outline, min_clearance, path_params)
+            if straight is not None:
+                return PlannedPath(straight[0], rejoined, straight[1])
             if clearances[-1] < path_params.clearance:  # it can not face there as the path ends
                 ends = field.clearance[cells[aim - here :, 0], cells[aim - here :, 1]]
                 aim += int(np.argmax(ends >= turning_clearance))
             for x, y, _psi in poses[clearances < path_params.clearance]:
                 field.clearance[_within(field, _cell(field, (x, y)), _BLOCKED_RADIUS)] = 0.0
     return None
+
+
+def _swept(line: Floats, points: Floats, outline: Floats) -> tuple[Floats, Floats]:
+    """The poses along a path, and the outline's clearances there; infinite at the first, where the
+    robot is already, with any heading."""
+    poses = tangents(line)
+    clearances = swept_clearances(points, outline, poses)
+    clearances[0] = math.inf
+    return poses, clearances
+
+
+def _through_gaps(
+    field: DistanceField, line: Floats, points: Floats, outline: Floats, min_clearance: float,
+    path_params: PathParams,
+) -> tuple[Floats, float] | None:  # fmt: skip
+    """A path that goes straight through the gaps in which the outline is too near to obstacles, and
+    its smallest clearance; None if that is still too small [m]."""
+    for _ in range(_TRIES):
+        _, clearances = _swept(line, points, outline)
+        tight = clearances < path_params.clearance
+        if not tight.any():
+            return line, float(clearances.min())
+        straight = through_gap(
+            field, line, int(np.argmax(tight)), points, outline, min_clearance, path_params
+        )
+        if straight is None:
+            break
+        line = straight
+    return None
+
+
+def through_gap(
+    field: DistanceField, line: Floats, k: int, points: Floats, outline: Floats,
+    min_clearance: float, path_params: PathParams,
+) -> Floats | None:  # fmt: skip
+    """A path (m, 2) that goes straight through the gap at its point k; None where there is none.
+
+    A band is as short as it can be, so it turns in a door, where a robot that is longer than wide
+    does not fit. While any part of it is between the nearest obstacles left and right of the path,
+    it goes along their perpendicular bisector instead.
+    """
+    reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
+    beyond = 2.0 * path_params.spacing
+    before, after = float(outline[:, 0].max()) + beyond, float(-outline[:, 0].min()) + beyond
+    along = distances(line)
+    near = np.flatnonzero(np.abs(along - along[k]) <= reach)
+    m = int(near[np.argmin([clearance(field, x, y) for x, y in line[near]])])
+    gap = _gap(line, m, points, 2.0 * (reach + path_params.clearance))
+    if gap is None:
+        return None
+    middle, normal = gap
+    off = (line - middle) @ normal
+    enters, leaves = np.flatnonzero(off[:m] < -before), np.flatnonzero(off[m:] > after)
+    if not len(enters) or not len(leaves):
+        return None
+    a, b = middle - before * normal, middle + after * normal
+    to = spread(np.vstack((line[: enters[-1] + 1], a)), path_params.spacing)
+    back = spread(np.vstack((b, line[m + leaves[0] :])), path_params.spacing)
+    wanted = min_clearance + path_params.room
+    pull(field, to, min(2, len(to)), wanted, path_params.rounds)
+    pull(field, back, 1, wanted, path_params.rounds)
+    return np.vstack((to, spread(np.vstack((a, b)), path_params.spacing)[1:-1], back))
+
+
+def _gap(line: Floats, m: int, points: Floats, widest: float) -> tuple[Floats, Floats] | None:
+    """The middle of the gap at point m of a path, and its direction, (2,) each; None without
+    obstacles on both sides, or where they are farther apart than `widest` [m]."""
+    ahead = line[min(m + 1, len(line) - 1)] - line[max(m - 1, 0)]
+    off = points - line[m]
+    left = ahead[0] * off[:, 1] - ahead[1] * off[:, 0]
+    away = np.hypot(off[:, 0], off[:, 1])
+    if not (left > 0.0).any() or not (left < 0.0).any():
+        return None
+    one = points[np.argmin(np.where(left > 0.0, away, math.inf))]
+    other = points[np.argmin(np.where(left < 0.0, away, math.inf))]
+    across = one - other
+    width = float(np.hypot(*across))
+    if not 0.0 < width <= widest:
+        return None
+    normal = np.array([across[1], -across[0]]) / width
+    return 0.5 * (one + other), normal if normal @ ahead > 0.0 else -normal
 
 
 def _outward(line: Floats, horizon: float) -> int:
