@@ -115,6 +115,16 @@ def test_a_loop_of_the_route_is_not_left_out_after_a_pause():
     assert pilot.state.clock.tau - before < 0.5
 
 
+@pytest.mark.parametrize("middle", [0.326, 0.366, 0.418])
+def test_a_door_hardly_wider_than_the_robot_needs_is_found_wherever_it_is(middle):
+    """11 cm wider than Sally, of which 8 cm are clearance: the middle of no usual cell is in it."""
+    half = 0.29 + 0.055
+    door = np.array([(4, middle + half, 4, 9), (4, middle - half, 4, -9)])
+    pilot = Pilot(through([(0, 0), (4, 0), (8, 0)], 0.5), SETTINGS)
+    seen = surroundings(segments=door)
+    assert not pilot.plan(Pose(0.0, 0.0, 0.0), Twist(0.0, 0.0), seen).failed
+
+
 def test_a_closed_road_is_not_forced():
     d = drive(STRAIGHT, walls=[(3.0, -20.0, 3.0, 20.0)], seconds=15.0)
     assert not d.arrived

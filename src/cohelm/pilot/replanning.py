@@ -42,6 +42,10 @@ _DENSE, _DENSE_WITHIN = 0.01, 2.5  # of dense ones, and their radius around the 
 _RECOVERY = RecoveryParams()
 _NO_PATH: Floats = np.empty((0, 2))
 _CELLS = 1000  # of the grid from a robot that is far from its route to that: larger, not more
+_SEARCHES = ((1.5, False, 1.0), (1.5, False, 0.5), (3.0, True, 1.0))
+"""Searches for a path, in their order: how far along the route, as a share of `look`; whether far
+afield; size of the cells. A gap not much wider than the robot may have no cell of the usual size in
+its middle."""
 _PERIOD = 0.25  # largest period of plans, so that `_once_a_second` is true once a second [s]
 
 
@@ -264,9 +268,9 @@ class Planner(NamedTuple):
             chosen = now.poses[slice(*window(now, clock.tau, params.known)), :2]
         away = float(np.hypot(*(line[row] - pose[:2])))
         resolution = max(self.path_params.resolution, away / _CELLS)
-        path_params = self.path_params._replace(resolution=resolution)
-        for reach, farther in ((1.5, False), (3.0, True))[: 2 if far else 1]:
+        for reach, farther, cell in _SEARCHES[: None if far else 1]:
             end = min(len(line), row + int(reach * params.look / ROUTE_SPACING))
+            path_params = self.path_params._replace(resolution=cell * resolution)
             found = plan_path(
                 pose, points, line[:end], self.settings.outline, path_params, row, params.look,
                 farther, chosen,
