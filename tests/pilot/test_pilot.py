@@ -305,6 +305,18 @@ def test_flush_along_a_wall_and_nose_first_in_a_corner_it_gets_away():
     assert done.clearances.min() > 0.0075
 
 
+def test_nose_first_in_a_dead_end_a_robot_with_a_long_tail_backs_out():
+    """Its tail has no room to turn at the wall, so no path begins there: only from farther back."""
+    tail = np.array([[0.1, 0.25], [-0.9, 0.35], [-0.9, -0.35], [0.1, -0.25]])
+    walls = [(2.92, -1.6, 5.76, -2.74), (5.76, -2.74, 7.13, 0.67), (7.13, 0.67, 4.29, 1.81)]
+    done = drive(
+        [(5, 0), (6, 0), (11, 0)], walls=walls, start=(6.75, 0.18, -0.38), seconds=20.0,
+        settings=SETTINGS._replace(outline=tail),
+    )  # fmt: skip
+    assert done.poses[:, 0].min() < 6.0
+    assert done.clearances.min() > 0.0075
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.1])
 def test_on_its_path_the_pose_error_is_zero_whatever_the_delay(delay):
     done = drive(STRAIGHT, delay=delay, seconds=8.0)

@@ -31,7 +31,7 @@ from cohelm.pilot.step import (
 from cohelm.plan.course import Course, course, route, row_on_route
 from cohelm.plan.evasion.movers import empty_mover_history
 from cohelm.plan.path_planner import PathParams
-from cohelm.plan.recovery import begins, kind
+from cohelm.plan.recovery import after, begins, kind
 
 _BARS = 3.0
 """A kind of motion that monitors hold back is not chosen for an evasion for so long [s]."""
@@ -209,12 +209,17 @@ def taken(state: PilotState, made: Plan, planner: Planner, pose: Pose, twist: Tw
     gets its time.
     """
     clock, waited = state.clock, state.clock.waited
+    move = made.move if state.left == NO_MOVE else None
     if made.new:
-        clock = clock_on_entry(made.course, planner.route, state.row, pose, twist)
+        there = pose if move is None else after(move, pose)
+        clock = clock_on_entry(made.course, planner.route, state.row, there, twist)
         clock = clock._replace(waited=0.0 if made.held else waited)
-    if made.move is not None and state.left == NO_MOVE:
+    if move is not None:
         clock = clock._replace(rate=0.0, waited=0.0)
-        return state._replace(clock=clock, left=made.move, moves=state.moves + 1, awaits=False)
+        return state._replace(
+            clock=clock, left=move, moves=state.moves + 1, awaits=False,
+            pinned=0.0 if made.frees else state.pinned,
+        )  # fmt: skip
     return state._replace(clock=clock, awaits=False)
 
 

@@ -30,9 +30,12 @@ from cohelm.plan.prediction import PredictionParams, predicted_encounters
 from cohelm.plan.recovery import (
     RecoveryMove,
     RecoveryParams,
+    after,
     back_off,
+    clear_distance,
     kind,
     recovery_move,
+    turn_to,
 )
 from cohelm.plan.recovery_search import search_recovery
 
@@ -46,6 +49,7 @@ _SEARCHES = ((1.5, False, 1.0), (1.5, False, 0.5), (3.0, True, 1.0))
 """Searches for a path, in their order: how far along the route, as a share of `look`; whether far
 afield; size of the cells. A gap not much wider than the robot may have no cell of the usual size in
 its middle."""
+_BACK_OUT = (0.5, 1.0, 1.5, 2.0)  # how far the robot backs out, as shares of its reach
 _PERIOD = 0.25  # largest period of plans, so that `_once_a_second` is true once a second [s]
 
 
@@ -76,6 +80,8 @@ class ReplanParams(NamedTuple):
     of `arrive_m` [m]."""
     waits: float = 1.0
     """How long the robot is held up before a recovery move [s]."""
+    pinned: float = 10.0
+    """How long it has not got away from a place before it backs out of it [s]."""
     turned: float = 1.2
     """Heading error above which the robot turns on the spot first [rad]."""
     foresight: PredictionParams = PredictionParams()
@@ -116,6 +122,8 @@ class Plan(NamedTuple):
     """Smallest clearance of the outline on the path ahead [m]."""
     held: bool = False
     """Whether it was made for a robot that is held up."""
+    frees: bool = False
+    """Whether it was made for one that does not get away from a place."""
 
 
 class Planner(NamedTuple):
@@ -155,20 +163,27 @@ class Planner(NamedTuple):
         kept = Plan(refreshed, False, None, False, clearance)
         if task.led or state.left != NO_MOVE:
             return kept
-        far = not len(mover_points) and _once_a_second(task)
-        made = self._course(task, points, kept, far)
-        if made.failed and len(mover_points):
+        free = not len(mover_points)  # else a gap may close, and what is in the way go by itself
+        planner = self._replace(path_params=self.path_params._replace(gaps=free))
+        far = free and _once_a_second(task)
+        made = planner._course(task, points, kept, far)
+        if made.failed and not free:
             far = _once_a_second(task)
-            made = self._course(task, static_points, kept, far)
+            made = planner._course(task, static_points, kept, far)
         ended = not made.new and self._ended(task)
         if (made.failed or ended) and task.unobserved.stop > task.unobserved.start:
             observed = task.obstacles._replace(
                 points=np.delete(task.obstacles.points, task.unobserved, axis=0)
             )
             points = surface_points(observed, task.pose, params.known, _SPACING)
-            made = self._course(task, points, kept, far)
-        move = self._recovery(task, made, static_points)
-        return made._replace(move=move, held=self._held_up(task))
+            made = planner._course(task, points, kept, far)
+        if free and state.pinned > params.pinned and _once_a_second(task):
+            out = self._back_out(task, static_points)
+            if out is None:
+                out = made._replace(move=self._recovery(task, made, static_points, True))
+            return out._replace(held=True, frees=True)
+        held = self._held_up(task)
+        return made._replace(move=self._recovery(task, made, static_points, held), held=held)
 
     def _paced(self, course: Course, tau: float, points: Floats) -> tuple[Course, float]:
         """A path with speeds by clearance, and the smallest clearance ahead of `tau` [m]."""
@@ -269,6 +284,8 @@ class Planner(NamedTuple):
         away = float(np.hypot(*(line[row] - pose[:2])))
         resolution = max(self.path_params.resolution, away / _CELLS)
         for reach, farther, cell in _SEARCHES[: None if far else 1]:
+            if cell < 1.0 and not self.path_params.gaps:
+                continue
             end = min(len(line), row + int(reach * params.look / ROUTE_SPACING))
             path_params = self.path_params._replace(resolution=cell * resolution)
             found = plan_path(
@@ -297,11 +314,47 @@ class Planner(NamedTuple):
         made, clearance = self._paced(made, 0.0, points)
         return Plan(made, True, None, False, clearance)
 
-    def _recovery(self, task: Task, made: Plan, points: Floats) -> RecoveryMove | None:
+    def _back_out(self, task: Task, points: Floats) -> Plan | None:
+        """The path from the nearest place straight behind the robot from which it can drive one,
+        and the move there; None if there is none within twice its reach.
+
+        Where the robot does not get away, its path may be clear and yet not one that it can drive
+        from where it stands: askew in a door it would have to move sideways, and with its nose at a
+        wall its tail has no room to turn. So what is looked at is the predicted drive.
+        """
+        s, pose = self.settings, task.pose
+        reach = float(np.hypot(s.outline[:, 0], s.outline[:, 1]).max())
+        least = s.rules.soft_margin
+        now = float(swept_clearances(points, s.outline, np.array([pose]))[0]) - 1e-6
+        clear = clear_distance(
+            pose, -1.0, 0.0, 2.0 * reach, points, s.outline, reach, min(least, now)
+        )
+        for share in _BACK_OUT:
+            back = RecoveryMove(-share * reach, 0.0, 0.0)
+            if -back.distance > clear:
+                break
+            there = after(back, pose)
+            made = self._detour(task._replace(pose=there), points, True)
+            if made is None:
+                continue
+            heading = float(made.course.poses[1, 2])
+            turn = turn_to(there, heading, points, s.outline, reach, least, 0)
+            if turn is None:
+                continue
+            move = back._replace(turn=turn)
+            there = after(move, pose)
+            clock = clock_on_entry(made.course, self.route, task.state.row, there, Twist(0.0, 0.0))
+            drive = roll_out(made.course, clock, there, Twist(0.0, 0.0), self.replan_params.look, s)
+            if len(drive) and swept_clearances(points, s.outline, drive).min() >= least:
+                return made._replace(move=move)
+        return None
+
+    def _recovery(
+        self, task: Task, made: Plan, points: Floats, held: bool
+    ) -> RecoveryMove | None:  # fmt: skip
         """A recovery move, if one is needed and possible."""
         pose, outline, rules = task.pose, self.settings.outline, self.settings.rules
         clock, to, off = self._on_adoption(made, task)
-        held = self._held_up(task)
         shuffles = task.state.moves >= MOVES  # single moves lead nowhere
         over = clock.tau >= made.course.reference.knots[-1]
         if over or (abs(off) <= (_AHEAD if shuffles else self.replan_params.turned) and not held):

@@ -92,6 +92,10 @@ class PilotState(NamedTuple):
     """Whether it stands until the next plan, which continues a sequence of recovery moves."""
     barred: int = 0
     """Kinds of motion, see `plan.recovery`, that no evasion chooses: monitors hold them back."""
+    place: Pose = Pose(math.inf, math.inf, 0.0)
+    """Where the robot was when it last got anywhere, see `_pinned`."""
+    pinned: float = 0.0
+    """How long it has been there [s]."""
 
 
 START = PilotState(0, 0.0, CourseClock(0.0, 0.0, 0.0), NO_MOVE, 0, 0.0, 0)
@@ -210,9 +214,12 @@ def pilot_step(
         else (EVADING if evasion.on else (ESCAPING if recovering else FOLLOWING))
     )
     moves = 0 if left == NO_MOVE and clock.rate > _PROGRESS_RATE else state.moves
+    place, pinned = pose, 0.0
+    if (follows or recovering) and clock.tau < course.reference.knots[-1]:
+        place, pinned = _pinned(state, pose, min(course.reference.speed, s.fastest), dt)
     next_state = PilotState(
         state.k + 1, state.time + dt, clock, left, row, held, refused, evasion, moves, awaits,
-        state.barred,
+        state.barred, place, pinned,
     )  # fmt: skip
     return next_state, Decision(
         safe, Twist(step.tracking_v, step.tracking_omega),
@@ -249,6 +256,8 @@ PATIENCE = 0.4
 """A recovery move held up for longer is given up [s]."""
 _FACING = 0.03  # heading error at which a turn is over [rad]
 _STILL = 0.01  # a slower recovery move is held up [m/s, rad/s]
+_AWAY, _AWAY_S = 0.4, 1.0  # so far from a place the robot has left it [m, s at its speed]
+_TURNED = 1.0  # so has one that has turned by so much [rad]
 _PROGRESS_RATE = 0.5  # rate of the clock above which the robot makes progress
 
 
@@ -267,6 +276,20 @@ def _standing(
     if still(command) and clock.tau < course.reference.knots[-1]:
         return CourseClock(clock.tau, clock.rate, state.clock.waited + dt)
     return clock
+
+
+@jit
+def _pinned(state: PilotState, pose: Pose, speed: float, dt: float) -> tuple[Pose, float]:
+    """The place that the robot does not get away from, and how long it has been there [s].
+
+    Neither clock nor wheels need to stand for that: before a door that it meets askew a robot
+    twitches for ever, or backs off and comes again.
+    """
+    place = state.place
+    away = math.hypot(pose.x - place.x, pose.y - place.y)
+    if away > min(_AWAY, _AWAY_S * speed) or abs(wrap(pose.psi - place.psi)) > _TURNED:
+        return pose, 0.0
+    return place, state.pinned + dt
 
 
 @jit_inline

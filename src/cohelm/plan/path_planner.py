@@ -51,6 +51,9 @@ class PathParams(NamedTuple):
     """Between the waypoints [m]."""
     rounds: int = 120
     """Iterations of the elastic band."""
+    gaps: bool = True
+    """Whether to go straight through a gap in which the outline would not fit askew; not where
+    movers are about: between them it closes."""
 
 
 _PATH_PARAMS = PathParams()
@@ -119,7 +122,9 @@ def plan_path(
             poses, clearances = _swept(smooth, points, outline)
             if clearances.min() >= path_params.clearance:
                 return PlannedPath(smooth, rejoined, float(clearances.min()))
-            straight = _through_gaps(field, smooth, points, outline, min_clearance, path_params)
+            straight = None
+            if path_params.gaps:
+                straight = _through_gaps(field, smooth, points, outline, min_clearance, path_params)
             if straight is not None:
                 return PlannedPath(straight[0], rejoined, straight[1])
             if clearances[-1] < path_params.clearance:  # it can not face there as the path ends

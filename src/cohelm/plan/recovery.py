@@ -89,7 +89,7 @@ def back_off(
             continue
         best = 0.0, 0.0
         for k in params.curvatures:  # the straightest first
-            far = _clear_distance(pose, sign, k, params.off, points, outline, reach, clearance)
+            far = clear_distance(pose, sign, k, params.off, points, outline, reach, clearance)
             best = max(best, (min(far, params.off), k), key=lambda way: way[0])
         if best[0] > 2.0 * _SPACING:
             return RecoveryMove(sign * best[0], best[1], 0.0)
@@ -158,7 +158,7 @@ def _shortest(
 ) -> RecoveryMove | None:  # fmt: skip
     """The shortest move with `start_clearance` on the arc, and `clearance` in the turn at its
     end."""
-    turn = _turn(pose, heading, points, outline, reach, start_clearance, refused)
+    turn = turn_to(pose, heading, points, outline, reach, start_clearance, refused)
     if turn is not None:
         return RecoveryMove(0.0, 0.0, turn)
     tried: list[tuple[float, float]] = []
@@ -166,20 +166,20 @@ def _shortest(
         if kind(RecoveryMove(sign, 0.0, 0.0)) & refused:
             continue
         for curvature in params.curvatures:
-            clear = _clear_distance(
+            clear = clear_distance(
                 pose, sign, curvature, far, points, outline, reach, start_clearance
             )
             steps = np.arange(1, int(clear / (2.0 * _SPACING)) + 1) * 2.0 * _SPACING
             tried += [(sign * float(d), curvature) for d in steps]
     for distance, curvature in sorted(tried, key=lambda move: abs(move[0])):
         there = arc(pose, Twist(distance, distance * curvature), 1.0)
-        turn = _turn(there, heading, points, outline, reach, clearance, 0)
+        turn = turn_to(there, heading, points, outline, reach, clearance, 0)
         if turn is not None:
             return RecoveryMove(distance, curvature, turn)
     return None
 
 
-def _turn(
+def turn_to(
     pose: Pose, heading: float, points: Floats, outline: Floats, reach: float, clearance: float,
     refused: int,
 ) -> float | None:  # fmt: skip
@@ -229,7 +229,7 @@ def turns(
     return True
 
 
-def _clear_distance(
+def clear_distance(
     pose: Pose, sign: float, curvature: float, far: float, points: Floats, outline: Floats,
     reach: float, clearance: float,
 ) -> float:  # fmt: skip
@@ -258,6 +258,12 @@ def _arcs(pose: Pose, distances: Floats, curvature: float) -> Floats:
         there = arc(pose, Twist(distances[i], distances[i] * curvature), 1.0)
         poses[i, 0], poses[i, 1], poses[i, 2] = there.x, there.y, there.psi
     return poses
+
+
+def after(move: RecoveryMove, pose: Pose) -> Pose:
+    """The pose at the end of a move."""
+    there = arc(pose, Twist(move.distance, move.distance * move.curvature), 1.0)
+    return Pose(there.x, there.y, there.psi + move.turn)
 
 
 @jit
