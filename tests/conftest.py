@@ -83,9 +83,8 @@ REALTIME, STATION, LONGEST = "realtime", "tests/station/", "wheel"
 
 @pytest.hookimpl(optionalhook=True)  # the mutants are run without xdist
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """What watches the clock mostly waits, and the others wait for processes and networks two
-    fifths of their time: two workers more than there are cores."""
-    return 2 + (os.cpu_count() or 1)
+    """What watches the clock mostly waits: one worker more than there are cores."""
+    return 1 + (os.cpu_count() or 1)
 
 
 def pytest_configure(config: pytest.Config) -> None:
