@@ -354,6 +354,8 @@ def main() -> None:
     parser.add_argument("--only", default=",".join(_shots), help="which, with commas between")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "pictures")
     asked = parser.parse_args()
+    if unknown := set(asked.only.split(",")) - set(_shots):
+        parser.error(f"there is no {', '.join(sorted(unknown))}; there are {', '.join(_shots)}")
     with (
         tempfile.TemporaryDirectory() as records,
         sync_playwright() as playwright,
