@@ -21,9 +21,10 @@ from cohelm.plan.evasion.movers import (
     updated_history,
 )
 from cohelm.plan.evasion.params import LONG, EvasionParams, adapted, horizon
-from cohelm.plan.evasion.predicted_motion import PredictedMotion, roll_out_piece
+from cohelm.plan.evasion.predicted_motion import PredictedMotion, roll_out_piece, waiting_cost
 from cohelm.plan.evasion.risk import risk_at, trajectories
 from cohelm.robot.achievable import achievable
+from cohelm.robot.clearance import disc_clearance
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import SHIPPED
@@ -500,3 +501,27 @@ def test_an_overlap_has_a_risk_like_any_other(v):
     )  # fmt: skip
     risk, gap = risk_at(context, here, 0, e)
     assert gap < 0.0 < risk < math.inf
+
+
+def _cost_of_standing(aside: float) -> float:
+    """In the way of a mover that passes so far to the left, and overlaps from a second on [m]."""
+    here, way, e = Pose(0.0, 0.0, 0.0), course(through(WAY, 0.8), 0, True, ON.pace), EvasionParams()
+    obstacles, reach = surroundings(np.empty((0, 6))), circumscribed_radius(ON.outline)
+    for start in np.arange(1.0, 3.0, 0.02):
+        movers = np.array([[start, aside, -0.8, 0.0, 0.4, 1.0, 0.1, 0.0, 0.0, 0.8, 1.6, 1.5, 0.0]])
+        ahead = trajectories(movers, reach, e)
+        at = [disc_clearance(here, ON.outline, x, y, 0.4) for x, y in ahead[:, 0, :2]]
+        if np.argmax(np.array(at) <= 0.0) == 10:
+            context = context_at(
+                ahead, movers, obstacles, here, way, CourseClock(), ON.outline, reach, ON.limits, e
+            )
+            return waiting_cost(context, here, 0.0, 0.0, e)
+    raise AssertionError("never a second before")
+
+
+def test_of_contacts_at_the_same_time_the_shallower_costs_less():
+    """Else a robot does not leave the way of a mover that it can only just not leave in time."""
+    graze, shallow, deep, deeper = (_cost_of_standing(aside) for aside in (0.68, 0.6, 0.3, 0.0))
+    assert graze < shallow - 10.0 < deep - 50.0
+    assert deep == pytest.approx(deeper, abs=10.0)
+    assert graze > 100.0  # and yet more than any way round

@@ -94,7 +94,7 @@ def _contact_cost(
     context: EvasionContext, pose: Pose, twist: Twist, k: int, e: EvasionParams
 ) -> float:
     """The cost of a contact that begins after k steps, if the twist is held and the mover goes on
-    [m]: of a graze little more than of a contact at the horizon.
+    [m]: of a graze half as much for its time as of a deep one.
 
     Which of two motions is touched first is often within the noise of velocities; a robot that
     goes by that alone changes its mind, and does not leave the way of a mover that would only graze
@@ -111,7 +111,8 @@ def _contact_cost(
         deepest = overlap
         pose = arc(pose, twist, STEP)
     left = e.horizon - k * STEP
-    return _CONTACT_COST * (left * min(deepest / e.clearance, 1.0) + 2.0 * STEP)
+    share = 0.5 + 0.5 * min(deepest / e.clearance, 1.0)
+    return _CONTACT_COST * (left * share + 2.0 * STEP)
 
 
 @jit
