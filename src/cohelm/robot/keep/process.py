@@ -196,11 +196,9 @@ class RemoteGatedRobot:
         why = f"{call} of the robot's driver waits" if call else "this computer is too slow"
         return CohelmError(f"the gate process does not answer: {why}; the robot stops by itself")
 
-    def _gone(self) -> CohelmError:
+    def _gone(self, then: str = "; the robot stops by itself") -> CohelmError:
         how = how_ended(self._process, _LAST)
-        return CohelmError(
-            f"the gate process has ended{how and f' ({how})'}; the robot stops by itself"
-        )
+        return CohelmError(f"the gate process has ended{how and f' ({how})'}{then}")
 
     def _begun(self, driver: str) -> tuple[Begun, int]:
         """The gate process's first message, once it has made the robot."""
@@ -212,11 +210,8 @@ class RemoteGatedRobot:
                 )
             begun, handle = self._line.receive()
         except (EOFError, OSError) as error:
-            how = how_ended(self._process, _LAST)
-            raise CohelmError(
-                f"the gate process has ended{how and f' ({how})'} while it made {driver}: run that "
-                "alone, with python -X faulthandler"
-            ) from error
+            alone = f" while it made {driver}: run that alone, with python -X faulthandler"
+            raise self._gone(alone) from error
         if isinstance(begun, CohelmError):
             raise begun
         if not isinstance(begun, Begun) or handle is None:
