@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_no_refcount
 from cohelm.core.scalars import is_finite, wrap
 from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.law.reference import Reference, evaluate
@@ -104,7 +104,7 @@ def profile(reference: Reference, clearance: Floats, pace: PaceParams) -> Profil
     return Profile(rate, duration)
 
 
-@jit
+@jit_no_refcount
 def allowed(profile: Profile, tau: float) -> float:
     """The profile's rate at a time; 0 from the end on.
 
@@ -121,7 +121,7 @@ def allowed(profile: Profile, tau: float) -> float:
     return math.sqrt((1.0 - share) * here * here + share * next * next)
 
 
-@jit
+@jit_no_refcount
 def governed(reference: Reference, clock: CourseClock, pose: Pose, pace: PaceParams) -> Desired:
     """The desired pose, speed and yaw rate at the clock's time and rate, for the tracking law.
 
@@ -143,7 +143,7 @@ def governed(reference: Reference, clock: CourseClock, pose: Pose, pace: PacePar
     return Desired(m.x, m.y, pose.psi + off, rate * spline, rate * yaw)
 
 
-@jit
+@jit_no_refcount
 def govern(
     clock: CourseClock, pose: Pose, reference: Reference, profile: Profile, operator_leads: bool,
     pace: PaceParams, dt: float,
@@ -178,7 +178,7 @@ def govern(
     return CourseClock(tau, rate, clock.waited + dt if stands else 0.0)
 
 
-@jit
+@jit_no_refcount
 def nearest_ahead(reference: Reference, pose: Pose, tau: float, distance: float) -> float:
     """The time of the path's point nearest to the robot, from tau to `distance` metres ahead
     [s]."""

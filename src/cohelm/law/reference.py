@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_no_refcount
 from cohelm.core.types import Desired, Floats
 
 _INSTANT = 1e-9  # waypoints closer in time than this [s] are a mistake in units
@@ -92,7 +92,7 @@ def _natural(knots: Floats, points: Floats) -> Floats:
     return np.ascontiguousarray(np.stack(parts, axis=2).reshape(len(dt), 8))
 
 
-@jit
+@jit_no_refcount
 def _solve(low: Floats, middle: Floats, high: Floats, right: Floats) -> None:
     """Solve a tridiagonal system in place: `right`, (m, 2), becomes the solution.
 
@@ -140,7 +140,7 @@ class PathMotion(NamedTuple):
     ay: float
 
 
-@jit
+@jit_no_refcount
 def evaluate(knots: Floats, coeffs: Floats, t: float) -> PathMotion:
     """S_X, S_Y and their two derivatives at time t [s]; at rest on the ends outside [T_1, T_m]."""
     last = len(knots) - 1
@@ -161,7 +161,7 @@ def evaluate(knots: Floats, coeffs: Floats, t: float) -> PathMotion:
     return PathMotion(x, y, vx, vy, 6.0 * c[0] * s + 2.0 * c[1], 6.0 * c[4] * s + 2.0 * c[5])
 
 
-@jit
+@jit_no_refcount
 def desired(reference: Reference, t: float, spline_speed: bool) -> Desired:
     """The desired pose, speed and yaw rate at time t [s] (10)(12)(13).
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_no_refcount
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.surroundings import position_bound
@@ -20,7 +20,7 @@ def periods(delay: float, dt: float) -> tuple[int, float]:
     return whole, left if left > 1e-6 * dt else 0.0
 
 
-@jit
+@jit_no_refcount
 def predict_robot(
     pose: Pose, twist: Twist, rest: float, sent: Floats, k: int, limits: Limits, dt: float
 ) -> tuple[Pose, Twist]:

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from cohelm.core.flat import names
-from cohelm.core.jit import jit, jit_inline
+from cohelm.core.jit import jit, jit_inline, jit_no_refcount
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Desired, Floats, Pose, Stick, Twist
@@ -241,7 +241,7 @@ def _to_hard_margin(rules: Rules) -> Rules:
     )  # fmt: skip
 
 
-@jit
+@jit_no_refcount
 def _slowed(nominal: Twist, fastest: float) -> Twist:
     """The same arc, no faster than `fastest`."""
     if abs(nominal.v) > fastest:
@@ -267,7 +267,7 @@ def still(command: Twist) -> bool:
     return abs(command.v) < _STILL and abs(command.omega) < _STILL
 
 
-@jit
+@jit_no_refcount
 def _standing(
     state: PilotState, clock: CourseClock, command: Twist, course: Course, dt: float
 ) -> CourseClock:
@@ -278,7 +278,7 @@ def _standing(
     return clock
 
 
-@jit
+@jit_no_refcount
 def _pinned(state: PilotState, pose: Pose, speed: float, dt: float) -> tuple[Pose, float]:
     """The place that the robot does not get away from, and how long it has been there [s].
 
@@ -300,7 +300,7 @@ def _faces_path(state: PilotState, left: RecoveryMove, pose: Pose, target: Desir
     return turning and abs(wrap(target.psi - pose.psi)) < _FACING
 
 
-@jit
+@jit_no_refcount
 def _recovery_progress(
     state: PilotState, left: RecoveryMove, command: Twist, rate: float, dt: float
 ) -> tuple[RecoveryMove, float, int]:
@@ -315,7 +315,7 @@ def _recovery_progress(
     return left, held, state.refused
 
 
-@jit
+@jit_no_refcount
 def _reference(
     state: PilotState, pose: Pose, course: Course, operator_leads: bool, recovering: bool,
     s: Settings, dt: float,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_no_refcount
 from cohelm.core.types import Floats, Pose
 from cohelm.law.govern import PaceParams, Profile, profile
 from cohelm.law.reference import Reference, evaluate
@@ -122,7 +122,7 @@ def paced(
     ), least
 
 
-@jit
+@jit_no_refcount
 def window(course: Course, tau: float, far: float) -> tuple[int, int]:
     """The poses from the time `tau` to `far` metres ahead, as first and one past the last."""
     n = len(course.poses)
@@ -136,7 +136,7 @@ def window(course: Course, tau: float, far: float) -> tuple[int, int]:
     return first, end
 
 
-@jit
+@jit_no_refcount
 def row_on_route(line: Floats, pose: Pose, row: int, course: Course, tau: float) -> int:
     """The row of the route's line where the robot is now.
 

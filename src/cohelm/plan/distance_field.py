@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_no_refcount
 from cohelm.core.types import Floats
 from cohelm.plan.distance_transform import NONE, nearest_occupied
 from cohelm.robot.clearance import point_gap
@@ -78,7 +78,7 @@ def _measure(field: DistanceField, points: Floats) -> None:
             field.clearance[i, j] = math.sqrt(square)
 
 
-@jit
+@jit_no_refcount
 def clearance(field: DistanceField, x: float, y: float) -> float:
     """The clearance at a world point, linear between cell centres; outside, of the border [m]."""
     rows, columns = field.clearance.shape

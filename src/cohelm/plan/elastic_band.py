@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_no_refcount
 from cohelm.core.types import Floats, Pose
 from cohelm.plan.distance_field import DistanceField, clearance
 
@@ -74,7 +74,7 @@ def band(
     return points
 
 
-@jit
+@jit_no_refcount
 def pull(field: DistanceField, points: Floats, fixed: int, wanted: float, rounds: int) -> None:
     """Move the points of a band in place; the first `fixed` and the last stay."""
     h = field.resolution

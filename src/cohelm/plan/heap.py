@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit_no_refcount
 from cohelm.core.types import Floats, Ints
 
 
-@jit
+@jit_no_refcount
 def push(keys: Floats, cells: Ints, size: int, key: float, cell: int) -> int:
     """Add an element to a binary heap of `size`; its new size."""
     at = size
@@ -20,7 +20,7 @@ def push(keys: Floats, cells: Ints, size: int, key: float, cell: int) -> int:
     return size + 1
 
 
-@jit
+@jit_no_refcount
 def pop(keys: Floats, cells: Ints, size: int) -> int:
     """Remove the first element of a binary heap, that with the smallest key; its new size."""
     size -= 1

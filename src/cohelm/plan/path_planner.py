@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_no_refcount
 from cohelm.core.types import Floats, Ints, Pose
 from cohelm.plan.distance_field import (
     DistanceField,
@@ -397,7 +397,7 @@ def tree(free: NDArray[np.bool_], cost: Floats, root: int, target: int) -> Ints:
     return before
 
 
-@jit
+@jit_no_refcount
 def _at_least(i: int, j: int, to_i: int, to_j: int) -> float:
     """The distance to the target where all is free and costs 1 [cells]."""
     di, dj = abs(i - to_i), abs(j - to_j)

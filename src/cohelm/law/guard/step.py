@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_no_refcount
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Pose, Twist
@@ -110,13 +110,13 @@ def guard(
     return Guarded(stop, verdict, change, min_clearance, limiting)
 
 
-@jit
+@jit_no_refcount
 def _bounded(speed: float) -> float:
     """A speed clipped so that arithmetic with it stays finite."""
     return min(max(speed, -1e9), 1e9)
 
 
-@jit
+@jit_no_refcount
 def _accepted(
     command: Twist, nominal: Twist, steer_weight: float, min_clearance: float, limiting: int
 ) -> Guarded:
@@ -126,13 +126,13 @@ def _accepted(
     return Guarded(command, SHAPED, change, min_clearance, limiting)
 
 
-@jit
+@jit_no_refcount
 def _metric_distance(a: Twist, b: Twist, steer_weight: float) -> float:
     dv, domega = a.v - b.v, (a.omega - b.omega) * steer_weight
     return math.sqrt(dv * dv + domega * domega)
 
 
-@jit
+@jit_no_refcount
 def circumscribed_radius(outline: Floats) -> float:
     """Distance from the body origin to the outline's farthest corner [m]."""
     square = 0.0

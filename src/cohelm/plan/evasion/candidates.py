@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cohelm.core.jit import jit, jit_inline
+from cohelm.core.jit import jit, jit_inline, jit_no_refcount
 from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.plan.evasion.context import EvasionContext, path_left
 from cohelm.plan.evasion.params import Evasion, EvasionParams
@@ -47,7 +47,7 @@ def candidates(last: Evasion, limits: Limits, e: EvasionParams) -> tuple[Floats,
     return motions[:n], firsts[:n]
 
 
-@jit
+@jit_no_refcount
 def _set_row(
     motions: Floats, n: int, v: float, omega: float, after: float, then: float, turns: float
 ) -> None:
@@ -55,7 +55,7 @@ def _set_row(
     motions[n, 2], motions[n, 3], motions[n, 4] = after, then, turns
 
 
-@jit
+@jit_no_refcount
 def first_twist(row: Floats) -> Twist:
     """The twist that a motion begins with."""
     return Twist(row[0], row[1]) if row[4] > 0.0 else Twist(row[2], row[3])
@@ -97,12 +97,14 @@ def lower_bounds(
     return bounds
 
 
-@jit
+@jit_no_refcount
 def _unhindered(
     pose: Pose, twist: Twist, command: Twist, duration: float, limits: Limits
 ) -> tuple[Pose, Twist]:
     """Approximately where a commanded twist leads within `duration`, without obstacles."""
     while duration > 1e-6:
+        if twist == command:
+            return arc(pose, twist, duration), twist
         step = min(duration, _STEP)
         twist = achievable(command, twist, limits, step)
         pose = arc(pose, twist, step)

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit, jit_no_refcount
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.law.gains import Gains
@@ -75,13 +75,13 @@ def evade(
     return _cheapest(last, context, pose, twist, obstacles, limits, rules, e, barred)
 
 
-@jit
+@jit_no_refcount
 def _steps_per_period(e: EvasionParams, rules: Rules) -> int:
     """Control steps between two evaluations."""
     return max(int(e.period / rules.dt + 0.5), 1)
 
 
-@jit
+@jit_no_refcount
 def _path_is_clear(
     ahead: Floats, movers: Floats, pose: Pose, twist: Twist, course: Course, clock: CourseClock,
     outline: Floats, reach: float, limits: Limits, gains: Gains, pace: PaceParams, e: EvasionParams,

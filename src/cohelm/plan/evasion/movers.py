@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cohelm.core.jit import jit, jit_inline
+from cohelm.core.jit import jit, jit_inline, jit_no_refcount
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import RADIUS, VX, VY, Floats, Pose, Twist, X, Y
 from cohelm.law.guard.bounds import brake_steps
@@ -86,7 +86,7 @@ def updated_history(
     return out[:n]
 
 
-@jit
+@jit_no_refcount
 def acceleration(past: Floats, most: float, period: float) -> tuple[float, float]:
     """The acceleration of a mover, by the longest stretch of its past on which its velocity changed
     linearly to within its error, the last two at least: least squares.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cohelm.core.jit import jit
+from cohelm.core.jit import jit_no_refcount
 from cohelm.core.types import Pose, Twist
 from cohelm.law.guard.bounds import braked
 from cohelm.plan.evasion.context import EvasionContext, blocked, path_left
@@ -32,7 +32,7 @@ class PredictedMotion(NamedTuple):
     """Of the whole motion, once it has ended; -1 before [m]."""
 
 
-@jit
+@jit_no_refcount
 def roll_out_piece(
     context: EvasionContext, motion: PredictedMotion, command: Twist, until: float, limits: Limits,
     e: EvasionParams, max_risk: float,
@@ -74,7 +74,7 @@ def roll_out_piece(
     return PredictedMotion(pose, twist, t, risk, -1.0)
 
 
-@jit
+@jit_no_refcount
 def waiting_cost(
     context: EvasionContext, pose: Pose, since: float, risk: float, e: EvasionParams
 ) -> float:
@@ -89,7 +89,7 @@ def waiting_cost(
     return path_left(context, pose) + risk
 
 
-@jit
+@jit_no_refcount
 def _contact_cost(
     context: EvasionContext, pose: Pose, twist: Twist, k: int, e: EvasionParams
 ) -> float:
@@ -115,7 +115,7 @@ def _contact_cost(
     return _CONTACT_COST * (left * share + 2.0 * STEP)
 
 
-@jit
+@jit_no_refcount
 def motion_cost(
     context: EvasionContext, motion: PredictedMotion, command: Twist, limits: Limits,
     e: EvasionParams, max_risk: float

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cohelm.core.jit import jit, jit_inline
+from cohelm.core.jit import jit, jit_inline, jit_no_refcount
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
 from cohelm.law.guard.surroundings import is_static
@@ -81,7 +81,7 @@ def _spread(d: Floats, first: int, end: int, step: int) -> None:
             row[j] = before[j + 1] = b
 
 
-@jit
+@jit_no_refcount
 def _mark(d: Floats, x: float, y: float) -> None:
     if x >= 0.0 and y >= 0.0:  # never for NaN
         i, j = int(min(y / CELL, 1e6)), int(min(x / CELL, 1e6))
