@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,7 @@ from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.perceive.pipeline import Perception, Seen, warm_up
 from cohelm.pilot.margin_inflation import SLOP, inflated, inflated_rules, noise
 from cohelm.pilot.pilot import Pilot
+from cohelm.pilot.planner_warm_up import warm_up_planner
 from cohelm.pilot.step import Decision
 from cohelm.plan.docks import Dock
 from cohelm.plan.zones import UNZONED, Zones
@@ -436,5 +438,10 @@ def driver_of(plan: SessionConfig, real_time: bool, reference: Reference | None 
     pilot = Pilot(
         reference, settings, delay=delay, path_params=path_params, replan_params=replan_params
     )
-    planning = RemotePlanner(pilot.planner) if real_time else InProcessPlanner(pilot.planner)
+    planner = pilot.planner
+    planning = (
+        RemotePlanner(planner, partial(warm_up_planner, planner))
+        if real_time
+        else InProcessPlanner(planner)
+    )
     return Driver(pilot, settings, delay, planning, plan.zones)

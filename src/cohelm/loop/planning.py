@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 from cohelm.pilot.replanning import Plan, Planner, Task
 from cohelm.robot.keep.child import Child
@@ -51,8 +52,9 @@ class RemotePlanner:
     A plan whose task is older than `MAX_PLAN_AGE` is not used: the robot has moved on.
     """
 
-    def __init__(self, planner: Planner) -> None:
-        self._child = Child("cohelm planner", planner)
+    def __init__(self, planner: Planner, begin: Callable[[], None] | None = None) -> None:
+        """begin: run there before the first plan."""
+        self._child = Child("cohelm planner", planner, begin)
         self.busy = False
         self._offered = self._polled = 0.0
         self._waited = 0.0

@@ -35,7 +35,8 @@ class Child:
         parent: bool = False,
     ) -> None:  # fmt: skip
         """answer: run there for each request. begin: run there first; what it returns is received
-        first. Both are pickled. parent: it may start processes, which end with it."""
+        first, unless that is None. Both are pickled. parent: it may start processes, which end
+        with it."""
         self._line, theirs = socket.socketpair()
         self._process = start_process(name, _serve, theirs, answer, begin, daemon=not parent)
         theirs.close()
@@ -105,8 +106,8 @@ def _serve(
     end_with_parent()
     os.nice(5)
     with line, line.makefile("rb") as questions, contextlib.suppress(OSError):
-        if begin is not None:
-            line.sendall(_framed(begin()))
+        if begin is not None and (begun := begin()) is not None:
+            line.sendall(_framed(begun))
         while head := questions.read(_SIZE.size):
             (size,) = _SIZE.unpack(head)
             question = questions.read(size)
