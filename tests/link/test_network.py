@@ -138,17 +138,11 @@ def where_the_machine_runs(test: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(test)
     def tried(**given: Any) -> None:
         for left in reversed(range(TRIES)):
-            stood = 0.0
-            with OwnTime() as own:
+            with OwnTime() as own, net.Network() as network, closing(Drive(network)) as drive:
                 try:
-                    with net.Network() as network, closing(Drive(network)) as drive:
-                        try:
-                            test(drive, network, **given)
-                        finally:
-                            stood = drive.stood
-                    return
+                    return test(drive, network, **given)
                 except AssertionError:
-                    if not left or max(own.stood, stood) < STOOD:
+                    if not left or max(own.stood, drive.stood) < STOOD:
                         raise
 
     asked = list(inspect.signature(test).parameters.values())[2:]

@@ -220,7 +220,7 @@ class Driver:
             self.set_zones(self.zones, pose)
 
     def warm_up_planner(self, seen: Seen, gated: GatedRobot) -> None:
-        """Make one plan and discard it: the planner compiles too, which takes long."""
+        """Make one plan and discard it: before it the planner compiles, which takes long."""
         if self.pilot is None or self._planning is None:
             return
         seen = self.with_zones(seen)

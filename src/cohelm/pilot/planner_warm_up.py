@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from cohelm.core.obstacles import Surroundings
-from cohelm.core.types import Floats, Pose, Twist
+from cohelm.core.types import Pose, Twist
+from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.replanning import Planner, Task
 from cohelm.pilot.step import MOVES, START
@@ -65,8 +66,4 @@ def _gap(planner: Planner, reach: float) -> None:
 
 def _walls(*corners: tuple[float, float]) -> Surroundings:
     """Nothing but a wall along these corners."""
-    segments = [(*a, *b) for a, b in pairwise(corners)]
-    none: Floats = np.zeros(0)
-    return Surroundings(
-        np.zeros((0, 6)), none, none, np.array(segments).reshape(-1, 4), np.zeros((0, 2))
-    )
+    return surroundings(segments=[(*a, *b) for a, b in pairwise(corners)] or None)
