@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -325,3 +327,33 @@ def test_dds_forgets_the_nodes_of_participants_that_have_left():
 
     assert until(lambda: not [node for node in known() if node.startswith("/other_")])
     ours.close()
+
+
+TOGETHER = """
+import threading
+from cohelm.ros.dds import DdsTransport
+from cohelm.ros.port import LATCHED
+
+def begin(k):
+    transport = DdsTransport(f"begun_{k}")
+    transport.publish("/begun", "std_msgs/msg/String", LATCHED)
+    transport.subscribe("/heard", "tf2_msgs/msg/TFMessage", LATCHED, print)
+    transport.endpoints()
+    transport.close()
+    print("closed")
+
+threads = [threading.Thread(target=begin, args=(k,)) for k in range(4)]
+for one in threads:
+    one.start()
+for one in threads:
+    one.join()
+"""
+
+
+def test_the_first_ones_of_a_process_may_begin_in_several_threads_at_once():
+    pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
+    alone()
+    done = subprocess.run(
+        [sys.executable, "-c", TOGETHER], text=True, capture_output=True, timeout=60, check=False
+    )
+    assert done.stdout.split() == ["closed"] * 4, done.stderr

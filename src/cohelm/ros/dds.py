@@ -38,7 +38,8 @@ _RANGES = ("SUBNET", "LOCALHOST", "SYSTEM_DEFAULT", "OFF", "NOT_SET")
 """Discovery ranges of ROS 2; but LOCALHOST all are cyclonedds' own."""
 _LOCK = threading.RLock()
 """Of all transports of a process: cyclonedds converts every quality of service through the same few
-variables, so that two threads that look at endpoints at once read freed memory."""
+variables, so that two threads that look at endpoints at once read freed memory; and of transports
+that begin at once one does not."""
 _domains: dict[int, Any] = {}
 """Domains that have been configured in this process; that can be done once."""
 
@@ -76,6 +77,10 @@ class DdsTransport:
         self.domain = domain_id(domain)
         dds = _cyclonedds()
         self.name = f"DDS, domain {self.domain}" + (", this machine only" if local_only() else "")
+        with _LOCK:
+            self._begin(node, namespace, dds)
+
+    def _begin(self, node: str, namespace: str, dds: Any) -> None:
         try:
             if local_only() and self.domain not in _domains:
                 _domains[self.domain] = dds.Domain(self.domain, _LOCAL)
@@ -98,7 +103,6 @@ class DdsTransport:
             reader = dds.BuiltinDataReader(self._participant, topic, kept)
             self._built[publishes] = reader, dds.ReadCondition(reader, anything)
         self._ends: dict[bytes, Endpoint] = {}
-        self._lock = _LOCK
         self._readers: list[tuple[Any, str, Callback]] = []
         self._writers: list[Any] = []
         self._topics: dict[tuple[str, str], Any] = {}
@@ -114,7 +118,7 @@ class DdsTransport:
 
     def publish(self, topic: str, kind: str, qos: Qos) -> Publisher:
         """A publisher, which others see with its type's hash."""
-        with self._lock:
+        with _LOCK:
             ensure_open(self._closed)
             writer = self._writer(dds_topic(topic), known(kind), qos)
             self._graph.writers.append(writer.guid.bytes)
@@ -123,7 +127,7 @@ class DdsTransport:
 
     def subscribe(self, topic: str, kind: str, qos: Qos, callback: Callback) -> End:
         """A subscriber, and what ends it."""
-        with self._lock:
+        with _LOCK:
             ensure_open(self._closed)
             reader = self._reader(dds_topic(topic), known(kind), qos, callback)
             self._graph.readers.append(reader.guid.bytes)
@@ -133,7 +137,7 @@ class DdsTransport:
     def endpoints(self) -> list[Endpoint]:
         """Of other participants."""
         dds = _cyclonedds()
-        with self._lock:
+        with _LOCK:
             ensure_open(self._closed)
             others = [node for nodes in list(self._others.values()) for node in nodes]
             nodes = {gid: name for name, gids in others for gid in gids}  # of each endpoint
@@ -164,7 +168,7 @@ class DdsTransport:
             return
         self._closed.set()
         self._thread.join(2.0)
-        with self._lock:
+        with _LOCK:
             self._readers.clear()
             self._writers.clear()
             self._built.clear()
@@ -173,7 +177,7 @@ class DdsTransport:
             self._participant.__del__()  # with all that is left of it, whoever still holds it
 
     def _leave(self, reader: Any) -> None:
-        with self._lock:
+        with _LOCK:
             mine = [one for one in self._readers if one[0] is reader]
             if self._closed.is_set() or not mine:
                 return
@@ -211,7 +215,7 @@ class DdsTransport:
             if not self._waiting.wait(_WAIT):
                 continue
             stamp = time.monotonic()
-            with self._lock:
+            with _LOCK:
                 readers = list(self._readers)
             for reader, kind, callback in readers:
                 for sample in reader.take(_MOST):
