@@ -96,7 +96,7 @@ def clearance(field: DistanceField, x: float, y: float) -> float:
 
 def inscribed_radius(outline: Floats) -> float:
     """Radius of the largest circle around the body origin inside a convex outline (k, 2) [m]."""
-    edges = np.roll(outline, -1, axis=0) - outline
+    edges = np.concatenate((outline[1:], outline[:1])) - outline
     across = outline[:, 0] * edges[:, 1] - outline[:, 1] * edges[:, 0]
     return float((across / np.hypot(edges[:, 0], edges[:, 1])).min())
 

@@ -17,7 +17,9 @@ _AHEAD = math.radians(60.0)  # a path within this angle of the heading begins al
 def tangents(line: Floats) -> Floats:
     """Poses along a polyline (m, 2), m >= 2, heading from each point's predecessor to its
     successor, (m, 3) [m, rad]."""
-    ahead = np.gradient(line, axis=0)
+    ahead = np.empty(line.shape)  # np.gradient takes five times as long
+    ahead[0], ahead[-1] = line[1] - line[0], line[-1] - line[-2]
+    ahead[1:-1] = line[2:] - line[:-2]
     return np.column_stack((line, np.arctan2(ahead[:, 1], ahead[:, 0])))
 
 

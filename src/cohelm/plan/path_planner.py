@@ -277,32 +277,24 @@ def cheapest_path(
     cost = cell_costs * _tightness_costs(c, min_clearance, path_params.room, path_params.shy)
     columns = c.shape[1]
     root = a[0] * columns + a[1]
-    target = cells[aim - here]
-    flat = tree(free, cost, root, int(target[0] * columns + target[1]))
-    predecessors = flat.reshape(c.shape)
-    rejoined = len(line) - 1
-    reached = np.flatnonzero(
-        predecessors[cells[aim - here :, 0], cells[aim - here :, 1]] != NOT_REACHED
-    )
-    if reached.size:
-        rejoined = aim + int(reached[0])
-        b, end = (int(cells[rejoined - here, 0]), int(cells[rejoined - here, 1])), line[rejoined]
-    else:
-        last = (int(cells[-1, 0]), int(cells[-1, 1]))
-        near = (
-            (predecessors != NOT_REACHED)
-            & (c >= turning_clearance)
-            & _within(field, last, path_params.beside)
-        )
-        i, j = np.nonzero(near)
-        if len(i) == 0:
-            return None
-        best = int(np.argmin((i - last[0]) ** 2 + (j - last[1]) ** 2))
-        b = (int(i[best]), int(j[best]))
-        end = np.array([field.x + field.resolution * b[1], field.y + field.resolution * b[0]])
-    visited = [b[0] * columns + b[1]]
+    beside = _turnable(field, cells[-1], path_params.beside, turning_clearance)
+    ends = np.vstack((cells[aim - here :], beside))
+    open_ends = np.flatnonzero(free[ends[:, 0], ends[:, 1]])
+    if not open_ends.size:
+        return None
+    flat_ends = ends[:, 0] * columns + ends[:, 1]
+    before = tree(free, cost, root, int(flat_ends[open_ends[0]]))
+    reached = np.flatnonzero(before[flat_ends] != NOT_REACHED)
+    if not reached.size:
+        return None
+    best = int(reached[0])
+    rejoined = min(aim + best, len(line) - 1)
+    end = line[rejoined]
+    if aim + best >= len(line):
+        end = np.array([field.x, field.y]) + field.resolution * ends[best, ::-1]
+    visited = [int(flat_ends[best])]
     while visited[-1] != root:
-        visited.append(int(flat[visited[-1]]))
+        visited.append(int(before[visited[-1]]))
     i, j = np.divmod(np.array(visited[::-1]), columns)
     path = np.empty((len(visited), 2))
     path[:, 0] = field.x + field.resolution * j
@@ -339,11 +331,31 @@ def _cells(field: DistanceField, points: Floats) -> Ints:
 
 
 def _within(field: DistanceField, cell: tuple[int, int], radius: float) -> NDArray[np.bool_]:
-    """The cells within a radius [m] of one."""
-    rows, columns = field.clearance.shape
-    i, j = np.ogrid[:rows, :columns]
+    """The cells within a radius of one [m]."""
+    near = np.zeros(field.clearance.shape, np.bool_)
     far = radius / field.resolution
-    return (i - cell[0]) ** 2 + (j - cell[1]) ** 2 <= far * far
+    top, left = max(cell[0] - int(far), 0), max(cell[1] - int(far), 0)
+    part = near[top : cell[0] + int(far) + 1, left : cell[1] + int(far) + 1]
+    i, j = np.ogrid[top : top + part.shape[0], left : left + part.shape[1]]
+    part[:] = (i - cell[0]) ** 2 + (j - cell[1]) ** 2 <= far * far
+    return near
+
+
+@jit
+def _turnable(field: DistanceField, cell: Ints, radius: float, least: float) -> Ints:
+    """The cells within a radius of one [m] with at least a clearance [m], the nearest first,
+    (k, 2)."""
+    rows, columns = field.clearance.shape
+    far = radius / field.resolution
+    border = int(far)
+    found, n = np.empty(((2 * border + 1) ** 2, 3), np.int64), 0
+    for i in range(max(cell[0] - border, 0), min(cell[0] + border + 1, rows)):
+        for j in range(max(cell[1] - border, 0), min(cell[1] + border + 1, columns)):
+            square = (i - cell[0]) ** 2 + (j - cell[1]) ** 2
+            if square <= far * far and field.clearance[i, j] >= least:
+                found[n, 0], found[n, 1], found[n, 2] = square, i, j
+                n += 1
+    return found[:n][np.argsort(found[:n, 0], kind="mergesort"), 1:]
 
 
 NOT_REACHED = -1
