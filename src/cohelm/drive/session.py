@@ -156,6 +156,7 @@ class Session:
             if plan.zones:
                 check(plan.zones, known)
             docks = docks_of(plan, known)
+            self.driver = driver_of(plan, real_time)  # its planner compiles beside all else
             warmed_up = in_thread(lambda: warm_up(model, known is not None)) if real_time else None
             gate = rules(model, plan.period, plan.watchdog + plan.patience)
             listeners = (self.recording, self.live)
@@ -173,7 +174,6 @@ class Session:
             if warmed_up is not None:
                 warmed_up()
             perception = Perception(model, known, robot.start)
-            self.driver = driver_of(plan, real_time)
             self.loop = Loop(
                 self.gated, perception, self.driver, operator or NullOperator(), record,
                 _loop_params(plan), live=live, docks=docks,
