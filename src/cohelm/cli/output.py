@@ -149,8 +149,8 @@ class Starting:
 
         functions, seconds = compiled_since(self._since), time.monotonic() - self._began
         counted = f"{functions} function{'' if functions == 1 else 's'}"
-        compiled = f", compiled {counted} for this machine, once" if functions else ""
-        return f"starting {self._what}{compiled} ({seconds:.0f} s)"
+        compiling = f": compiling for this machine, once, some minutes; {counted} so far"
+        return f"starting {self._what}{compiling if functions else ''} ({seconds:.0f} s)"
 
     def over(self) -> None:
         """The start is over."""

@@ -77,21 +77,21 @@ class DdsTransport:
         self.domain = domain_id(domain)
         dds = _cyclonedds()
         self.name = f"DDS, domain {self.domain}" + (", this machine only" if local_only() else "")
-        with _LOCK:
-            self._begin(node, namespace, dds)
-
-    def _begin(self, node: str, namespace: str, dds: Any) -> None:
         try:
-            if local_only() and self.domain not in _domains:
-                _domains[self.domain] = dds.Domain(self.domain, _LOCAL)
-            enclave = dds.Qos(dds.Policy.Userdata(b"enclave=/;"))
-            self._participant = dds.DomainParticipant(self.domain, enclave)
+            with _LOCK:
+                self._begin(node, namespace, dds)
         except dds.DDSException as error:
             raise CohelmError(
                 f"DDS can not begin in domain {self.domain} ({error.msg}): is a network interface "
                 "up, and CYCLONEDDS_URI sound, if it is set? "
                 "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST needs neither"
             ) from error
+
+    def _begin(self, node: str, namespace: str, dds: Any) -> None:
+        if local_only() and self.domain not in _domains:
+            _domains[self.domain] = dds.Domain(self.domain, _LOCAL)
+        enclave = dds.Qos(dds.Policy.Userdata(b"enclave=/;"))
+        self._participant = dds.DomainParticipant(self.domain, enclave)
         kept = dds.Qos(dds.Policy.Reliability.Reliable(0), dds.Policy.Durability.TransientLocal)
         anything = dds.ViewState.Any | dds.InstanceState.Any | dds.SampleState.Any
         self._built: dict[bool | None, tuple[Any, Any]] = {}
