@@ -33,6 +33,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
+from cohelm.ros import dds
 from cohelm.ros.dds import DdsTransport
 from cohelm.ros.port import End, Qos
 from cohelm.ros.types import packed, store, unpacked
@@ -259,7 +260,7 @@ class Publishing(DdsTransport):
     """A node whose publishers can end, as those of a bridge's clients do."""
 
     def unpublish(self, out: Any) -> None:
-        with self._lock:
+        with dds._LOCK:
             self._writers.remove(out._writer)
             self._graph.writers.remove(out._writer.guid.bytes)
             self._publish_graph()

@@ -7,8 +7,11 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
+from concurrent.futures import process
 from dataclasses import replace
+from multiprocessing import active_children
 
 import pytest
 
@@ -105,6 +108,23 @@ if __name__ == "__main__":
     asked = CampaignConfig("adversary", ("guard",), 7, 400)
     run(asked, Path(sys.argv[1]), 2, None, lambda *_: None)
 """
+
+
+def test_an_interrupted_campaign_leaves_no_process_and_no_thread(tmp_path, monkeypatch):
+    """Python ends beside a thread of the pool with an error, now and then."""
+    of_pool, ending = process._ExecutorManagerThread, "join_executor_internals"
+    real, before = getattr(of_pool, ending), set(threading.enumerate())
+    monkeypatch.setattr(of_pool, ending, lambda thread: time.sleep(0.5) or real(thread))
+    plan = replace(PLAN, n=60)
+
+    def interrupts(_doing, share):
+        if share > 0.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(plan, tmp_path, 2, None, interrupts)
+    assert set(threading.enumerate()) <= before
+    assert not active_children()
 
 
 @pytest.mark.slow  # Ctrl-C and a worker that is killed are tried by default

@@ -238,10 +238,11 @@ def _processes(
         yield _as_they_come(pool, work, 2 * jobs)
         pool.shutdown()
     except BaseException:  # Ctrl-C first of all: do not wait for what is being driven
-        pool.shutdown(wait=False, cancel_futures=True)
         children = set(active_children()) - before
         for child in children:
             child.terminate()
+        # Its thread has to end too: Python ending beside it writes to what it closes.
+        pool.shutdown(cancel_futures=True)
         for child in children:
             child.join()
         raise
