@@ -1,6 +1,6 @@
 # Every target sets up what it needs: a Python >= 3.11 and a network, the first time, are enough.
 .DEFAULT_GOAL := help
-.PHONY: help run reproduce test test-quick test-all test-python warm warm-more wheel package docs lint bench coverage clean
+.PHONY: help run reproduce test test-quick test-all test-python warm warm-more wheel package docs lint bench coverage clean look
 
 # The tests start hundreds of processes: none shall compile Python that another has compiled.
 unexport PYTHONDONTWRITEBYTECODE
@@ -14,6 +14,8 @@ BROWSER := .venv/.browser
 FASTDDS := .venv/.fastdds
 REWRITTEN := .venv/.rewritten
 TYPED := .venv/.typed
+LISTED := .venv/.listed
+MODULES := $(shell find src benchmarks/bench -name node_modules -prune -o -name '*.py' -print | sort)
 
 help:            ## show these lines
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 20
@@ -85,9 +87,12 @@ $(READY): pyproject.toml uv.lock tools/setup.sh
 	@touch $@
 
 # The longest of all checks: again only when what it reads has changed, a module that is gone too.
-$(TYPED): $(READY) $(shell find src benchmarks/bench \( -name node_modules -o -name __pycache__ \) -prune -o \( -name '*.py' -o -type d \) -print)
+$(TYPED): $(READY) $(MODULES) $(LISTED)
 	$(BIN)/pyright
 	@touch $@
+
+$(LISTED): $(READY) look # newer only where other modules are there
+	@printf '%s\n' $(MODULES) | cmp -s - $@ || printf '%s\n' $(MODULES) > $@
 
 $(REWRITTEN): $(READY) # once what every worker would do to all tests' assertions
 	@$(BIN)/pytest --collect-only -qq > /dev/null || true
