@@ -104,6 +104,20 @@ def test_a_reason_is_told_once_in_its_own_words_and_a_passing_one_stays_for_a_se
     assert log == ["limited by an obstacle 0.25 m off", "commands pass unchanged"]
 
 
+def test_another_cause_of_the_same_kind_is_told_once_the_first_has_been_away_for_a_second(told):
+    one, _, log, now = told
+    unseen, wall = "slowed: ground never seen", "limited by an obstacle 0.25 m off"
+    one.take(row("shaped", unseen))
+    for _ in range(45):
+        now[0] += 0.02
+        one.take(row("shaped", wall))
+    assert log == [unseen]
+    for _ in range(45):
+        now[0] += 0.02
+        one.take(row("shaped", wall))
+    assert log == [unseen, wall]
+
+
 def test_a_fault_is_an_error_at_once_and_what_latched_says_so(told):
     one, transport, log, _ = told
     one.take(row("shaped", "limited by an obstacle 0.25 m off"))

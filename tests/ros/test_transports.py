@@ -152,7 +152,8 @@ def test_transient_local_messages_reach_late_subscribers(pair, request):
     time.sleep(1.0)
     latched = Heard(two, "/late_latched", TF, LATCHED if offers else COMMAND)
     volatile = Heard(two, "/late_volatile", STRING)
-    assert until(lambda: len(latched) == 1)
+    assert until(lambda: bool(latched))  # a bridge may send it twice: it forwards, and repeats
+    assert len(latched) == 1 or not offers
     assert not volatile
 
 

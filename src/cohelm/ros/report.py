@@ -29,8 +29,8 @@ _LEVELS = {
 }  # fmt: skip
 
 _WORDED = ("readings", "gate", "command", "footprint")
-"""Kinds of reasons that are published again when their words change, and not their numbers
-alone."""
+"""Kinds of reasons that are published again as soon as their words change, and not their numbers
+alone; of others, other words wait until the first ones are gone."""
 
 
 class Row(NamedTuple):
@@ -109,8 +109,7 @@ class Report:
 
     def _changed(self, row: Row, now: float) -> bool:
         """A new reason is published; one that stays, or comes again at once, keeps its words."""
-        again = row.kind not in _WORDED or _words(row.reason) == _words(self._text)
-        if row.kind == self._kind and again:
+        if (row.kind, _words(row.reason)) == (self._kind, _words(self._text)):
             self._kind_at = now
             return False
         worse = _LEVELS[row.kind] > _LEVELS[self._kind] or row.kind in _WORDED
