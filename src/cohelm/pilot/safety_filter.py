@@ -272,6 +272,8 @@ def _meant(pose: object, twist: object, nominal: object, seen: object, after: ob
 
 def _within(name: str, value: float, low: float, high: float, unit: str) -> float:
     try:
+        if isinstance(value, (bool, str, bytes)):
+            raise TypeError
         made = float(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise CohelmError(f"{name} must be a number, got {value!r}") from error
