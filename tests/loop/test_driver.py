@@ -19,7 +19,7 @@ from tests.pilot.drives import DT, SETTINGS
 HERE = Pose(0.0, 0.0, 0.0)
 SEEN = Seen(
     0.0, HERE, np.eye(3), 1.0, False, "", HERE, Twist(0.0, 0.0), HERE, HERE, surroundings(),
-    slice(0, 0), math.inf, np.empty((0, 6)),
+    slice(0, 0), math.inf, np.empty((0, 6)), 0,
 )  # fmt: skip
 
 
@@ -71,3 +71,16 @@ def test_the_planner_gets_unobserved_space_apart_from_obstacles_and_zones():
         assert task.obstacles.points.tolist() == np.vstack((stands, unseen, zones)).tolist()
     assert tasks[0].obstacles.points[tasks[0].unobserved].tolist() == unseen.tolist()
     assert len(tasks[1].obstacles.points[tasks[1].unobserved]) == 0
+
+
+def test_movers_are_evaluated_in_the_period_in_which_a_scan_comes():
+    """Not up to a tenth of a second later, as it happens to be when the robot is switched on."""
+    driver = Driver(Pilot(through([(0.0, 0.0), (4.0, 0.0)], 0.5), SETTINGS), SETTINGS, 0.0, None)
+    assert driver.pilot is not None
+    scans = 0
+    for k in range(100):
+        comes = k % 5 == 3
+        scans += comes
+        seen = SEEN._replace(obstacles=surroundings([disc(2.0, 1.0, 0.3, 0.8, -0.2, 0.0)], [1.0]))
+        driver.follow(k * DT, seen._replace(scans=scans), Stick(0.0, 0.0))
+        assert k < 5 or (driver.pilot.state.evasion.since == 0.0) == comes

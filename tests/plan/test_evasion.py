@@ -356,7 +356,7 @@ def _accelerations(velocities, error):
         obstacles = surroundings([disc(0.0, 0.0, 0.3, 0.8, vx, vy)], [1.0], velocity_error=[error])
         seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
         history[: len(seen)], history[len(seen) :] = seen, math.nan
-        out.append(acceleration(seen[0], 1.0, 0.1))
+        out.append(acceleration(seen[0], 1.0))
     return np.array(out)
 
 

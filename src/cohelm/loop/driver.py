@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from cohelm.core.obstacles import Surroundings
 from cohelm.core.scalars import wrap
 from cohelm.core.types import CENTRED, Desired, Floats, Pose, Stick, Twist
 from cohelm.law.gains import Gains
@@ -173,36 +172,35 @@ class Driver:
                 now, pilot.task(seen.pose, self._twist, seen.obstacles, seen.unobserved)
             ):
                 self._planned = now
-        return self._step(pilot, now, seen.pose, stick, seen.obstacles)
+        return self._step(pilot, now, seen, seen.pose, stick)
 
     def by_hand(self, now: float, seen: Seen, stick: Stick, gently: bool) -> Decision:
         """The stick alone; centred, the robot stands. gently: as strong as beside the controller,
         else so that the whole stick is the whole speed u_d."""
         pilot = self._stick_only if gently else self._by_hand
-        d = self._step(pilot, now, seen.pose, stick, seen.obstacles)
+        d = self._step(pilot, now, seen, seen.pose, stick)
         return d._replace(tau=math.nan, desired=_NOTHING_DESIRED, e_p=math.nan)
 
     def follow_course(self, pilot: Pilot, now: float, seen: Seen, backwards: bool) -> Decision:
         """Follow another pilot's course, without the stick. backwards: that pilot takes the robot
         as turned by 180°."""
         if not backwards:
-            return self._step(pilot, now, seen.pose, CENTRED, seen.obstacles)
-        back = self._step(pilot, now, turned(seen.pose), CENTRED, seen.obstacles, -1.0)
+            return self._step(pilot, now, seen, seen.pose, CENTRED)
+        back = self._step(pilot, now, seen, turned(seen.pose), CENTRED, -1.0)
         twists: dict[str, Any] = {name: reversed_twist(getattr(back, name)) for name in _TWISTS}
         psi, u = wrap(back.desired.psi + math.pi), -back.desired.u
         return back._replace(**twists, desired=back.desired._replace(psi=psi, u=u))
 
     def _step(
-        self, pilot: Pilot, now: float, pose: Pose, stick: Stick, obstacles: Surroundings,
-        way: float = 1.0,
-    ) -> Decision:  # fmt: skip
+        self, pilot: Pilot, now: float, seen: Seen, pose: Pose, stick: Stick, way: float = 1.0
+    ) -> Decision:
         """way: -1 for a pilot that takes the robot as turned by 180°."""
         d = self._delay  # the commands under way, as they were sent
         for j in range(d):
             applied = self._applied[j + 1]
             pilot.sent[(pilot.state.k + j) % d] = (way * applied.v, applied.omega)
         twist = self._twist if way > 0.0 else reversed_twist(self._twist)
-        return pilot.step(now, pose, twist, stick, obstacles, self.max_speed)
+        return pilot.step(now, pose, twist, stick, seen.obstacles, self.max_speed, seen.scans)
 
     def warm_up(self, seen: Seen) -> None:
         """Compile what a period may need; no state changes."""

@@ -78,6 +78,8 @@ class Seen(NamedTuple):
     view [m]; infinite without any."""
     movers: Floats
     """(n, 6) as in `core.types`."""
+    scans: int
+    """How many scans have updated the movers so far."""
 
 
 class Perception:
@@ -147,6 +149,7 @@ class Perception:
         self._map_odom = start or Pose(0.0, 0.0, 0.0)
         self._placed = start is None
         self._localization: Localization | None = None
+        self._scans = 0
         self._matched = Pose(0.0, 0.0, 0.0)  # odometry pose of the newest scan
 
     def place(self, pose: Pose, sigma: float = 0.3) -> None:
@@ -224,7 +227,9 @@ class Perception:
             return True
         lost = self._localization is None or self._localization.lost
         known = None if lost else self.known
+        before = source.tracked.stamp
         static = source.take(scan, self._odometry_buffer, known, self._map_odom)
+        self._scans += source.tracked.stamp != before
         if static is None:
             return True
         self._update_unobserved(source)
@@ -286,7 +291,7 @@ class Perception:
             odom_received=self._received or Pose(0.0, 0.0, 0.0),
             obstacles=obstacles.placed(self._map_odom), unobserved=unobserved,
             assumed_gap=space.assumed_gap(here) if space is not None else math.inf,
-            movers=placed_discs(movers, self._map_odom),
+            movers=placed_discs(movers, self._map_odom), scans=self._scans,
         )  # fmt: skip
 
     def _moving(self, now: float) -> tuple[Floats, Floats, Floats]:

@@ -80,6 +80,7 @@ class Pilot:
         self._barred: dict[int, float] = {}
         """Until when each kind of motion is barred [s]."""
         self._now = -math.inf
+        self._scans = 0
         self._taken = 0.0
         self._line = _contiguous(self.planner.route.line)
         self._numbers = numbers(settings)
@@ -87,12 +88,13 @@ class Pilot:
 
     def step(
         self, now: float, pose: Pose, twist: Twist, stick: Stick, obstacles: Surroundings,
-        fastest: float = math.inf,
+        fastest: float = math.inf, scans: int = 0,
     ) -> Decision:  # fmt: skip
         """The command for now, and why. now: monotonic [s]. twist: measured now.
 
-        obstacles: as of now. fastest: speed limit beside that of the settings [m/s]. Never
-        raises on numbers, see `pilot_step`.
+        obstacles: as of now. fastest: speed limit beside that of the settings [m/s]. scans: how
+        many have updated the obstacles so far, see `perceive.pipeline.Seen`. Never raises on
+        numbers, see `pilot_step`.
         """
         dt = self.settings.rules.dt
         passed = now - self._now
@@ -101,6 +103,7 @@ class Pilot:
                 self._begin_anew(pose, twist)
             dt = min(max(passed, 0.0), 3.0 * dt)  # a late step must not make the reference jump
         self._now = now
+        fresh, self._scans = scans != self._scans, scans
         course, reference = self.course, self.course.reference
         limit_speed(self._numbers, self.settings, fastest)
         # an int would compile another specialization
@@ -109,7 +112,7 @@ class Pilot:
             numbers(self.state), x, y, psi, v, float(twist[1]), float(stick[0]), float(stick[1]),
             *obstacles, reference.knots, reference.coeffs, reference.speed, course.poses,
             course.paced.rate, course.row, course.rejoins, self._line, self.settings.outline,
-            self._numbers, float(dt), self.sent, self.mover_history, self._out,
+            self._numbers, float(dt), self.sent, self.mover_history, fresh, self._out,
         )  # fmt: skip
         row = self._out.tolist()
         self.state, decision = made(PilotState, row), made(Decision, row, _STATE)
@@ -237,7 +240,7 @@ def _step(
     segments: Floats, points: Floats,
     knots: Floats, coeffs: Floats, speed: float, poses: Floats, rates: Floats, back: int,
     rejoins: float, line: Floats, outline: Floats, settings: Floats, dt: float, sent: Floats,
-    mover_history: Floats, out: Floats,
+    mover_history: Floats, fresh: bool, out: Floats,
 ) -> None:  # fmt: skip
     """`pilot_step` of numbers and arrays, which come from Python faster than named tuples; state
     and decision are written into out."""
@@ -247,7 +250,7 @@ def _step(
     next_state, decision = pilot_step(
         read(PilotState, state, 0), Pose(x, y, psi), Twist(v, omega), Stick(stick_x, stick_psi),
         Surroundings(discs, max_acceleration, velocity_error, segments, points), course, line,
-        read(Settings, settings, 0, (outline,)), dt, sent, mover_history,
+        read(Settings, settings, 0, (outline,)), dt, sent, mover_history, fresh,
     )  # fmt: skip
     write(next_state, out, 0)
     write(decision, out, _STATE)

@@ -22,7 +22,7 @@ from cohelm.law.track import pose_error, track
 from cohelm.pilot.behavior import ESCAPING, EVADING, FOLLOWING, LED
 from cohelm.pilot.delay_compensation import predict_obstacles, predict_robot
 from cohelm.plan.course import Course, row_on_route
-from cohelm.plan.evasion.evade import evade
+from cohelm.plan.evasion.evade import evade, not_evading
 from cohelm.plan.evasion.params import NO_EVASION, Evasion, EvasionParams
 from cohelm.plan.recovery import RecoveryMove, kind, recovery_twist, rest
 from cohelm.robot.limits import Limits
@@ -141,13 +141,15 @@ class Decision(NamedTuple):
 def pilot_step(
     state: PilotState, pose: Pose, twist: Twist, stick: Stick, obstacles: Surroundings,
     course: Course, line: Floats, s: Settings, dt: float, sent: Floats, mover_history: Floats,
+    fresh: bool,
 ) -> tuple[PilotState, Decision]:  # fmt: skip
     """One step: delay compensation, evasion or tracking, blending, filter.
 
     pose, twist: now; obstacles: as of now; all in one frame. stick: deflections in [-1, 1]. line:
     (m, 2), the route. dt: time since the step before [s]. sent: (d, 2), commands under way, d
     whole control periods from command to wheels; this one is written into it. mover_history: of
-    `evade`, from `empty_mover_history`; written into too.
+    `evade`, from `empty_mover_history`; written into too. fresh: whether a new scan has updated
+    the obstacles since the step before.
     """
     pose_ahead, twist_ahead = predict_robot(
         pose, twist, s.rest, sent, state.k, s.limits, s.rules.dt
@@ -161,12 +163,12 @@ def pilot_step(
     recovering = left.distance != 0.0 or left.turn != 0.0
     recovering = recovering or (state.awaits and not operator_leads)
 
-    evasion = NO_EVASION
+    evasion = not_evading(state.evasion, s.rules.dt)
     if s.guarded and s.evasion.horizon > 0.0 and not operator_leads:
         evasion = evade(
             state.evasion, pose_ahead, twist_ahead, obstacles_ahead, course, state.clock, s.outline,
             s.limits, s.gains, s.rules, s.pace, s.evasion, mover_history,
-            obstacles.velocity_error, state.barred,
+            obstacles.velocity_error, state.barred, fresh,
         )  # fmt: skip
     clock, target = _reference(
         state, pose_ahead, course, operator_leads or evasion.on, recovering, s, dt

@@ -105,7 +105,7 @@ def pieces(setup: Setup, piloted: Piloted, length: int) -> Iterator[Trace]:
     thinking = min(round(piloted.thinking / dt), period - 1)
     now = Now(at_rest(start), START, IDLE, NOTHING_NEAR, False, False)
     current = course(wanted.reference, 0, True, settings.pace)
-    number, since, waiting, unobserved = 0, 0, None, slice(0, 0)
+    number, since, waiting, unobserved, scans = 0, 0, None, slice(0, 0), 0
     reaction = (period + delay) * dt
     walls = near_walls(scene.obstacles.walls, start, settings, reaction)
     limited, constant = flat(settings), flat(scene)
@@ -113,9 +113,11 @@ def pieces(setup: Setup, piloted: Piloted, length: int) -> Iterator[Trace]:
     k, written = 0, 0
     out = setup.blank(min(length, steps))
     while k < steps and not now.arrived:
+        fresh = False
         if eyes is not None:
             perceived = look(k, dt, now.robot, scene, scanners, eyes)
             now, unobserved = now._replace(seen_obstacles=perceived.obstacles), perceived.unobserved
+            fresh, scans = perceived.scans != scans, perceived.scans
         seen = now.seen_obstacles
         if zones is not None:
             now = now._replace(seen_obstacles=zones.beside(seen, now.robot.pose))
@@ -142,7 +144,7 @@ def pieces(setup: Setup, piloted: Piloted, length: int) -> Iterator[Trace]:
         state = flat(now)
         done = _advance(
             k, dt, state, flat(current), number, wanted.line, limited, constant, walls,
-            queue, sent, mover_history, out.rows[part], out.h[part], out.discs[part],
+            queue, sent, mover_history, fresh, out.rows[part], out.h[part], out.discs[part],
         )  # fmt: skip
         now = made(Now, state[0].tolist(), 0, state[1])._replace(seen_obstacles=seen)
         k, written = k + done, written + done
@@ -213,9 +215,10 @@ _known = jit(known)  # called from Python it unpacks the scene, which takes long
 def _advance(
     first: int, dt: float, flat_now: Flat, flat_course: Flat, number: int, line: Floats,
     flat_settings: Flat, flat_scene: Flat, walls: Floats, queue: Floats, sent: Floats,
-    mover_history: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
+    mover_history: Floats, fresh: bool, rows: NDArray[np.void], h: Floats, discs: Floats,
 ) -> int:  # fmt: skip
-    """Steps first ... first + len(rows) - 1, fewer on arrival; how many they were.
+    """Steps first ... first + len(rows) - 1, fewer on arrival; how many they were. fresh: whether
+    the first one has a new scan.
 
     `core.flat`: of `Now`, which is written into, `Course`, `Settings` and `Scene`. To unpack and
     pack them as they are takes longer than a step.
@@ -238,8 +241,9 @@ def _advance(
             dt, scene.seed,
         )  # fmt: skip
         pilot, d = pilot_step(
-            pilot, pose, before, stick, obstacles, course, line, settings, dt, sent, mover_history
-        )
+            pilot, pose, before, stick, obstacles, course, line, settings, dt, sent, mover_history,
+            fresh and j == 0,
+        )  # fmt: skip
         led = d.behavior == LED
         robot, saturated = moved(
             k, dt, robot, d.safe, stick, settings.gains, settings.limits, queue

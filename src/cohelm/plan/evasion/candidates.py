@@ -23,15 +23,18 @@ _BOUND_SLACK = 0.25  # error of that rollout [m]
 
 
 @jit
-def candidates(last: Evasion, limits: Limits, e: EvasionParams) -> tuple[Floats, Ints]:
+def candidates(
+    last: Evasion, since: float, limits: Limits, e: EvasionParams
+) -> tuple[Floats, Ints]:
     """(n, 5): v and omega of the first piece and of the second, and when that begins [s]; the
-    current motion comes first. And (n,), the first motion that begins with the same piece."""
+    current motion, `since` [s] after it was chosen, comes first. And (n,), the first motion that
+    begins with the same piece."""
     speed, turn = min(e.speed, limits.speed), min(e.yaw_rate, limits.yaw_rate)
     motions = np.empty((len(_SPEEDS) * len(_TURNINGS) * 3 + 1, 5))
     firsts = np.zeros(len(motions), dtype=np.int64)
     n = 0
     if last.on:
-        turns = max(last.turns - e.period, 0.0)
+        turns = max(last.turns - since, 0.0)
         _set_row(motions, n, last.v, last.omega, last.after, last.then, turns)
         n = 1
     for a in _SPEEDS:

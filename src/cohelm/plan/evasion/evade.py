@@ -36,6 +36,7 @@ from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 
+_SOONEST, _LATEST = 0.6, 1.3  # periods between two scans after which movers are evaluated
 _TRIES = 8  # of the cheapest motions, until one is certified
 _COST_GAP = 0.4  # a motion worse than the best by this is not among the cheapest ones [m]
 
@@ -45,21 +46,23 @@ def evade(
     last: Evasion, pose: Pose, twist: Twist, obstacles: Surroundings, course: Course,
     clock: CourseClock, outline: Floats, limits: Limits, gains: Gains, rules: Rules,
     pace: PaceParams, e: EvasionParams, history: Floats, velocity_error: Floats, barred: int,
+    fresh: bool,
 ) -> Evasion:  # fmt: skip
-    """The evasion for the next `e.period`.
+    """The evasion until the next evaluation.
 
     pose, twist: when the next command takes effect; obstacles: as of then. history: from
     `empty_mover_history`, written into. velocity_error: (n,), that of the discs as they were seen,
     before they were predicted to then [m/s]. barred: kinds of motion that are not chosen, see
-    `plan.recovery`.
+    `plan.recovery`. fresh: whether a new scan has updated the movers since the step before.
     """
-    if last.left > 0:
+    since = last.since + rules.dt
+    if not is_due(since, fresh, last.fresh, e.period, rules.dt):
         return Evasion(
-            last.on, last.v, last.omega, last.then, last.turns, last.after, last.left - 1,
+            last.on, last.v, last.omega, last.then, last.turns, last.after, since, last.fresh,
             last.lasted,
         )  # fmt: skip
     reach = circumscribed_radius(outline)
-    updated = updated_history(history, obstacles.discs, velocity_error, e.period)
+    updated = updated_history(history, obstacles.discs, velocity_error, since)
     history[: len(updated)] = updated
     history[len(updated) :] = math.nan
     wary = min((LONG - last.lasted) / (LONG - PATIENT), 1.0)
@@ -69,16 +72,30 @@ def evade(
     if count == 0 or _path_is_clear(
         moving_ahead, moving, pose, twist, course, clock, outline, reach, limits, gains, pace, e,
     ):  # fmt: skip
-        lasted = max(last.lasted - e.period, 0.0)
-        return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, _steps_per_period(e, rules) - 1, lasted)
+        lasted = max(last.lasted - since, 0.0)
+        return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, fresh, lasted)
     context = context_at(ahead, movers, obstacles, pose, course, clock, outline, reach, limits, e)
-    return _cheapest(last, context, pose, twist, obstacles, limits, rules, e, barred)
+    return _cheapest(last, context, pose, twist, obstacles, limits, rules, e, barred, since, fresh)
 
 
 @jit_no_refcount
-def _steps_per_period(e: EvasionParams, rules: Rules) -> int:
-    """Control steps between two evaluations."""
-    return max(int(e.period / rules.dt + 0.5), 1)
+def not_evading(last: Evasion, dt: float) -> Evasion:
+    """None, a control step after the last one: the operator leads, or it is switched off."""
+    return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, last.since + dt, last.fresh, 0.0)
+
+
+@jit_no_refcount
+def is_due(since: float, fresh: bool, after_scan: bool, period: float, dt: float) -> bool:
+    """Whether movers are evaluated in this step, `since` [s] after the last time.
+
+    A tenth of a second is a fifth of the time in which somebody who sets off beside the robot has
+    to be noticed. So an evaluation comes with a new scan, and waits a little for one that is late;
+    without scans they are a period apart. fresh: whether this step has a new scan. after_scan:
+    whether the last evaluation had one.
+    """
+    if fresh and (not after_scan or since > _SOONEST * period - 0.5 * dt):
+        return True
+    return since > (_LATEST if after_scan else 1.0) * period - 0.5 * dt
 
 
 @jit_no_refcount
@@ -107,10 +124,11 @@ def _path_is_clear(
 @jit
 def _cheapest(
     last: Evasion, context: EvasionContext, pose: Pose, twist: Twist, obstacles: Surroundings,
-    limits: Limits, rules: Rules, e: EvasionParams, barred: int,
+    limits: Limits, rules: Rules, e: EvasionParams, barred: int, since: float, fresh: bool,
 ) -> Evasion:  # fmt: skip
-    """The cheapest motion whose first step the filter passes, without barred ones."""
-    motions, firsts = candidates(last, limits, e)
+    """The cheapest motion whose first step the filter passes, without barred ones. since: time
+    since the last evaluation [s]. fresh: whether this one has a new scan."""
+    motions, firsts = candidates(last, since, limits, e)
     extras = extra_costs(motions, last.on, e)
     bounds = lower_bounds(context, pose, twist, motions, firsts, last.on, limits, e) + extras
     for i in range(len(motions)):
@@ -124,8 +142,8 @@ def _cheapest(
         chosen = _cheapest_certified(costs, motions, pose, twist, context, obstacles, limits, rules)
     command, row = first_twist(motions[chosen]), motions[chosen]
     return Evasion(
-        True, command.v, command.omega, row[3], row[4], row[2], _steps_per_period(e, rules) - 1,
-        min(last.lasted + e.period, LONG),
+        True, command.v, command.omega, row[3], row[4], row[2], 0.0, fresh,
+        min(last.lasted + min(since, e.period), LONG),
     )  # fmt: skip
 
 

@@ -32,27 +32,29 @@ _MASKED = 4.0  # times as long as its velocity is within the bound of its error:
 
 _HX, _HY, _TOP, _SINCE, _WALKED, _RESTED, _ERROR, _COUNT, _HVX = range(9)
 _HVY = _HVX + _SAMPLES
+_HT = _HVY + _SAMPLES
 
 
 def empty_mover_history() -> Floats:
-    """History of movers, for `evade`: (64, 20), a row for each mover at the last evaluation, then
+    """History of movers, for `evade`: (64, 27), a row for each mover at the last evaluation, then
     NaN: x, y, largest speed so far, time since it was last faster than `_WALKING_SPEED`, for how
     long it has been in all, time since it rested after that, the bound of its velocity's error,
     how many velocities follow, and the velocities at the last evaluations, newest first: six vx,
-    six vy."""
-    return np.full((_MAX_MOVERS, _HVX + 2 * _SAMPLES), math.nan)
+    six vy, and six ages [s]."""
+    return np.full((_MAX_MOVERS, _HT + _SAMPLES), math.nan)
 
 
 @jit
 def updated_history(
-    history: Floats, discs: Floats, velocity_error: Floats, period: float
+    history: Floats, discs: Floats, velocity_error: Floats, since: float
 ) -> Floats:  # fmt: skip
     """The moving ones of discs (n, 6) with their past, columns as in `empty_mover_history`.
 
-    velocity_error: (n,), bounds, as the discs were seen [m/s].
+    velocity_error: (n,), bounds, as the discs were seen [m/s]. since: time since the last
+    evaluation; infinite: there was none [s].
     """
     out = np.empty((min(len(discs), _MAX_MOVERS), history.shape[1]))
-    n = 0
+    n, first = 0, since if since < math.inf else 0.0
     for i in range(len(discs)):
         d = discs[i]
         speed = math.hypot(d[VX], d[VY])
@@ -61,13 +63,13 @@ def updated_history(
         row, walks = out[n], speed > _WALKING_SPEED
         row[_HX], row[_HY], row[_TOP], row[_COUNT] = d[X], d[Y], speed, 1.0
         row[_RESTED] = math.inf
-        row[_SINCE], row[_WALKED] = (0.0, period) if walks else (math.inf, 0.0)
-        row[_HVX], row[_HVY], row[_ERROR] = d[VX], d[VY], velocity_error[i]
+        row[_SINCE], row[_WALKED] = (0.0, first) if walks else (math.inf, 0.0)
+        row[_HVX], row[_HVY], row[_ERROR], row[_HT] = d[VX], d[VY], velocity_error[i], 0.0
         best, match = _GATE, -1
         for j in range(len(history)):
             far = math.hypot(
-                history[j, _HX] + period * history[j, _HVX] - d[X],
-                history[j, _HY] + period * history[j, _HVY] - d[Y],
+                history[j, _HX] + since * history[j, _HVX] - d[X],
+                history[j, _HY] + since * history[j, _HVY] - d[Y],
             )
             if far < best:
                 best, match = far, j
@@ -76,18 +78,19 @@ def updated_history(
             kept = min(int(before[_COUNT]), _SAMPLES - 1)
             row[_HVX + 1 : _HVX + 1 + kept] = before[_HVX : _HVX + kept]
             row[_HVY + 1 : _HVY + 1 + kept] = before[_HVY : _HVY + kept]
+            row[_HT + 1 : _HT + 1 + kept] = before[_HT : _HT + kept] + since
             row[_COUNT] = kept + 1.0
             row[_TOP] = max(speed, before[_TOP])
-            row[_SINCE] = min(row[_SINCE], before[_SINCE] + period)
+            row[_SINCE] = min(row[_SINCE], before[_SINCE] + since)
             row[_WALKED] += before[_WALKED]
             rests = speed < _RESTS and before[_WALKED] > _MIN_WALKING_TIME
-            row[_RESTED] = 0.0 if rests else before[_RESTED] + period
+            row[_RESTED] = 0.0 if rests else before[_RESTED] + since
         n += 1
     return out[:n]
 
 
 @jit_no_refcount
-def acceleration(past: Floats, most: float, period: float) -> tuple[float, float]:
+def acceleration(past: Floats, most: float) -> tuple[float, float]:
     """The acceleration of a mover, by the longest stretch of its past on which its velocity changed
     linearly to within its error, the last two at least: least squares.
 
@@ -101,14 +104,17 @@ def acceleration(past: Floats, most: float, period: float) -> tuple[float, float
     sigma, ax, ay = _DEVIATION * past[_ERROR], 0.0, 0.0
     for n in range(2, int(past[_COUNT]) + 1):
         mean_x, mean_y, slope_x, slope_y, spread = 0.0, 0.0, 0.0, 0.0, 0.0
+        middle = 0.0
+        for k in range(n):
+            middle += past[_HT + k] / n
         for k in range(n):
             vx, vy = past[_HVX + k], past[_HVY + k]
-            t = (0.5 * (n - 1) - k) * period  # from the middle of the stretch
+            t = middle - past[_HT + k]  # from the middle of the stretch
             mean_x, mean_y, spread = mean_x + vx / n, mean_y + vy / n, spread + t * t
             slope_x, slope_y = slope_x + t * vx, slope_y + t * vy
         slope_x, slope_y = slope_x / spread, slope_y / spread
         for k in range(n):
-            t = (0.5 * (n - 1) - k) * period
+            t = middle - past[_HT + k]
             off_x = past[_HVX + k] - mean_x - t * slope_x
             off_y = past[_HVY + k] - mean_y - t * slope_y
             if n > 2 and math.hypot(off_x, off_y) > _FITS * sigma:
@@ -164,7 +170,7 @@ def _write(
                 stops = history[k, _RESTED] < _STOPS
                 top_speed = history[k, _TOP] if walker else 0.0
                 recently = recently or (walker and history[k, _SINCE] < _RECENT)
-                ax, ay = acceleration(history[k], most, e.period)
+                ax, ay = acceleration(history[k], most)
             k += 1
         if is_static(obstacles, i):
             continue

@@ -24,7 +24,7 @@ class EvasionParams(NamedTuple):
     horizon: float = 3.0
     """Prediction horizon, see `horizon`; 0: no evasion, the robot stands and waits [s]."""
     period: float = 0.1
-    """Between two evaluations [s]."""
+    """Between two evaluations, as a rule: they wait for scans, see `is_due` [s]."""
     speed: float = 0.8
     """Largest speed of an evasion [m/s]."""
     yaw_rate: float = 1.6
@@ -81,13 +81,15 @@ class Evasion(NamedTuple):
     """How long v and omega are to be requested [s]."""
     after: float
     """The speed after `turns` [m/s]."""
-    left: int
-    """Control steps until the next evaluation."""
+    since: float
+    """Time since the last evaluation [s]."""
+    fresh: bool
+    """Whether that had a new scan."""
     lasted: float
     """How long it has been on, less how long it was off after that, at most `LONG` [s]."""
 
 
-NO_EVASION = Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0.0)
+NO_EVASION = Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, math.inf, False, 0.0)
 
 _SHORTEST, _LONGEST = 3.0, 6.0
 """Bounds of the horizon [s]: shorter, and movers are noticed late; longer, and the uncertainty of

@@ -187,29 +187,32 @@ class _KnownPose(TwinRun):
         then = self.truth
         discs = self.discs()
         pose = then.pose
-        obstacles, unobserved, twist = self._seen(k * self.setup.dt, then, discs)
+        obstacles, unobserved, twist, scans = self._seen(k * self.setup.dt, then, discs)
         fastest = math.inf
         if self.zones is not None:
             obstacles = self.zones.beside(obstacles, pose)
             fastest = self.zones.limit(pose)[0]
         stick = self.operator_stick(k, discs)
         self._plan(k, pose, twist, obstacles, unobserved)
-        decided = self.pilot.step(k * self.setup.dt, pose, twist, stick, obstacles, fastest)
+        now = k * self.setup.dt
+        decided = self.pilot.step(now, pose, twist, stick, obstacles, fastest, scans)
         row["saturated"] = self.robot.send(decided.safe) != decided.safe
         self.robot.wait((k + 1) * self.setup.dt)
         self.moved(stick)
         self.write(row, k, then, decided)
 
-    def _seen(self, t: float, now: TwinTruth, discs: Floats) -> tuple[Surroundings, slice, Twist]:
+    def _seen(
+        self, t: float, now: TwinTruth, discs: Floats
+    ) -> tuple[Surroundings, slice, Twist, int]:
         """What is around the robot where it really is, which of its points are unobserved space,
-        and the robot's speed."""
+        the robot's speed, and how many scans it has had."""
         if self.perception is None:
             obstacles = surroundings(discs, self.max_acceleration, self.walls)
-            return obstacles, slice(0, 0), now.twist
+            return obstacles, slice(0, 0), now.twist, 0
         seen = self.perception.take(t, self.robot.read())
         # Where it is on the map is known; all else is as it senses, without a map in `odom`.
         odom = compose(now.pose, inverse(seen.odometry))
-        return seen.obstacles.placed(odom), seen.unobserved, seen.twist
+        return seen.obstacles.placed(odom), seen.unobserved, seen.twist, seen.scans
 
     def _plan(
         self, k: int, pose: Pose, twist: Twist, obstacles: Surroundings, unobserved: slice
