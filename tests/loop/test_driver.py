@@ -19,7 +19,7 @@ from tests.pilot.drives import DT, SETTINGS
 HERE = Pose(0.0, 0.0, 0.0)
 SEEN = Seen(
     0.0, HERE, np.eye(3), 1.0, False, "", HERE, Twist(0.0, 0.0), HERE, HERE, surroundings(),
-    slice(0, 0), math.inf, np.empty((0, 6)), 0,
+    slice(0, 0), math.inf, np.empty((0, 6)),
 )  # fmt: skip
 
 

@@ -78,7 +78,7 @@ class Seen(NamedTuple):
     view [m]; infinite without any."""
     movers: Floats
     """(n, 6) as in `core.types`."""
-    scans: int
+    scans: int = 0
     """How many scans have updated the movers so far."""
 
 
