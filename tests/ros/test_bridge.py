@@ -27,7 +27,7 @@ from cohelm.ros.topics import Topics
 from cohelm.ros.types import packed
 from cohelm.scenario.load import robot as load_robot
 from tests.ros.bridge import Bridge
-from tests.ros.stage import alone, resetting, stage, until
+from tests.ros.stage import alone, stage, until
 
 pytestmark = pytest.mark.xdist_group("bridge")  # which a worker starts once
 
@@ -97,7 +97,6 @@ def test_it_drives_with_half_of_the_messages_and_stands_when_they_are_wrong():
     alone()
     bridge = Bridge()
     with stage(way=Connection(FOXGLOVE, bridge.url)) as made:
-        reset = resetting(made.theirs)
         assert made.drives(0.4), made.filter.said
         made.base.fault("half")
         assert until(lambda: len(made.filter.rows) > 50)
@@ -108,7 +107,7 @@ def test_it_drives_with_half_of_the_messages_and_stands_when_they_are_wrong():
 
         def again() -> bool:
             if made.filter.latched:
-                reset()
+                made.reset()
             return abs(made.base.truth().twist.v) > 0.05
 
         assert until(again, 15.0) or made.base.truth().pose.x > 3.0

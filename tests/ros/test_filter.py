@@ -12,7 +12,7 @@ pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machi
 
 from cohelm.core.types import Twist
 from tests.few import first
-from tests.ros.stage import Controller, resetting, stage, until
+from tests.ros.stage import Controller, stage, until
 
 pytestmark = pytest.mark.xdist_group("realtime")
 
@@ -20,7 +20,6 @@ pytestmark = pytest.mark.xdist_group("realtime")
 @pytest.fixture(scope="module", params=["kinematic", pytest.param("twin", marks=pytest.mark.slow)])
 def hall(request):
     with stage(plant=request.param) as made:
-        made.reset = resetting(made.theirs)
         yield made
 
 

@@ -357,4 +357,4 @@ def test_the_first_ones_of_a_process_may_begin_in_several_threads_at_once():
     done = subprocess.run(
         [sys.executable, "-c", TOGETHER], text=True, capture_output=True, timeout=60, check=False
     )
-    assert done.stdout.split() == ["closed"] * 4, done.stderr
+    assert done.stdout.count("closed") == 4, done.stderr  # two may print into one line
