@@ -36,7 +36,7 @@ from cohelm.robot.achievable import achievable
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 
-_SOONEST, _LATEST = 0.6, 1.3  # periods between two scans after which movers are evaluated
+_SOONEST, _LATEST = 0.6, 1.3  # periods after a scan, with the next one and without
 _TRIES = 8  # of the cheapest motions, until one is certified
 _COST_GAP = 0.4  # a motion worse than the best by this is not among the cheapest ones [m]
 
@@ -88,10 +88,10 @@ def not_evading(last: Evasion, dt: float) -> Evasion:
 def is_due(since: float, fresh: bool, after_scan: bool, period: float, dt: float) -> bool:
     """Whether movers are evaluated in this step, `since` [s] after the last time.
 
-    A tenth of a second is a fifth of the time in which somebody who sets off beside the robot has
-    to be noticed. So an evaluation comes with a new scan, and waits a little for one that is late;
-    without scans they are a period apart. fresh: whether this step has a new scan. after_scan:
-    whether the last evaluation had one.
+    How soon a mover is known to set off decides whether the robot gets out of its way (docs:
+    measured, "With each scan"). So an evaluation comes with a new scan, and waits a little for one
+    that is late; without scans they are a period apart. fresh: whether this step has a new scan.
+    after_scan: whether the last evaluation had one.
     """
     if fresh and (not after_scan or since > _SOONEST * period - 0.5 * dt):
         return True
