@@ -10,7 +10,7 @@ from cohelm.drive.on_topics import OnTopics, TopicsConfig, on_topics
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Mode
 from cohelm.robot.gate.modes import GateMode
-from tests.drive.faults import CORRIDOR
+from tests.drive.faults import CORRIDOR, along_corridor
 from tests.ros.test_joy import Topic
 
 
@@ -25,7 +25,7 @@ class Seen:
 
 def driven(mode: Mode, hand, seconds: float, **params) -> Seen:
     """hand: what the joystick says at a time: (x, held), or None where it is silent."""
-    made = simulated(CORRIDOR, real_time=False, seed=2)
+    made = along_corridor(8.0)
     joy, seen = Topic(**params), Seen()
     joy.now = 0.0
     topics = OnTopics(None, None, joy=joy.operator)

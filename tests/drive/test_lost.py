@@ -19,7 +19,7 @@ from tests.drive.faults import CORRIDOR
 ROOM = [[-2.5, 17.2, 4.5, 20.0], [4.5, 20.0, -2.5, 22.8], [-2.5, 22.8, -2.5, 17.2]]
 """A room that is not on the map, 20 m beside the corridor; no two of its walls are at the angles of
 the corridor's, so that the robot can not take it for a part of that."""
-PUSHED, FORWARD, ASIDE, END = 3.0, 6.4, 13.2, 21.5
+PUSHED, FORWARD, ASIDE, END = 3.0, 6.4, 13.2, 17.0
 
 
 def stick(t: float) -> Stick:

@@ -37,7 +37,8 @@ def checked_path(process: RemoteChecking) -> CheckedPath:
     return said[-1]
 
 
-def test_a_dead_worker_is_replaced_and_its_job_is_answered():
+def test_a_dead_worker_is_replaced_and_its_job_is_answered(monkeypatch):
+    monkeypatch.setattr(path_check_process, "_AGAIN", 0.2)
     process = RemoteChecking(JUDGE)
     try:
         assert checked_path(process).reference is not None
@@ -56,6 +57,7 @@ def test_a_dead_worker_is_replaced_and_its_job_is_answered():
 
 def test_a_check_that_hangs_is_given_up_and_no_call_blocks(monkeypatch):
     monkeypatch.setattr(path_check_process, "WITHIN", 0.5)
+    monkeypatch.setattr(path_check_process, "_AGAIN", 0.2)
     process = RemoteChecking(Sleepy())
     try:
         began = time.monotonic()

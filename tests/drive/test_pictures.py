@@ -16,6 +16,8 @@ from cohelm.link.messages import Mode
 from cohelm.record.messages import messages
 from cohelm.record.replay import Replayed
 from cohelm.record.topics import IMAGE
+from cohelm.robot.keep.gated_robot import rules
+from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.keep.record_pipe import LARGEST
 from cohelm.robot.port import Frame
 from cohelm.robot.sensors import CameraModel
@@ -84,33 +86,37 @@ def test_pictures_are_drawn_only_while_somebody_looks(drawn):
         def until(t: float) -> None:
             session.run(lambda loop: loop.gated.now() >= t)
 
-        until(1.0)
+        until(0.5)
         assert drawn == []
         looks = True
         session.shown = lambda packed, age: got.append((packed.stamp, age))
         session.watched = lambda: looks
-        until(2.0)
+        until(1.5)
         assert len(got) == len(drawn) == pytest.approx(10, abs=1)
         looks = False
-        until(4.0)
+        until(2.5)
         assert len(drawn) <= 11
         looks = True
-        until(5.0)
+        until(3.5)
     assert len(got) == len(drawn) == pytest.approx(20, abs=2)
-    assert not [stamp for stamp, _ in got if 2.1 < stamp < 4.0]
+    assert not [stamp for stamp, _ in got if 1.6 < stamp < 2.5]
     assert max(age for _, age in got) < 0.11
 
 
+@pytest.mark.slow  # in simulated time: above
 @pytest.mark.xdist_group("realtime")
 def test_in_the_gate_process_too_pictures_are_drawn_on_request():
-    with Session(SessionConfig(with_camera(real_time=True), patience=1.0)) as session:
-        gated, begun = session.gated, time.monotonic()
-        assert gated is not None
+    made = with_camera(real_time=True)
+    gated = RemoteGatedRobot(made.maker(), rules(made.model, 0.02))
+    try:
+        begun = time.monotonic()
         while time.monotonic() < begun + 0.5:
             assert gated.read().frame is None
             time.sleep(0.02)
         gated.draw_at(10.0)
         until(lambda: gated.read().frame is not None)
+    finally:
+        gated.close()
 
 
 def test_a_frame_waiting_for_compression_is_replaced_by_a_newer_one():

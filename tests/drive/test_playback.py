@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import cohelm
 from cohelm.core.errors import CohelmError
 from cohelm.core.row import ROW
 from cohelm.core.types import Pose, Stick
@@ -23,11 +24,10 @@ from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.record.file import About, RecordWriter
 from cohelm.record.read import IncompleteRecord
 from cohelm.record.ros2 import header, laser_scan
+from cohelm.record.write import Recorder
 from cohelm.robot.port import Encoded, Scan
 from cohelm.robot.sensors import LidarModel
-from cohelm.scenario import build, load
 from cohelm.station.robot_link import News
-from cohelm.study import single
 from tests.drive.faults import CORRIDOR
 from tests.ports.adapters import sally
 
@@ -50,6 +50,12 @@ def driven(tmp_path_factory):
     return path, told, shown
 
 
+@pytest.fixture(scope="module")
+def played(driven) -> Playback:
+    """That drive, for tests that only look at it."""
+    return Playback(driven[0])
+
+
 def at(seen: Playback, t: float) -> dict:
     """The messages at a time of the robot's clock, by type; of lines, by what they are."""
     out = {}
@@ -58,12 +64,11 @@ def at(seen: Playback, t: float) -> dict:
     return out
 
 
-def test_numbers_and_texts_are_played_back_as_recorded(driven):
-    path, told, _ = driven
-    seen = Playback(path)
+def test_numbers_and_texts_are_played_back_as_recorded(driven, played):
+    _, told, _ = driven
     for k in (-1, -20, -49):  # standing, braking, and being stopped
-        t = seen._times[k]
-        then, now = told[k], at(seen, t)[Status]
+        t = played._times[k]
+        then, now = told[k], at(played, t)[Status]
         for name in ("pose", "applied", "nominal", "stick", "arming", "e_p", "reference",
                      "mode", "stopped", "why", "localised", "sigma", "speed_cap",
                      "authority", "verdict", "clearance_seen", "limiting", "h"):  # fmt: skip
@@ -83,14 +88,13 @@ def test_a_drive_by_odometry_alone_is_played_back_as_one(tmp_path):
     assert at(Playback(path), 0.4)[Status].localised == Localised.UNKNOWN
 
 
-def test_playback_shows_driver_and_events(driven):
-    seen = Playback(driven[0])
-    leading = at(seen, 2.9)[Status]
+def test_playback_shows_driver_and_events(played):
+    leading = at(played, 2.9)[Status]
     assert (leading.lease.driver, leading.lease.driver_name) == (1, "script")
     assert leading.mode == Mode.SHARED
     assert leading.authority < 0.9
     assert leading.stopped == ""
-    stopped = at(seen, 4.5)[Status]
+    stopped = at(played, 4.5)[Status]
     assert stopped.stopped == "stop by script"
     words = [alarm.text for alarm in stopped.alarms]
     assert "stop by script" in words  # the alarm
@@ -98,9 +102,9 @@ def test_playback_shows_driver_and_events(driven):
     assert any(a.severity == Severity.NOTICE and "requests STOP" in a.text for a in stopped.alarms)
 
 
-def test_playback_shows_the_map_path_scan_and_obstacles_of_the_drive(driven):
-    path, _, (grid, line, points) = driven
-    seen = at(Playback(path), 2.0)
+def test_playback_shows_the_map_path_scan_and_obstacles_of_the_drive(driven, played):
+    _, _, (grid, line, points) = driven
+    seen = at(played, 2.0)
     assert seen[Map] == grid
     assert np.array_equal(seen[LineKind.REFERENCE].points, line.points)
     assert np.array_equal(seen[LineKind.WAYPOINTS].points, points.points)
@@ -141,21 +145,21 @@ def test_playback_repeats_messages_only_after_seeking_back(driven):
     assert status.stopped == ""
 
 
-def test_a_record_that_was_cut_short_is_shown_as_far_as_it_goes(driven, tmp_path):
+def test_a_record_that_was_cut_short_is_shown_as_far_as_it_goes(driven, played, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(driven[0].read_bytes()[: driven[0].stat().st_size // 2])
     with pytest.warns(IncompleteRecord, match="ends too early"):
         shown = Playback(cut)
-    assert 0.5 < shown.duration < Playback(driven[0]).duration
+    assert 0.5 < shown.duration < played.duration
     empty = tmp_path / "empty.mcap"
     with empty.open("wb") as file:
         RecordWriter(file, About("drive", 0), sally()).finish()
     with pytest.raises(CohelmError, match="before its first control period"):
         Playback(empty)
-    assert not math.isnan(Playback(driven[0]).start)
+    assert not math.isnan(played.start)
 
 
-def test_the_cameras_pictures_are_shown_from_where_they_were_taken(driven, tmp_path):
+def test_the_cameras_pictures_are_shown_from_where_they_were_taken(played, tmp_path):
     path = tmp_path / "pictures.mcap"
     row = np.zeros((), dtype=ROW)
     with path.open("wb") as file:
@@ -173,12 +177,14 @@ def test_the_cameras_pictures_are_shown_from_where_they_were_taken(driven, tmp_p
         picture = at(seen, seen.start + t)[Picture]
         assert picture.jpeg == b"picture %d" % k
         assert picture.pose.x == pytest.approx(0.05 * k, abs=0.051)
-    assert math.isnan(Playback(driven[0]).first()[0].camera[0])
+    assert math.isnan(played.first()[0].camera[0])
 
 
 def test_a_run_whose_scenario_is_damaged_in_its_record_is_refused_as_that(tmp_path):
     file = tmp_path / "record.mcap"
-    single.recorded(build.setup(load.scenario("minimal")), tmp_path, lambda what, share: None)
+    made = cohelm.run("minimal", changes=["simulation.duration_s=1"])
+    with Recorder(file) as recorder:
+        recorder.write(made.trace)
     whole = file.read_bytes()
     assert whole.count(b"bumpers: []") == 1
     file.write_bytes(whole.replace(b"bumpers: []", b"bumpers: [["))

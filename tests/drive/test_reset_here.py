@@ -21,7 +21,7 @@ from cohelm.robot.port import Health
 from cohelm.ros.port import Received
 from cohelm.ros.reset import resets
 from tests.cli.test_bad_input import refused
-from tests.drive.faults import CORRIDOR
+from tests.drive.faults import CORRIDOR, along_corridor
 from tests.patience import looks
 from tests.ros.test_joy import Topic
 
@@ -38,7 +38,7 @@ class Drive:
 
     def run(self, script) -> None:
         """script: of a loop, yields once a period."""
-        made = simulated(CORRIDOR, real_time=False, seed=2)
+        made = along_corridor(8.0)
         operator = None if self.joy is None else self.joy.operator
         with Session(SessionConfig(made, localise=False), operator) as session:
             self.topics.begin(session)

@@ -52,7 +52,7 @@ class WithArm(Simulated):
         return wrapped(super().maker(), Arm)
 
 
-def corridor(end: float, start: float = 5.0) -> WithArm:
+def corridor(end: float, start: float = 7.0) -> WithArm:
     made = along_corridor(end, start)
     return WithArm(made.scenario, made.kind, False, made.seed)
 
@@ -110,12 +110,12 @@ def at_speed(change):
 @functools.cache
 def unchanged() -> Ride:
     """To the wall with the outline of its file."""
-    return Ride(10.5, seconds=30.0)
+    return Ride(10.5, seconds=15.0)
 
 
 def test_with_an_extended_arm_the_route_ends_earlier_by_the_arm():
     """To a wall that it reaches with its arm and not with its file's outline."""
-    short, long = unchanged(), Ride(10.5, at_speed(longer), seconds=30.0)
+    short, long = unchanged(), Ride(10.5, at_speed(longer), seconds=15.0)
     assert short.told(RESHAPED) == 0
     assert (long.told(RESHAPED), long.told(ALONE)) == (1, 1)
     assert short.pose.x - long.pose.x > 0.7 * ARM
@@ -130,7 +130,7 @@ def test_an_outline_in_which_it_can_not_stop_makes_it_brake_with_the_reason():
         if ride.arm.outline is None and 11.0 - ride.loop.seen.pose.x < 0.36 + ARM + 0.15:
             ride.arm.outline = longer(ride.file)
 
-    ride = Ride(10.5, at, Mode.MANUAL, seconds=26.0)
+    ride = Ride(10.5, at, Mode.MANUAL, seconds=11.0)
     assert ride.told(RESHAPED) == 1
     assert any(
         "outline change: both outlines apply until the new one fits" in w for w in ride.reasons
@@ -148,7 +148,7 @@ def test_a_shrinking_outline_is_adopted_as_late_as_a_growing_one():
         elif ride.t > 3.0 and len(ride.arm.outline) != len(ride.file):
             ride.arm.outline = ride.file
 
-    ride, short = Ride(10.5, at, seconds=30.0), unchanged()
+    ride, short = Ride(10.5, at, seconds=15.0), unchanged()
     assert (ride.told(RESHAPED), ride.told(ALONE)) == (2, 2)
     assert ride.pose.x == pytest.approx(short.pose.x, abs=0.05)
 
@@ -186,7 +186,7 @@ def test_stations_and_plans_and_new_paths_use_the_present_outline(drive):
         assert np.array_equal(task.outline, wide)
         assert np.array_equal(drive.beside.checking._judge.outline, wide)
         anna.propose([(4.0, 0.0), (7.0, 0.2)])
-        yield from range(150)
+        yield from range(80)
         assert loop.driver is not first
         assert loop.supervisor.driver is loop.driver
         assert loop._reporter.driver is loop.driver
@@ -241,11 +241,11 @@ def test_the_path_of_a_new_driver_is_the_reported_one(drive):
 
     def script():
         anna = yield from following(drive)
-        yield from range(250)
+        yield from range(130)
         before = drive.loop._reporter._progress()
         assert before > 0.1
         anna.propose([(4.0, 0.0), (7.0, 0.2)])
-        yield from range(150)
+        yield from range(80)
         assert drive.loop._reporter._progress() < before
 
     drive.run(script())

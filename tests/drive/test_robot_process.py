@@ -4,6 +4,8 @@ import os
 import signal
 import time
 
+import pytest
+
 from cohelm.drive import robot_process
 from cohelm.drive.operate import DriveOptions
 from cohelm.drive.robot_process import RobotProcess
@@ -53,6 +55,7 @@ def test_a_robot_killed_while_it_starts_says_by_what(tmp_path):
     assert robot.over == "the robot's process ended before it was ready: killed by SIGKILL"
 
 
+@pytest.mark.slow  # only what stations show
 def test_a_robot_tells_its_stations_whether_it_drives_on_without_them(tmp_path):
     own, theirs = keys.pair_here()
     plan = LAB._replace(kind="kinematic")

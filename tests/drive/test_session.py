@@ -3,6 +3,7 @@
 import os
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,8 +13,9 @@ from cohelm.drive.factory import Simulated, simulated
 from cohelm.drive.session import Session, SessionConfig, driver_of
 from cohelm.law.verdict import Verdict
 from cohelm.link.messages import Mode
+from cohelm.loop import planning
 from cohelm.loop.driver import Driver
-from cohelm.loop.planning import MAX_PLAN_AGE, RemotePlanner
+from cohelm.loop.planning import RemotePlanner
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.port import Readings
 from tests.drive.wrapped import wrapped
@@ -78,6 +80,7 @@ def test_after_a_drive_the_process_priority_is_restored():
     assert ranks() <= ordinary
 
 
+@pytest.mark.slow  # nothing moves by it
 @pytest.mark.xdist_group("realtime")
 def test_odometry_that_drifts_while_the_start_compiles_raises_no_alarm(monkeypatch):
     """A gyroscope drifts by degrees meanwhile: the next scan contradicted the last one, and the
@@ -116,21 +119,22 @@ class Clock:
         time.sleep(max(until - time.monotonic(), 0.0))
 
 
-def _slow(task: object) -> object:
+def _slow(takes: float, task: object) -> object:
     """A planner that must compile first."""
-    time.sleep(MAX_PLAN_AGE + 0.3)
+    time.sleep(takes)
     return task
 
 
-def test_only_the_start_waits_for_a_plan():
+def test_only_the_start_waits_for_a_plan(monkeypatch):
     """It waited three minutes, whenever compiling took longer than a plan may."""
+    monkeypatch.setattr(planning, "MAX_PLAN_AGE", 0.3)
     with Session(SessionConfig(simulated("lab-guard", real_time=False))) as session:
         session.run(lambda loop: loop.timing.punctuality().periods > 5)
         driver, seen = session.loop.driver, session.loop.seen
-        driver._planning = RemotePlanner(_slow)
+        driver._planning = RemotePlanner(partial(_slow, 0.6))
         begun = time.monotonic()
         driver.warm_up_planner(seen, Clock())
-        assert MAX_PLAN_AGE < time.monotonic() - begun < 60.0
+        assert 0.6 < time.monotonic() - begun < 60.0
         assert not driver.planner_late
 
 
@@ -139,7 +143,9 @@ def _numb(robot):
     return robot
 
 
-def test_a_robot_that_stands_reports_why_and_so_does_one_that_never_drove():
+def test_a_robot_that_stands_reports_why_and_so_does_one_that_never_drove(monkeypatch):
+    monkeypatch.setattr("cohelm.drive.session._READY", 2.0)
+
     class Numb(Simulated):
         def maker(self):
             return wrapped(super().maker(), _numb)
@@ -147,12 +153,12 @@ def test_a_robot_that_stands_reports_why_and_so_does_one_that_never_drove():
     made = simulated("lab-guard", real_time=False)
     with Session(SessionConfig(Numb(made.scenario, made.kind, False, made.seed))) as session:
         begun = session.loop.gated.now()
-        session.run(lambda loop: loop.gated.now() - begun > 10.5, Mode.AUTOMATIC)
+        session.run(lambda loop: loop.gated.now() - begun > 2.5, Mode.AUTOMATIC)
         assert session.state() == "idle: there is no odometry"
         assert session.summary()["not_begun"] == "there is no odometry"
     with Session(SessionConfig(Numb(made.scenario, made.kind, False, made.seed))) as session:
         begun = session.loop.gated.now()
-        session.run(lambda loop: loop.gated.now() - begun > 3.0, Mode.AUTOMATIC)  # with --for 3
+        session.run(lambda loop: loop.gated.now() - begun > 1.0, Mode.AUTOMATIC)  # with --for 1
         assert session.summary()["not_begun"] == "there is no odometry"
     with Session(SessionConfig(made)) as session:
         session.run(lambda loop: loop.decision is not None, Mode.AUTOMATIC)

@@ -22,9 +22,10 @@ from cohelm.robot.keep.record_pipe import RecordLine
 from tests.drive.faults import CORRIDOR, along_corridor
 from tests.drive.resuming import Drive
 from tests.drive.simulated_link import CENTRED
+from tests.few import first
 from tests.robot.keep.robots import SALLY
 
-POST = "obstacles=[{name: post, center_m: [3.0, 0.1], radius_m: 0.15}]"
+POST = "obstacles=[{name: post, center_m: [2.0, 0.1], radius_m: 0.15}]"
 
 
 def seen(station, what):
@@ -57,7 +58,7 @@ def test_the_detour_is_shown_while_it_is_driven(tmp_path):
         drive.run(script())
     ways = [line for line in shown if len(line)]
     assert ways
-    assert all(np.hypot(*(line - (3.0, 0.1)).T).min() > 0.15 for line in ways)
+    assert all(np.hypot(*(line - (2.0, 0.1)).T).min() > 0.15 for line in ways)
     assert len(shown[-1]) == 0
 
 
@@ -96,7 +97,7 @@ def test_every_alarm_reaches_the_station_whole(tmp_path):
     ]
 
 
-@pytest.mark.parametrize("mode", [Mode.HOLD, Mode.AUTOMATIC])
+@pytest.mark.parametrize("mode", first([Mode.AUTOMATIC, Mode.HOLD]))
 def test_the_clearance_is_shown_whether_the_filter_acts_on_it_or_not(mode):
     made = simulated(CORRIDOR, "kinematic", real_time=False)
     operator = Scripted(lambda t: CENTRED, lambda: 0.0)
@@ -116,7 +117,7 @@ def test_the_clearance_is_shown_whether_the_filter_acts_on_it_or_not(mode):
 
 def test_at_the_end_of_the_route_the_station_and_the_terminal_say_so():
     """In automatic mode, and in shared mode with a centred stick; not for a stick that steers."""
-    made = along_corridor(3.0)
+    made = along_corridor(2.0)
     stick = [CENTRED]
     operator = Scripted(lambda t: stick[0], lambda: 0.0)
     with Session(SessionConfig(made), operator) as session:
@@ -125,17 +126,17 @@ def test_at_the_end_of_the_route_the_station_and_the_terminal_say_so():
         def look(loop) -> bool:
             arrived = loop.driver.arrived
             said.extend((arrived, one.why) for one in operator.statuses[-1:])
-            return loop.gated.now() > 12.0
+            return loop.gated.now() > 8.0
 
         session.run(look, Mode.AUTOMATIC)
         assert said[-1] == (True, DONE)
         assert not any(why == DONE for arrived, why in said if not arrived)
         assert session.state() == f"automatic: {DONE}"
         assert session.loop.supervisor.choose(Mode.SHARED) == ""
-        session.run(lambda loop: loop.gated.now() > 13.0, Mode.HOLD)
+        session.run(lambda loop: loop.gated.now() > 8.5, Mode.HOLD)
         assert session.state() == f"shared: {DONE}"
         stick[0] = Stick(0.0, 1.0)
-        session.run(lambda loop: loop.gated.now() > 14.0, Mode.HOLD)
+        session.run(lambda loop: loop.gated.now() > 9.5, Mode.HOLD)
         assert operator.statuses[-1].why == ""
 
 

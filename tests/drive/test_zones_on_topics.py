@@ -7,6 +7,7 @@ import pytest
 
 from cohelm.core.frames import placed
 from cohelm.core.types import Pose, Twist
+from cohelm.drive import path_check_process
 from cohelm.drive.factory import simulated
 from cohelm.drive.jobs import InlineJobs
 from cohelm.drive.on_topics import OnTopics
@@ -23,6 +24,7 @@ from cohelm.ros.port import Received
 from cohelm.scenario.zones import masked
 from tests.drive.faults import CORRIDOR, along_corridor
 from tests.drive.resuming import Drive
+from tests.few import first
 from tests.patience import looks
 from tests.ros.costmap_filters import grid, info
 
@@ -72,7 +74,7 @@ class Topics:
 class Ride:
     """Along the corridor with one keep-out mask on topics; `at` says what comes when."""
 
-    def __init__(self, *boxes, at=lambda ride, loop: None, seconds=40.0, end=5.5) -> None:
+    def __init__(self, *boxes, at=lambda ride, loop: None, seconds=40.0, end=4.0) -> None:
         self.topics, self.said, self.poses, self.modes = Topics(), [], [], []
         made = along_corridor(end)
         used = keep_out(*boxes)
@@ -157,7 +159,7 @@ def test_a_zone_that_appears_under_the_robot_can_only_be_left():
 
 
 def test_a_removed_zone_no_longer_blocks():
-    ride = Ride(SHUT, at=once(lambda ride, _: ride.t > 8.0, lambda ride: ride.topics.mask()))
+    ride = Ride(SHUT, at=once(lambda ride, _: ride.t > 4.5, lambda ride: ride.topics.mask()))
     assert ride.poses[ride.at].x < SHUT[0]
     assert ride.arrived
     (told,) = [one for one in ride.session.zone_maps if one.what == Zone.KEEP_OUT]
@@ -166,7 +168,7 @@ def test_a_removed_zone_no_longer_blocks():
 
 @pytest.mark.parametrize(
     ("spoil", "why"),
-    [
+    first([
         (lambda t: t.mask(ACROSS, frame="odom"), "/mask: it is in the frame 'odom', and the map's"),
         (lambda t: t.say("/mask", grid(cells(ACROSS), SIDE, (90.0, 0.0, 0.0))),
          "the keep-out zones lie beside the map, from 90.0"),
@@ -176,7 +178,7 @@ def test_a_removed_zone_no_longer_blocks():
          "/info was a filter of type 0, and now of one of type 1: start the drive again"),
         (lambda t: t.say("/info", info("elsewhere")),
          "/info names /elsewhere now, and nothing came there yet"),
-    ],
+    ], 3),
 )  # fmt: skip
 def test_an_unusable_mask_is_reported_once_and_changes_nothing(tmp_path, spoil, why):
     topics, said = Topics(), []
@@ -276,7 +278,8 @@ def test_zones_are_adopted_where_the_robot_can_stop_and_at_once_while_it_is_lost
         assert driver.zones is other[2]
 
 
-def test_a_new_checker_runs_in_a_new_process():
+def test_a_new_checker_runs_in_a_new_process(monkeypatch):
+    monkeypatch.setattr(path_check_process, "_AGAIN", 0.2)
     made = simulated(CORRIDOR, real_time=False)
     plan = SessionConfig(made)
     checking = RemoteChecking(checker_of(plan, None))

@@ -16,6 +16,7 @@ from cohelm.link.messages import Command, Device, Discs, Mode, RequestKind, Scan
 from cohelm.link.operator import OperatorInput
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.station_end import StationEnd
+from tests.few import first
 from tests.link.ends import CENTRED, STATUS, answered, until
 from tests.patience import OwnTime
 
@@ -266,7 +267,7 @@ def test_the_station_reconnects_to_a_restarted_robot(keys):
         until(lambda: both.heard.command, turn=both.turn)
 
 
-@pytest.mark.parametrize(("answers", "again"), [(False, 5.5), (True, 2.5)])
+@pytest.mark.parametrize(("answers", "again"), first([(True, 2.5), (False, 5.5)]))
 def test_a_handshake_without_result_is_restarted(keys, answers, again):
     """Once the robot has answered, a slow path is no reason to wait for longer."""
     with OwnTime() as own, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:

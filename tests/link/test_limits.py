@@ -157,7 +157,7 @@ def test_a_request_from_before_a_station_slept_is_refused_after_it(robot, raw):
 
 def test_the_lease_is_not_handed_to_a_client_that_fell_silent(robot, raw, monkeypatch):
     """The robot would hold for somebody who is not there."""
-    monkeypatch.setattr("cohelm.link.lease.ANSWER_WITHIN", 1.5)
+    monkeypatch.setattr("cohelm.link.lease.ANSWER_WITHIN", 1.0)
     monkeypatch.setattr("cohelm.link.robot_end.TAKEOVER_AFTER", 0.5)
     driver, other, numbers = raw(), raw(), itertools.count(1)
 
@@ -168,7 +168,7 @@ def test_the_lease_is_not_handed_to_a_client_that_fell_silent(robot, raw, monkey
     until(lambda: robot.driver, turn=lambda: (say(driver, 1), time.sleep(0.05)))
     held = robot.driver
     until(lambda: robot._held.requester, turn=lambda: (say(other, 2), time.sleep(0.05)))
-    end = time.monotonic() + 2.5
+    end = time.monotonic() + 1.6
     while time.monotonic() < end:
         driver.say(command(next(numbers), session=1))
         time.sleep(0.05)

@@ -106,6 +106,11 @@ def test_a_flood_of_hellos_and_handshakes_does_not_disturb_the_driver(driven):
     """1500 hellos from new ports, and strangers who go all the way, within a few seconds."""
     began, before = time.monotonic(), driven.ages.copy()
     made = context(stranger(driven.keys), server=False)
+    counts = driven.robot._listener.counts
+
+    def refused() -> int:
+        return counts["too many handshakes"] + counts["certificate verify failed"]
+
     finished = 0
     for number in range(1500):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
@@ -122,18 +127,18 @@ def test_a_flood_of_hellos_and_handshakes_does_not_disturb_the_driver(driven):
                         finished += 1
                 except (TimeoutError, HandshakeRefused):
                     pass
-        if time.monotonic() - began > 3.0:
+        took = time.monotonic() - began
+        if took > 3.0 or (took > 1.5 and finished > 40 and refused() > 20):
             break
     assert finished > 20
-    counts = driven.robot._listener.counts
-    assert counts["too many handshakes"] + counts["certificate verify failed"] > 10
+    assert refused() > 10
     ages = sorted((driven.ages - before).elements())
     assert len(ages) > 20.0 * (time.monotonic() - began)  # of 50 a second, on a busy machine
     assert ages[int(0.95 * len(ages))] < 200  # attackers and driver share this process
     assert in_force(driven).stick == fuzz.STICK
 
 
-@pytest.mark.parametrize("seconds", [3.0, pytest.param(600.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seconds", [2.0, pytest.param(600.0, marks=pytest.mark.slow)])
 def test_all_attacks_at_once_move_nothing_and_crash_nothing(seconds):
     assert fuzz.main(seconds, seed=7 if seconds < 10.0 else int(time.time())) == []
 

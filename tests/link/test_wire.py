@@ -35,7 +35,6 @@ READERS = [(reader, bulk) for _, reader, bulk in UP_AND_DOWN]
 
 
 @pytest.mark.parametrize(("messages", "reader", "bulk"), UP_AND_DOWN)
-@settings(max_examples=60)
 @given(data=st.data(), header=ex.headers)
 def test_messages_arrive_as_sent(data, header, messages, reader, bulk):
     message = data.draw(messages)
@@ -52,7 +51,6 @@ def test_no_bytes_raise_anything_but_malformed(data):
 
 
 @pytest.mark.parametrize(("messages", "reader", "bulk"), UP_AND_DOWN)
-@settings(max_examples=100)
 @given(data=st.data())
 def test_damaged_messages_are_refused_or_are_messages(data, messages, reader, bulk):
     """Whatever is accepted says the same when it is sent again."""

@@ -28,11 +28,23 @@ def planned(planning: RemotePlanner, now: float = 0.0) -> Any:
     raise AssertionError("there was no plan")
 
 
-@pytest.fixture
-def planning():
+@pytest.fixture(scope="module")
+def process():
+    """One for all tests but the one that kills it."""
     made = RemotePlanner(wordy)  # type: ignore[arg-type]
     yield made
     made.close()
+
+
+@pytest.fixture
+def planning(process):
+    """That one, idle again."""
+    end = time.monotonic() + 60.0
+    while process.busy and time.monotonic() < end:
+        process.plan(0.0)
+        time.sleep(0.005)
+    assert not process.busy
+    return process
 
 
 def test_tasks_and_plans_larger_than_the_socket_buffer_arrive_complete(planning):
@@ -61,7 +73,8 @@ def test_the_loop_does_not_wait_for_a_planner_stopped_in_its_answer(planning):
     assert planned(planning) == LONG * b"a"
 
 
-def test_a_planner_that_died_leaves_the_loop_without_new_plans(planning):
+def test_a_planner_that_died_leaves_the_loop_without_new_plans():
+    planning = RemotePlanner(wordy)  # type: ignore[arg-type]
     os.kill(planning._child._process.pid, signal.SIGKILL)
     end = time.monotonic() + 60.0
     while not planning.broken and time.monotonic() < end:
@@ -69,6 +82,7 @@ def test_a_planner_that_died_leaves_the_loop_without_new_plans(planning):
         planning.plan(0.0)
     assert planning.broken
     assert planning.plan(0.0) is None
+    planning.close()
 
 
 @contextmanager

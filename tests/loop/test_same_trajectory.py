@@ -88,7 +88,7 @@ def looped(model, setup, steps: int) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("name", "delay"),
-    first([("a walker crosses", 0.04), ("a post on the way", 0.0), ("a narrow pass", 0.04)], 2),
+    first([("a post on the way", 0.0), ("a walker crosses", 0.04), ("a narrow pass", 0.04)]),
 )
 def test_stepper_and_loop_drive_the_same_way(name, delay):
     same(*made(delay, BODIES[name]))
@@ -96,7 +96,7 @@ def test_stepper_and_loop_drive_the_same_way(name, delay):
 
 def test_stepper_and_loop_drive_the_same_way_with_two_lidars():
     model, setup = made(0.04, BODIES["a walker crosses"], "sally-rear")
-    same(model, replace(setup, duration=5.0))
+    same(model, replace(setup, duration=7.0))  # the walker is past its way
 
 
 def same(model, setup):

@@ -22,6 +22,7 @@ from cohelm.link.sticks.cls2sim import Cls2SimLine, Forces, positions, request, 
 from cohelm.link.sticks.feel import returning
 from cohelm.link.sticks.force import NO_FORCE, ForceRules, Swings, changed, wanted
 from cohelm.link.sticks.port import Feel
+from tests.few import first
 from tests.link.ends import until
 from tests.link.sticks.cls2sim import (
     Axis,
@@ -187,7 +188,7 @@ def test_a_suddenly_deflected_stick_gets_no_force_jump():
     assert felt[-1] == 1000
 
 
-@pytest.mark.parametrize("delay", [0.001, 0.005, 0.01, 0.02])
+@pytest.mark.parametrize("delay", first([0.02, 0.001, 0.005, 0.01], 2))
 @pytest.mark.parametrize("loss", [0.0, 0.1])
 @pytest.mark.parametrize(("mass", "friction"), [(0.03, 0.15), (0.015, 0.05)])
 def test_delay_and_loss_cause_no_oscillation(delay, loss, mass, friction):
@@ -340,14 +341,17 @@ def test_a_device_that_answers_without_low_level_control_is_recognized(server, m
 
 @pytest.mark.parametrize(
     "mangle",
-    [
-        lambda answer: [],
-        lambda answer: [answer[:12]],
-        lambda answer: [answer + answer],
-        lambda answer: [b"\xae" + answer[1:]],
-        lambda answer: [answer[:4] + struct.pack("<f", math.nan) + answer[8:]],
-        lambda answer: [answer[:4] + struct.pack("<f", 7.0) + answer[8:]],
-    ],
+    first(
+        [
+            lambda answer: [],
+            lambda answer: [answer[:12]],
+            lambda answer: [answer[:4] + struct.pack("<f", math.nan) + answer[8:]],
+            lambda answer: [answer + answer],
+            lambda answer: [b"\xae" + answer[1:]],
+            lambda answer: [answer[:4] + struct.pack("<f", 7.0) + answer[8:]],
+        ],
+        3,
+    ),
 )
 def test_garbage_counts_as_silence(server, mangle):
     device = opened(server)
