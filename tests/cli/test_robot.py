@@ -39,7 +39,8 @@ def test_a_paired_station_connects_to_a_listening_robot(tmp_path, monkeypatch):
         robot.communicate(timeout=30.0)
 
 
-@pytest.mark.parametrize("closed", first(["<&- >&- 2>&-", "<&-", ">&-"]))
+@pytest.mark.slow  # a whole drive, of which only the start is its own
+@pytest.mark.parametrize("closed", ["<&- >&- 2>&-", "<&-", ">&-"])
 def test_it_drives_where_standard_streams_are_closed(closed):
     """As a script or a service may: no socket takes the number of one, and what is printed."""
     drive = f"exec {sys.executable} -m cohelm robot lab-guard --for 1 {closed}"

@@ -11,6 +11,7 @@ from cohelm.scenario import build, load
 from cohelm.study import single
 
 BRIEF = ("minimal", "--set", "simulation.duration_s=3")
+LAB = ("lab-shared", "--set", "simulation.duration_s=20")  # the mover sets out at 15 s
 WRITTEN = {"record.mcap", "scenario.yaml", "metrics.json", "run.png", "run.svg"}
 
 
@@ -33,7 +34,7 @@ def test_a_run_leaves_record_scenario_scores_and_picture(cohelm, tmp_path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_replay_gives_the_metrics_of_the_run_to_the_last_digit(cohelm, tmp_path):
-    ran = json.loads(cohelm("run", "lab-shared", "--out", "there", "--json").out)
+    ran = json.loads(cohelm("run", *LAB, "--out", "there", "--json").out)
     replayed = json.loads(cohelm("replay", "there/record.mcap", "--json").out)
     assert replayed.pop("record") == "there/record.mcap"
     assert (replayed.pop("record_whole"), replayed.pop("record_fault")) == (True, None)
@@ -95,6 +96,7 @@ def test_warnings_are_printed_on_stderr_beside_the_json_object(cohelm):
     assert json.loads(said.out)["scenario"] == "minimal"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_names_can_not_send_terminal_control_sequences(cohelm, tmp_path):
     (tmp_path / "s.yaml").write_text(
         'name: "\\e[31m[bold]x\\a"\nreference: {waypoints_m: [[0, 0], [1, 0]]}\n'
@@ -105,6 +107,7 @@ def test_names_can_not_send_terminal_control_sequences(cohelm, tmp_path):
     assert "\x1b" not in said.out + said.err
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_of_many_obstacles_the_nearest_are_listed_and_the_others_counted(cohelm, tmp_path):
     crowd = "\n".join(
         f"  - {{name: o{i}, center_m: [{i % 40 - 20}, {3 + i // 40}], radius_m: 0.1}}"
@@ -121,6 +124,7 @@ def test_of_many_obstacles_the_nearest_are_listed_and_the_others_counted(cohelm,
     assert len(kept["discs"]) == 100
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_without_obstacles_clearances_are_null(cohelm, tmp_path):
     (tmp_path / "s.yaml").write_text("name: s\nreference: {waypoints_m: [[0, 0], [1, 0]]}\n")
     assert "nothing near" in cohelm("run", "s.yaml").out

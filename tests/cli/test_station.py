@@ -74,7 +74,9 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from cohelm.study import single
 
     folder = tmp_path_factory.mktemp("run")
-    single.recorded(build.setup(load.scenario("minimal")), folder, lambda what, share: None)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("cohelm.study.figures.draw_run", lambda run, folder, name: None)
+        single.recorded(build.setup(load.scenario("minimal")), folder, lambda what, share: None)
     return folder / single.RECORD
 
 
@@ -147,7 +149,9 @@ def test_the_printed_address_has_the_token(record):
         link.close()
 
 
-def test_a_custom_certificate_and_its_host_name_are_used(record, tmp_path):
+def test_a_custom_certificate_and_its_host_name_are_used(record, tmp_path, cohelm, monkeypatch):
+    from cohelm.cli import station as told
+
     authority, certificate, key = signed(tmp_path)
     with station(record, "--tls-cert", certificate, "--tls-key", key) as address:
         origin, _, token = address.partition("/#token=")
@@ -162,8 +166,15 @@ def test_a_custom_certificate_and_its_host_name_are_used(record, tmp_path):
             link.request("POST", "/session", token, shown)
             assert link.getresponse().status == status, name
             link.close()
-    with station(record, "--tls-cert", certificate, "--tls-key", key, "--host", "0.0.0.0") as there:
-        assert there.startswith(f"https://{NAME}:")
+    seen = []
+    monkeypatch.setattr(told, "_recorded", lambda path: None)
+    monkeypatch.setattr(told, "serve", lambda *all_of_it: seen.append(all_of_it))
+    replay = ("station", "--replay", "x.mcap", "--port", "0", "--host", "0.0.0.0")
+    assert cohelm(*replay, "--tls-cert", certificate, "--tls-key", key).code == 0
+    (given,) = seen
+    there = Server(*given)
+    assert there.address.startswith(f"https://{NAME}:")
+    there._listener.close()
 
 
 def test_errors_in_a_certificate_are_reported_before_anything_starts(cohelm, tmp_path):

@@ -17,14 +17,16 @@ from tests.few import first
 COHELM = (sys.executable, "-m", "cohelm")
 
 
-def cohelm(*arguments: str, **options) -> "subprocess.CompletedProcess[str]":
+def process(*arguments: str, **options) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
         (*COHELM, *arguments), capture_output=True, text=True, check=False, **options
     )
 
 
 @pytest.mark.parametrize("sent", first(INTERRUPTS))
-def test_ctrl_c_in_mid_run_ends_with_130_and_a_record_that_is_replayed_so_far(tmp_path, sent):
+def test_ctrl_c_in_mid_run_ends_with_130_and_a_record_that_is_replayed_so_far(
+    tmp_path, sent, cohelm
+):
     record = tmp_path / "cut" / "record.mcap"
     process = subprocess.Popen(
         (*COHELM, "run", "lab-shared", "--set", "simulation.duration_s=3000", "--out", "cut"),
@@ -40,20 +42,20 @@ def test_ctrl_c_in_mid_run_ends_with_130_and_a_record_that_is_replayed_so_far(tm
     assert process.returncode == 130
     assert out == ""
     assert err == "interrupted; see what was run: cohelm replay cut/record.mcap\n"
-    replayed = cohelm("replay", "cut/record.mcap", "--json", cwd=tmp_path)
-    assert replayed.returncode == 1
-    said = json.loads(replayed.stdout)
+    replayed = cohelm("replay", "cut/record.mcap", "--json")
+    assert replayed.code == 1
+    said = json.loads(replayed.out)
     assert 1.0 < said["duration_s"] < 3000.0
     assert said["record_whole"] is False
     assert "stopped by KeyboardInterrupt" in said["record_fault"]
-    assert replayed.stderr.startswith("warning: cut/record.mcap is not whole")
-    assert "stopped by KeyboardInterrupt" in replayed.stderr
+    assert replayed.err.startswith("warning: cut/record.mcap is not whole")
+    assert "stopped by KeyboardInterrupt" in replayed.err
 
 
 @pytest.mark.slow
 def test_a_disk_that_fills_up_during_a_run_is_reported_and_the_rest_is_playable(tmp_path):
-    cohelm("run", "minimal", cwd=tmp_path)  # so that nothing is compiled onto the full disk
-    full = cohelm(
+    process("run", "minimal", cwd=tmp_path)  # so that nothing is compiled onto the full disk
+    full = process(
         "run", "lab-shared", "--out", "full", "--json", cwd=tmp_path,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000)),
     )  # fmt: skip
@@ -62,12 +64,13 @@ def test_a_disk_that_fills_up_during_a_run_is_reported_and_the_rest_is_playable(
     assert full.stderr.startswith("error: full/record.mcap: recording stopped")
     assert full.stderr.count("\n") == 1
     assert "free some space" in full.stderr
-    replayed = cohelm("replay", "full", "--json", cwd=tmp_path)
+    replayed = process("replay", "full", "--json", cwd=tmp_path)
     assert replayed.returncode == 1
     assert json.loads(replayed.stdout)["duration_s"] > 5.0
     assert "is not whole" in replayed.stderr
 
 
+@pytest.mark.slow  # nobody comes to harm by what it says
 def test_a_reader_that_has_seen_enough_ends_the_command_in_silence():
     process = subprocess.Popen(
         (*COHELM, "schema"), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -104,14 +107,14 @@ def test_without_a_cache_with_assertions_off_and_in_ascii_a_run_is_the_same(tmp_
         "LC_ALL": "C", "NO_COLOR": "1", "PYTHONWARNINGS": "error", "COLUMNS": "20",
     }  # fmt: skip
     run = ("run", "mein weg.yaml", "--json", "--out")
-    kind = cohelm(*run, "a b", cwd=folder)
-    hard = cohelm(*run, "c d", cwd=folder, env={**os.environ, **harsh}, stdin=subprocess.DEVNULL)
+    kind = process(*run, "a b", cwd=folder)
+    hard = process(*run, "c d", cwd=folder, env={**os.environ, **harsh}, stdin=subprocess.DEVNULL)
     assert (kind.returncode, kind.stderr) == (0, "")
     assert (hard.returncode, hard.stderr) == (0, "")
     first, second = json.loads(kind.stdout), json.loads(hard.stdout)
     assert (first.pop("out"), second.pop("out")) == ("a b", "c d")
     assert first == second
-    table = cohelm("replay", "c d", cwd=folder, env={**os.environ, **harsh})
+    table = process("replay", "c d", cwd=folder, env={**os.environ, **harsh})
     assert (table.returncode, table.stderr) == (0, "")
     assert table.stdout.isascii()
     assert "\x1b" not in table.stdout

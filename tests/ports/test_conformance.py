@@ -33,11 +33,31 @@ def adapter(request):
     return request.param
 
 
+on_any_clock = pytest.mark.parametrize(
+    "adapter",
+    [
+        pytest.param(a, id=n, marks=pytest.mark.slow if a.real_time else ())
+        for n, a in ADAPTERS.items()
+    ],
+    indirect=True,
+)
+"""What time has no part in: by default only where it is simulated."""
+
+
 @pytest.fixture
 def robot(adapter: Adapter):
     made = adapter.make()
     yield made
     made.close()
+
+
+@pytest.fixture
+def _obeys(adapter: Adapter) -> None:
+    if not adapter.obeys:
+        pytest.skip("it moves as it did")
+
+
+moves_as_told = pytest.mark.usefixtures("_obeys")  # before a robot is made
 
 
 def drive(robot: RobotPort, twist: Twist, seconds: float) -> list[Odometry]:
@@ -91,6 +111,7 @@ def test_the_clock_never_goes_back(robot):
         last = robot.now()
 
 
+@on_any_clock
 def test_odometry_comes_at_its_rate_stamped_and_in_order(adapter, robot):
     seen = drive(robot, Twist(0.0, 0.0), 1.0)
     stamps = np.array([o.stamp for o in seen])
@@ -103,11 +124,13 @@ def test_odometry_comes_at_its_rate_stamped_and_in_order(adapter, robot):
     )
 
 
+@on_any_clock
 def test_every_number_of_the_odometry_is_finite(robot):
     for o in drive(robot, Twist(0.2, 0.3), 0.5):
         assert all(math.isfinite(value) for value in (o.stamp, *o.pose, *o.twist))
 
 
+@on_any_clock
 def test_scans_are_as_the_model_describes_them(robot):
     lidar = robot.model.lidar
     if lidar is None:
@@ -154,18 +177,17 @@ def test_a_healthy_robot_reports_no_fault(robot):
     assert math.isnan(health.battery) or 0.0 <= health.battery <= 1.0
 
 
-def test_it_stands_until_it_is_told_to_move(robot, adapter):
-    if not adapter.obeys:
-        pytest.skip("it moves as it did")
+@on_any_clock
+@moves_as_told
+def test_it_stands_until_it_is_told_to_move(robot):
     robot.wait(robot.now() + 0.5)
     odometry = robot.read().odometry
     assert odometry is not None
     assert abs(odometry.twist.v) <= STILL
 
 
-def test_sending_answers_with_what_it_will_try(robot, adapter):
-    if not adapter.obeys:
-        pytest.skip("it moves as it did")
+@moves_as_told
+def test_sending_answers_with_what_it_will_try(robot):
     assert robot.send(Twist(0.3, -0.4)) == pytest.approx(Twist(0.3, -0.4), abs=1e-12)
     bounds = robot.model.bounds()
     for wild in (Twist(50.0, 0.0), Twist(-50.0, 3.0), Twist(0.0, 90.0), Twist(1e300, -1e300)):
@@ -186,9 +208,8 @@ def test_sending_answers_with_what_it_will_try(robot, adapter):
         ]
     ),
 )
-def test_a_twist_that_is_no_number_stops_it(robot, adapter, broken):
-    if not adapter.obeys:
-        pytest.skip("it moves as it did")
+@moves_as_told
+def test_a_twist_that_is_no_number_stops_it(robot, broken):
     drive(robot, Twist(0.4, 0.0), 0.6)
     assert robot.send(broken) == Twist(0.0, 0.0)
     seen = drive(robot, broken, braking(robot) + 0.1)
@@ -196,9 +217,9 @@ def test_a_twist_that_is_no_number_stops_it(robot, adapter, broken):
 
 
 @pytest.mark.parametrize("asked", first([Twist(0.2, 0.5), Twist(0.4, 0.0), Twist(-0.3, 0.0)]))
-def test_it_moves_as_commanded(robot, adapter, asked):
-    if not adapter.obeys:
-        pytest.skip("it moves as it did")
+@on_any_clock
+@moves_as_told
+def test_it_moves_as_commanded(robot, asked):
     drive(robot, asked, 1.0)
     seen = drive(robot, asked, 1.5)
     v = np.mean([o.twist.v for o in seen])
@@ -214,9 +235,9 @@ def test_it_moves_as_commanded(robot, adapter, asked):
     assert chord == pytest.approx(want, rel=0.06, abs=0.02)
 
 
-def test_its_wheels_gather_speed_no_faster_than_they_can(robot, adapter):
-    if not adapter.obeys:
-        pytest.skip("it moves as it did")
+@on_any_clock
+@moves_as_told
+def test_its_wheels_gather_speed_no_faster_than_they_can(robot):
     bounds = robot.model.bounds()
     seen = drive(robot, Twist(bounds.speed, 0.0), 0.8)
     for a in seen:
@@ -228,9 +249,8 @@ def test_its_wheels_gather_speed_no_faster_than_they_can(robot, adapter):
                 assert gained <= bounds.wheel_acceleration * (b.stamp - a.stamp) + 0.15
 
 
-def test_stop_brakes_to_standing_and_again_does_no_harm(robot, adapter):
-    if not adapter.obeys:
-        pytest.skip("it moves as it did")
+@moves_as_told
+def test_stop_brakes_to_standing_and_again_does_no_harm(robot):
     robot.stop()
     drive(robot, Twist(0.6, 0.2), 0.8)
     robot.stop()
@@ -247,9 +267,8 @@ def test_stop_brakes_to_standing_and_again_does_no_harm(robot, adapter):
     assert math.hypot(again.pose.x - first.pose.x, again.pose.y - first.pose.y) <= STILL
 
 
-def test_stop_called_again_and_again_is_no_slower(robot, adapter):
-    if not adapter.obeys:
-        pytest.skip("it moves as it did")
+@moves_as_told
+def test_stop_called_again_and_again_is_no_slower(robot):
     drive(robot, Twist(0.6, 0.2), 0.8)
     end = robot.now() + braking(robot)
     while robot.now() < end:
@@ -260,9 +279,8 @@ def test_stop_called_again_and_again_is_no_slower(robot, adapter):
     assert abs(odometry.twist.v) <= STILL
 
 
+@moves_as_told
 def test_it_stops_by_itself_when_nothing_is_sent(robot, adapter):
-    if not adapter.obeys:
-        pytest.skip("it moves as it did")
     drive(robot, Twist(0.6, 0.0), 0.8)
     robot.wait(robot.now() + adapter.timeout + braking(robot))
     odometry = robot.read().odometry

@@ -87,6 +87,7 @@ def writing(path: Path) -> Iterator[subprocess.Popen[str]]:
 # While writing
 
 
+@pytest.mark.slow  # below without another process; of the command: tests/e2e/test_process.py
 def test_ctrl_c_leaves_a_finished_record(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with writing(path) as process:
@@ -158,6 +159,20 @@ def test_an_error_in_the_run_leaves_a_finished_record(tmp_path: Path) -> None:
         assert bits(read(path)) == bits(written()[0])
 
 
+def test_each_piece_is_in_the_file_before_the_next_is_driven(tmp_path: Path) -> None:
+    """So that of a run that is killed all is read up to its last piece."""
+    path, cut = tmp_path / "run.mcap", tmp_path / "cut.mcap"
+    with Recorder(path, scene(SETUP)) as recorder:
+        for n, piece in enumerate(written()[:3], 1):
+            recorder.write(piece)
+            cut.write_bytes(path.read_bytes())  # what another process finds there
+            with pytest.warns(IncompleteRecord, match="ends too early"):
+                trace = read(cut)
+            assert len(trace) == 200 * n
+            assert is_beginning(trace, whole())
+
+
+@pytest.mark.slow  # what is there by then: above
 def test_a_killed_run_is_read_up_to_its_last_piece(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with writing(path) as process:
@@ -278,7 +293,7 @@ def _read_bytes(path: Path, data: bytes) -> tuple[Trace | None, bool]:
 
 
 @given(part=st.floats(0.0, 1.0))
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=15)
 def test_a_record_cut_off_anywhere_gives_the_whole_pieces_before(
     record: bytes, tmp_path_factory: pytest.TempPathFactory, part: float
 ) -> None:
@@ -292,7 +307,7 @@ def test_a_record_cut_off_anywhere_gives_the_whole_pieces_before(
 
 
 @given(part=st.floats(0.0, 1.0, exclude_max=True), flip=st.integers(1, 255))
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=15)
 def test_a_changed_byte_is_always_detected(
     record: bytes, tmp_path_factory: pytest.TempPathFactory, part: float, flip: int
 ) -> None:

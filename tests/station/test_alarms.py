@@ -92,6 +92,7 @@ def test_on_small_phones_long_alarms_do_not_push_the_modes_under_the_pads(
             expect(every).to_be_hidden()
 
 
+@pytest.mark.slow  # with long alarms alone: above
 @pytest.mark.parametrize(
     ("width", "height"), first([(320, 568), (740, 330), (667, 330), (390, 780)])
 )
@@ -181,6 +182,7 @@ ADDED = """() => {
 }"""
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_screen_reader_is_told_what_is_new_and_not_all_of_it_at_each_second(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -220,6 +222,7 @@ def test_a_stop_is_read_out_from_a_region_that_was_there_before(
         assert before.evaluate("(one) => one.isConnected")
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_only_the_alarm_of_a_lost_localization_is_said_to_be_one(
     tmp_path: Path, context: BrowserContext
 ) -> None:

@@ -118,7 +118,7 @@ def test_a_page_loads_and_works_among_two_hundred_idle_connections(
         page = page_of(context, server)
         expect(who(page)).to_contain_text("No driver")
         driver.send('{"type":"got","stream":"state"}')
-        beats(driver, own, 2.0)  # who was there all along has them
+        beats(driver, own, 1.0)  # who was there all along has them
         context.close()
     assert asked(server, "GET", "/").status == 200
 
@@ -134,8 +134,8 @@ def test_of_six_hundred_connections_some_are_closed_and_the_page_is_served(serve
 def test_incomplete_requests_are_closed_however_slowly_bytes_arrive(
     server: Server, monkeypatch: pytest.MonkeyPatch, how: str
 ) -> None:
-    monkeypatch.setattr(serve, "HEAD_WITHIN", 0.5)
-    monkeypatch.setattr(serve, "DONE_WITHIN", 1.0)
+    monkeypatch.setattr(serve, "HEAD_WITHIN", 0.2)
+    monkeypatch.setattr(serve, "DONE_WITHIN", 0.4)
     with OwnTime() as own, socket.create_connection(("127.0.0.1", server.port)) as one:
         one.sendall(HOW[how])
         began = own.now()

@@ -426,7 +426,7 @@ def test_touch_pads_steer_on_a_phone(browser_phone: BrowserContext, server: Serv
 
 @pytest.mark.parametrize(
     ("button", "asked"),
-    [("Stop the robot", RequestKind.STOP), ("Manual", RequestKind.MODE)],
+    first([("Stop the robot", RequestKind.STOP), ("Manual", RequestKind.MODE)]),
 )
 def test_a_button_is_pressed_by_a_second_finger_while_a_thumb_is_on_a_pad(
     browser_phone: BrowserContext, tmp_path: Path, button: str, asked: RequestKind
@@ -527,6 +527,7 @@ def test_on_a_phone_in_landscape_reset_and_route_are_not_covered(
     expect(phone.get_by_role("slider", name="Left and right")).to_be_visible()
 
 
+@pytest.mark.slow  # a layout
 @pytest.mark.parametrize(
     ("width", "height"), first([(390, 780), (740, 330), (320, 568), (820, 1180)])
 )

@@ -55,6 +55,7 @@ def opened(opener: Locator, on: str) -> Locator:
     return dialog
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_what_was_pressed_and_is_gone_leaves_the_focus_to_its_group(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -83,7 +84,7 @@ def test_what_was_pressed_and_is_gone_leaves_the_focus_to_its_group(
 
 
 @pytest.mark.parametrize(
-    ("width", "height"), first([(1280, 800), (390, 780), (740, 330), (820, 1180)], 2)
+    ("width", "height"), first([(1280, 800), (390, 780), (740, 330), (820, 1180)])
 )
 def test_stop_is_what_keys_and_ears_reach_first(
     context: BrowserContext, tmp_path: Path, width: int, height: int
@@ -98,6 +99,7 @@ def test_stop_is_what_keys_and_ears_reach_first(
         expect(controls.first).to_have_accessible_name(re.compile("^Stop the robot"))
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_dialog_that_is_closed_leaves_the_focus_to_what_opened_it(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -142,6 +144,7 @@ def test_escape_closes_one_dialog_at_a_time_the_last_that_was_opened_first(
             expect(opener).to_have_attribute("aria-expanded", "false")
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 @pytest.mark.parametrize("name", first(["Edit route", "Stick settings", "Records (0)"]))
 def test_a_double_click_opens_a_dialog_and_another_closes_it(
     context: BrowserContext, tmp_path: Path, name: str

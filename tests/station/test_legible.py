@@ -96,6 +96,7 @@ PALE = """() => {
 it can not be pressed."""
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_every_text_of_the_page_has_contrast_also_where_it_is_stale(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -195,6 +196,7 @@ def test_with_large_letters_on_a_phone_every_alarm_can_be_read_and_stop_pressed(
             page.keyboard.press("Escape")
 
 
+@pytest.mark.slow  # that all is there to press: below
 @pytest.mark.parametrize("letters", first([32, 16, 24]))
 def test_on_a_small_phone_large_letters_leave_room_for_the_map(
     browser: Browser, tmp_path: Path, letters: int
@@ -236,6 +238,7 @@ def test_whatever_the_letters_all_that_is_pressed_is_on_the_screen_and_free(
             assert page.evaluate(UNREACHABLE) == [], (width, height)
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 @pytest.mark.parametrize(("width", "height"), first([(1024, 600), (740, 330), (390, 780)]))
 def test_with_large_letters_what_removes_a_waypoint_is_whole(
     browser: Browser, tmp_path: Path, width: int, height: int

@@ -85,7 +85,7 @@ except (CohelmError, PermissionError) as error:
 end = StationEnd(own, "127.0.0.1", link)
 with end, StationBulk(own, "127.0.0.1", link, end.session) as bulk:
     end.ask(RequestKind.TAKE)
-    until = time.monotonic() + 3.0
+    until = time.monotonic() + 2.0
     while time.monotonic() < until:
         end.steer(Command(Stick(1.0, 0.0), True, True, Device.SCRIPT, 1.0))
         time.sleep(0.05)

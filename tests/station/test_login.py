@@ -11,7 +11,6 @@ from playwright.sync_api import BrowserContext, Page, Request, expect
 from cohelm.core.errors import CohelmError
 from cohelm.station.robot_link import RobotLink
 from cohelm.station.serve import Server
-from tests.few import first
 from tests.link.ends import until
 from tests.station.bare import Bare
 from tests.station.person import alarms, page_of, who
@@ -43,7 +42,8 @@ def test_the_token_is_required_and_the_printed_address_has_it(
     inside(page)
 
 
-@pytest.mark.parametrize("typed", first(["address", "token"]))
+@pytest.mark.slow  # the token alone: above
+@pytest.mark.parametrize("typed", ["address", "token"])
 def test_the_login_takes_the_token_or_the_whole_address(
     context: BrowserContext, server: Server, typed: str
 ) -> None:
@@ -129,6 +129,7 @@ def test_the_station_dies_and_comes_back_while_the_page_stays_open(
         inside(page)
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_the_address_of_an_earlier_start_is_said_to_be_one(
     context: BrowserContext, server: Server
 ) -> None:

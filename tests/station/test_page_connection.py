@@ -197,6 +197,7 @@ def test_a_stop_that_is_sent_once_more_after_a_reload_is_not_said_to_have_had_no
         expect(alarms).to_contain_text("after: the robot had not answered it before")
 
 
+@pytest.mark.slow  # a layout of what is tried below
 def test_a_stop_that_nobody_answered_is_in_sight_also_where_there_is_room_for_one_alarm(
     browser_phone: BrowserContext, tmp_path: Path
 ) -> None:
@@ -230,6 +231,7 @@ def test_a_display_without_a_link_to_the_robot_is_pale(
         expect(alarms).to_contain_text("STOP is sent, but the robot has not answered yet")
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_before_the_first_status_there_is_no_link_to_be_lost(
     context: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -263,6 +265,7 @@ def test_without_a_link_nobody_is_said_to_drive(context: BrowserContext, tmp_pat
         expect(who(page)).to_contain_text("No link")
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_who_can_not_reset_a_stop_is_told_who_can(context: BrowserContext, tmp_path: Path) -> None:
     status = STATUS._replace(mode=Mode.HOLD, stopped="the odometry is 92 ms old", why="")
     with Bare(tmp_path, status) as robot, served(robot.connect) as server:
@@ -391,6 +394,7 @@ def test_a_button_of_a_gamepad_that_is_held_as_the_page_loads_stops_and_does_not
         assert requested(robot, RequestKind.STOP)
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_button_pressed_without_a_connection_says_so(context: BrowserContext, bare: Bare) -> None:
     with served(bare.connect) as station:
         page = page_of(context, station)
@@ -417,6 +421,7 @@ MORTAL = """(() => {
 """`die` cuts the connections made so far, which stay open: nothing passes, either way."""
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_a_press_into_a_connection_that_is_dead_already_says_so(
     context: BrowserContext, bare: Bare
 ) -> None:
@@ -585,6 +590,7 @@ def test_a_page_too_many_is_told_so(
     expect(page.locator(".refused")).to_contain_text("too many operators")
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_without_a_link_to_the_robot_no_record_is_waited_for(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -616,6 +622,7 @@ def test_the_windows_title_has_the_robot_and_what_is_up_with_it(
         expect(page).to_have_title("No link · sally")
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_path: Path) -> None:
     """Somebody who looks on steers nothing, has no share of the command and can not drive on."""
     told = (Alarm(1, Severity.ALARM, True, False, "lost: nothing on the map fits", AlarmKind.LOST),)
@@ -733,6 +740,7 @@ def test_a_refusal_goes_with_the_next_press(context: BrowserContext, tmp_path: P
         expect(refused).not_to_contain_text("Manual", timeout=2_000)  # else it stays for 6 s
 
 
+@pytest.mark.slow  # a layout
 @pytest.mark.parametrize(("width", "height"), first([(320, 568), (390, 780), (740, 330)]))
 def test_on_a_phone_a_long_route_leaves_the_buttons_that_send_close_and_discard_it_in_sight(
     browser_phone: BrowserContext, tmp_path: Path, width: int, height: int
@@ -809,6 +817,7 @@ def test_an_edited_route_outlives_its_panel_until_the_robot_has_it_or_it_is_disc
         expect(items).to_have_count(2)  # what the robot says it follows
 
 
+@pytest.mark.slow  # nothing moves wrongly by it
 def test_an_answer_to_a_route_that_was_discarded_is_not_shown(
     context: BrowserContext, tmp_path: Path
 ) -> None:

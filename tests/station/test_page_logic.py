@@ -25,24 +25,40 @@ def _node() -> str:
     pytest.skip("no Node that reads TypeScript")
 
 
+ANSWERS = """
+import { createInterface } from 'node:readline'
+for await (const line of createInterface({ input: process.stdin })) {
+  const { module, text } = JSON.parse(line)
+  let said
+  try {
+    said = { answers: new Function('m', `'use strict'; return [${text}]`)(await import(module)) }
+  } catch (error) {
+    said = { error: String(error.stack) }
+  }
+  console.log(JSON.stringify(said))
+}
+"""
+
+
 @pytest.fixture(scope="module")
 def asked():
     """Answers to expressions over the functions of a module of the page, as JSON has them."""
-    node = _node()
+    command = [_node(), "--no-warnings", "--input-type=module", "-e", ANSWERS]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as node:
 
-    def ask(module: str, *expressions: str) -> list[object]:
-        script = (
-            f"import * as m from {json.dumps((WEB / module).as_uri())};"
-            f"console.log(JSON.stringify([{','.join(expressions)}]))"
-        )
-        done = subprocess.run(
-            [node, "--no-warnings", "--input-type=module", "-e", script],
-            capture_output=True, text=True, check=False, timeout=60,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
+        def ask(module: str, *expressions: str) -> list[object]:
+            assert node.stdin is not None
+            assert node.stdout is not None
+            text = ",".join(expressions)
+            node.stdin.write(json.dumps({"module": (WEB / module).as_uri(), "text": text}) + "\n")
+            node.stdin.flush()
+            said = json.loads(node.stdout.readline())
+            assert "error" not in said, said["error"]
+            return said["answers"]
 
-    return ask
+        yield ask
 
 
 def test_a_stick_is_armed_only_after_it_was_centred(asked) -> None:

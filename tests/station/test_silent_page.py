@@ -79,7 +79,7 @@ def test_a_driver_whose_page_is_in_the_background_keeps_the_lease(
     """A hidden page is late with its stick; that it has been sent something it says at once."""
     with opened(server) as page:
         drives(page, bare)
-        end = time.monotonic() + 4.0 * SILENT
+        end = time.monotonic() + 3.0 * SILENT
         while time.monotonic() < end:
             page.send(json.dumps({"type": "got", "stream": "state"}))
             time.sleep(0.05)
