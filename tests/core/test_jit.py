@@ -130,6 +130,7 @@ def test_where_no_cache_can_be_written_the_law_still_runs(checkout):
     assert speed == pytest.approx(0.5 + 0.9)
 
 
+@pytest.mark.slow  # else it starts slowly; where none can be written, it runs: above
 def test_a_filled_cache_that_is_read_only_is_used(checkout, tmp_path):
     """As in a container's image, or another person's; what is not in it is compiled at each start,
     which is said."""

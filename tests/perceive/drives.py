@@ -49,15 +49,17 @@ class Moment(NamedTuple):
     scanned: bool
 
 
-def along(waypoints, speed=0.5, start=None):
-    """Twists at every DT of an exact robot that tracks waypoints, and its poses."""
+def along(waypoints, speed=0.5, start=None, most=None):
+    """Twists at every DT of an exact robot that tracks waypoints, and its poses. most: so many
+    twists, where no more of a long way is wanted."""
     reference = through([list(map(float, p)) for p in waypoints], speed)
     gains = Gains()
     d = desired(reference, 0.0, False)
     pose = start or Pose(d.x, d.y, d.psi)
     poses, twists = [pose], []
     before = Twist(0.0, 0.0)
-    for k in range(int(reference.duration / DT)):
+    steps = int(reference.duration / DT)
+    for k in range(steps if most is None else min(most, steps)):
         d = Desired(*desired(reference, k * DT, False))
         nominal = track(pose, d, gains)
         v = before.v + np.clip(nominal.v - before.v, -1.0 * DT, 1.0 * DT)

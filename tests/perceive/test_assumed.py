@@ -57,13 +57,16 @@ def test_the_ground_assumed_free_is_what_the_robot_needs_to_turn_and_look_and_no
     )
     x, y = x[beside], y[beside]
     needed = np.zeros(len(x), np.bool_)
+    low, high = outline.min(axis=0) - 0.1, outline.max(axis=0) + 0.1  # no point outside is so near
     for way in (-1.0, 1.0):
         unseen = np.ones(len(x), np.bool_)
         for psi in way * np.arange(0.0, 2.0 * math.pi, 0.02):
             c, s = math.cos(psi), math.sin(psi)
             bx, by = c * x + s * y, c * y - s * x
             unseen &= ~in_view(lidar, bx, by)
-            left = np.flatnonzero(unseen & ~needed)
+            at = np.column_stack((bx, by))
+            nearby = ((low < at) & (at < high)).all(axis=1)
+            left = np.flatnonzero(unseen & ~needed & nearby)
             gaps = [
                 disc_clearance(Pose(0.0, 0.0, psi), outline, x[k], y[k], 0.0) for k in left
             ]  # fmt: skip

@@ -30,8 +30,9 @@ def peak_gib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
 
 
-def test_a_map_of_noise_is_refused_within_seconds_and_little_memory():
-    solid = noise(5000)
+@pytest.mark.parametrize("side", [2500, pytest.param(5000, marks=pytest.mark.slow)])
+def test_a_map_of_noise_is_refused_within_seconds_and_little_memory(side):
+    solid = noise(side)
     begun, before = time.monotonic(), peak_gib()
     with pytest.raises(CohelmError, match="to localise by: clear it of noise"):
         map_from_occupancy(solid, ~solid, 0.05, HERE)

@@ -276,6 +276,7 @@ RING = np.array([
 ], dtype=float)  # fmt: skip
 
 
+@pytest.mark.slow  # that coming home closes loops, and where a submap is found: above and below
 def test_a_loop_is_closed_though_the_robot_slid_metres_unnoticed():
     way = along([(3, 2.5), (12, 2.5), (21, 2.5), (21, 13.5), (3, 13.5), (3, 2.5), (14, 2.5)], 1.0)
     slid = [(30.0, (-2.2, -1.2, 0.0))]
@@ -360,6 +361,7 @@ def test_laps_that_lie_beside_each_other_are_put_together_at_the_end():
     assert apart(graph) < 0.02
 
 
+@pytest.mark.slow  # laps that lie beside each other are put together: above
 def test_a_lap_that_drifts_away_is_pulled_in_from_where_it_lies_beside_the_other():
     """Its end is farther off than a match reaches, until the part before has been pulled in."""
     graph = two_laps(torn=0.0)

@@ -114,11 +114,11 @@ def test_of_a_thick_wall_each_side_is_where_it_is_seen():
 
 def test_a_robot_moved_back_along_its_path_is_relocalized_on_a_poor_map():
     place = building(1)
-    poses, twists = along(tour(place, 4, 8.0))
+    poses, twists = along(tour(place, 4, 8.0), most=399)
     k = round(2.0 / DT)
     psi = poses[k].psi
     push = (0.7 * math.cos(psi + math.pi), 0.7 * math.sin(psi + math.pi), 0.0)
-    rows = followed(place.known, poses[:400], twists[:399], 2, place.walls, pushes=((2.0, push),))
+    rows = followed(place.known, poses, twists, 2, place.walls, pushes=((2.0, push),))
     late = rows[-10:]
     assert not late[:, 1].any()
     assert late[:, 0].max() < 0.2
@@ -272,8 +272,8 @@ def test_a_robot_set_one_metre_along_a_corridor_accepts_no_ambiguous_pose(at, of
     """Niches and doors make places along this corridor fit alike; by the matches the robot was
     sure to 5 cm of the one beside which its pose was set, for 5 and 9 s."""
     place = building(8677)
-    poses, twists = along(tour(place, 8646, 80.0), 0.5)
-    poses, twists = poses[at - 100 : at + 300], twists[at - 100 : at + 299]
+    poses, twists = along(tour(place, 8646, 80.0), 0.5, most=at + 299)
+    poses, twists = poses[at - 100 :], twists[at - 100 :]
     perception, reported, wrong = Perception(SALLY, place.known, poses[0]), False, 0
     for moment in drive(poses, twists, 4, NO_DISCS, place.walls, grid=place.grid):
         x, y, psi = moment.truth
@@ -308,8 +308,8 @@ def test_set_wrong_while_it_stands_where_the_map_draws_a_thing_that_is_gone_it_i
     """It knew its place before, and only there does all else fit; as the map shows no free ground
     there, it was left out, and a look-alike 1.9 m along the corridor believed instead."""
     place = building(188)
-    poses, twists = along(tour(place, 8742, 80.0), 0.5)
-    poses, twists = poses[5872:6472], twists[5872:6471]
+    poses, twists = along(tour(place, 8742, 80.0), 0.5, most=6471)
+    poses, twists = poses[5872:], twists[5872:]
     perception, reported, wrong = Perception(SALLY, place.known, poses[0]), False, 0
     for moment in drive(poses, twists, 333149, NO_DISCS, place.walls, grid=place.grid):
         x, y, psi = moment.truth

@@ -58,7 +58,7 @@ def test_after_a_warm_up_no_plan_has_anything_to_compile(tmp_path, monkeypatch):
     drive([(0, 0), (3, 0), (6, 0)], walls=DOOR, start=(2.0, 0.3, -0.5), settings=LONG, seconds=8.0)
     drive([(5, 0), (6, 0), (11, 0)], walls=DEAD_END, start=(6.75, 0.18, -0.38), settings=LONG,
           seconds=15.0)  # fmt: skip
-    drive([(0, 0), (4, 0), (8, 0)], walls=AISLE, start=(0.2, 0.0, 3.0), seconds=8.0)
+    drive([(0, 0), (4, 0), (8, 0)], walls=AISLE, start=(0.2, 0.0, 3.0), seconds=3.0)
     movers = [(2.5, -1.0, 0, 0.4, 0.3), (5, 0, 0, 0, 0.2)]
     drive([(0, 0), (4, 0), (8, 0)], movers, start=HERE, seconds=8.0)
     kept = tmp_path / "asked.pkl"

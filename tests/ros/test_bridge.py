@@ -50,12 +50,20 @@ def test_a_missing_or_limited_bridge_is_reported_with_the_cure():
     for none in ("robot:8765", "ws://[::1", "wss://robot:99999"):
         with pytest.raises(CohelmError, match="give the bridge's address"):
             FoxgloveTransport(none)
-    poor = Bridge(graph=False)
-    try:
+
+    def poor(there: ServerConnection) -> None:
+        there.send(json.dumps({
+            "op": "serverInfo", "name": "poor", "supportedEncodings": ["cdr"],
+            "capabilities": ["clientPublish"],
+        }))  # fmt: skip
+        for _ in there:
+            pass
+
+    with serve(poor, "127.0.0.1", 0, subprotocols=[Subprotocol("foxglove.sdk.v1")]) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        port = server.socket.getsockname()[1]
         with pytest.raises(CohelmError, match="offers no connectionGraph: add that to its"):
-            FoxgloveTransport(poor.url)
-    finally:
-        poor.close()
+            FoxgloveTransport(f"ws://127.0.0.1:{port}")
 
 
 @pytest.mark.slow  # an advice; that without any bridge is above

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -82,14 +80,14 @@ def rover(tmp_path_factory):
 
 
 @pytest.mark.parametrize("way", first(["dds", "foxglove"]))
-def test_it_is_found_with_the_description_and_the_command_of_the_page(rover, way):
+def test_it_is_found_with_the_description_and_the_command_of_the_page(
+    rover, way, cohelm, monkeypatch
+):
     options = [] if way == "dds" else ["--url", bridge().url]
-    done = subprocess.run(
-        [sys.executable, "-m", "cohelm", *shlex.split(COMMAND), "--json", *options],
-        cwd=rover.parent, capture_output=True, text=True, timeout=120.0,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
+    monkeypatch.chdir(rover.parent)
+    said = cohelm(*shlex.split(COMMAND), "--json", *options)
+    assert said.code == 0, said.err
+    found = json.loads(said.out)
     assert found["topics"]["command"] == "/rover_12/nav/cmd_vel"
     assert found["topics"]["out"] == "/rover_12/platform/cmd_vel"
     assert found["topics"]["out_type"] == "geometry_msgs/msg/TwistStamped"
@@ -98,4 +96,5 @@ def test_it_is_found_with_the_description_and_the_command_of_the_page(rover, way
     assert [one["beams"] for one in lidars] == [541, 541, 720]
     assert [one["mount_x_m"] for one in lidars] == pytest.approx([0.42, -0.42, 0.1], abs=1e-3)
     assert abs(lidars[1]["mount_yaw_deg"]) == pytest.approx(180.0)
-    assert done.stderr.count("s ahead of this machine's: taken into account") == 4
+    told = " ".join(said.err.split())
+    assert told.count("s ahead of this machine's: taken into account") == 4

@@ -149,7 +149,7 @@ def test_transient_local_messages_reach_late_subscribers(pair, request):
     offers = request.node.callspec.params["pair"].graph  # a bridge's own publishers are volatile
     one.publish("/late_latched", TF, LATCHED).send(TFMessage([]))
     one.publish("/late_volatile", STRING, COMMAND).send(String("gone"))
-    time.sleep(1.0)
+    time.sleep(0.3)
     latched = Heard(two, "/late_latched", TF, LATCHED if offers else COMMAND)
     volatile = Heard(two, "/late_volatile", STRING)
     assert until(lambda: bool(latched))  # a bridge may send it twice: it forwards, and repeats

@@ -22,6 +22,7 @@ from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, read_map
 from cohelm.scenario.worlds.tracks import ELSEWHERE, bodies, read_tracks
 from cohelm.sim.lidar import scan
 from cohelm.sim.world import place, world
+from tests.few import first
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 
@@ -212,7 +213,7 @@ def test_a_compressed_world_is_the_same_world_and_a_cut_archive_is_refused(tmp_p
 
 def test_a_decompression_bomb_is_refused(tmp_path):
     path = tmp_path / "a.world.gz"
-    path.write_bytes(gzip.compress(bytes(65 * 2**20)))
+    path.write_bytes(gzip.compress(bytes(65 * 2**20), 1))
     with pytest.raises(CohelmError, match="larger than 64 MB"):
         read_gazebo(path, 0.3)
 
@@ -487,7 +488,9 @@ def test_a_bad_map_description_is_refused_with_the_key(tmp_path, keys, words):
         read_map(path)
 
 
-@pytest.mark.parametrize("text", ["", "- 1", "image: [", "\x00", "a: &a [*a]", "[" * 5000])
+@pytest.mark.parametrize(
+    "text", first(["", "- 1", "image: [", "\x00", "a: &a [*a]", "[" * 5000], 5)
+)
 def test_a_description_that_is_no_map_is_refused(tmp_path, text):
     (tmp_path / "m.yaml").write_text(text)
     with pytest.raises(CohelmError, match=r"m\.yaml"):

@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from cohelm.core.errors import CohelmError
 from cohelm.study.bags import BagTopics
 from cohelm.study.mapping import drive
+from tests.few import first as few
 
 SCAN, ODOMETRY, TF = (
     "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage",
@@ -135,15 +136,16 @@ def test_a_damaged_bag_is_refused(tmp_path):
         drive(tmp_path / "own.bag")
 
 
-def test_a_changed_byte_anywhere_in_a_bag_is_no_crash(tmp_path):
+@pytest.mark.parametrize("seed", few([3, 4, 5]))
+def test_a_changed_byte_anywhere_in_a_bag_is_no_crash(tmp_path, seed):
     """Refused in one sentence, or read without what it was in."""
     folder, path = bag(tmp_path / "two", 2), tmp_path / "own.bag"
     (file,) = folder.glob("*.mcap")
     bag(path, 1)
-    rng = np.random.default_rng(3)
+    rng = np.random.default_rng(seed)
     for kept, named in ((path, path), (file, folder)):
         whole = kept.read_bytes()
-        for _ in range(60):
+        for _ in range(20):
             changed = bytearray(whole)
             for at in rng.integers(13, len(whole), 4):
                 changed[at] = rng.integers(256)

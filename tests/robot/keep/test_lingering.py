@@ -19,7 +19,7 @@ import cohelm
 from cohelm.core import waiting
 from cohelm.core.errors import CohelmError
 from cohelm.robot.adapter import AdaptedMaker
-from cohelm.robot.keep import process
+from cohelm.robot.keep import process, serve
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.process import RemoteGatedRobot
 from cohelm.robot.port import RobotPort
@@ -29,8 +29,13 @@ from tests.robot.keep.test_processes import WITHIN, alive
 
 pytestmark = pytest.mark.xdist_group("realtime")
 
-SALLY = cohelm.load_robot("sally")
 LINGERS = "the robot's driver does not end"
+
+
+@functools.cache
+def sally() -> cohelm.RobotModel:
+    """Not when this file is imported, as every gate process does: that takes half a second."""
+    return cohelm.load_robot("sally")
 
 
 class Still(cohelm.Robot):
@@ -83,6 +88,12 @@ class ReadForks(Holds):
         return super().read()
 
 
+def hurried(made: AdaptedMaker) -> RobotPort:
+    """A driver that hangs is waited for less long in its gate process."""
+    serve.CLOSING = 0.5
+    return made()
+
+
 @pytest.fixture
 def port() -> int:
     """One that is free."""
@@ -128,8 +139,9 @@ def group(leader: int) -> list[int]:
 def test_the_hardware_is_free_again_whatever_a_read_has_done(make, how, port, monkeypatch):
     if how == "closed":
         monkeypatch.setattr(process, "_ANSWER", 1.0)
-    made = AdaptedMaker(functools.partial(make, port=port), SALLY)
-    gated = RemoteGatedRobot(made, rules(SALLY, 0.02))
+    made = AdaptedMaker(functools.partial(make, port=port), sally())
+    made = functools.partial(hurried, made)
+    gated = RemoteGatedRobot(made, rules(sally(), 0.02))
     assert held(port)
     time.sleep(0.5)  # it reads by itself
     if make is ReadForks:  # and is driven by one process all the same
@@ -142,6 +154,8 @@ def test_the_hardware_is_free_again_whatever_a_read_has_done(make, how, port, mo
     else:
         if how == "the gate process is killed":
             os.kill(gated.pid, signal.SIGKILL)
+        if make is ReadHangs:  # nothing answers
+            gated._within = 0.2
         gated.close()
     until(lambda: not held(port))
     until(lambda: not alive(gated.pid))
@@ -158,9 +172,9 @@ class Unmade(Holds):
 
 
 def test_the_hardware_is_free_again_where_the_robot_can_not_be_made(port):
-    made = AdaptedMaker(functools.partial(Unmade, port=port), SALLY)
+    made = AdaptedMaker(functools.partial(Unmade, port=port), sally())
     with pytest.raises(CohelmError, match="no robot there"):
-        RemoteGatedRobot(made, rules(SALLY, 0.02))
+        RemoteGatedRobot(made, rules(sally(), 0.02))
     until(lambda: not held(port))
 
 
@@ -171,14 +185,17 @@ def ended(gated: RemoteGatedRobot) -> bool:
 
 @pytest.mark.parametrize("make", first([Hangs, Threaded]))
 def test_no_driver_keeps_the_gate_process_alive(make, capfd):
-    gated = RemoteGatedRobot(AdaptedMaker(make, SALLY), rules(SALLY, 0.02))
+    made = AdaptedMaker(make, sally())
+    if make is Hangs:  # the other one is waited for as long as drivers are
+        made = functools.partial(hurried, made)
+    gated = RemoteGatedRobot(made, rules(sally(), 0.02))
     gated.close()
     assert ended(gated)
     assert LINGERS in capfd.readouterr().err
 
 
 def test_a_gate_process_that_was_stopped_says_so_and_is_continued_to_end():
-    gated = RemoteGatedRobot(AdaptedMaker(Still, SALLY), rules(SALLY, 0.02))
+    gated = RemoteGatedRobot(AdaptedMaker(Still, sally()), rules(sally(), 0.02))
     gated._within = 0.2
     os.kill(gated.pid, signal.SIGSTOP)
     with pytest.raises(CohelmError, match=r"it was stopped \(SIGSTOP\), and is continued"):
@@ -207,12 +224,12 @@ class Waits(Still):
         self.waits("send")
 
 
-@pytest.mark.parametrize("call", ["read", "send"])
+@pytest.mark.parametrize("call", first(["send", "read"]))
 def test_the_call_in_which_a_driver_hangs_is_named(call, monkeypatch):
     """Whatever the loop asked for: the gate process reads and sends by itself too."""
     monkeypatch.setattr(process, "_ANSWER", 1.0)
     with pytest.raises(CohelmError, match=f"answer: {call} of the robot's driver waits; the robot"):
-        driven(AdaptedMaker(functools.partial(Waits, call=call), SALLY), kills=True)
+        driven(AdaptedMaker(functools.partial(Waits, call=call), sally()), kills=True)
 
 
 class WaitsAtOnce(Still):
@@ -232,12 +249,13 @@ class WaitsAtOnce(Still):
 
 def impatient() -> RobotPort:
     waiting.WAITS = 0.1
-    return AdaptedMaker(WaitsAtOnce, SALLY)()
+    return AdaptedMaker(WaitsAtOnce, sally())()
 
 
+@pytest.mark.slow  # what is told while nothing moves yet
 def test_a_driver_that_waits_at_the_start_is_named_meanwhile(capfd):
     """It is not taken for compiling."""
-    RemoteGatedRobot(impatient, rules(SALLY, 0.02)).close()
+    RemoteGatedRobot(impatient, rules(sally(), 0.02)).close()
     said = capfd.readouterr().err
     assert said.count("has not returned") == 2
     for call in ("the constructor", "read"):
@@ -257,7 +275,7 @@ class Prints(Still):
 
 def test_what_a_driver_prints_is_no_result_of_the_command(capfd):
     """That of `--json` is exactly one object. A driver that lets go is not said to linger."""
-    gated = RemoteGatedRobot(AdaptedMaker(Prints, SALLY), rules(SALLY, 0.02))
+    gated = RemoteGatedRobot(AdaptedMaker(Prints, sally()), rules(sally(), 0.02))
     gated.read()
     gated.close()
     assert ended(gated)
@@ -287,7 +305,7 @@ class Crashes(Still):
 
 def driven(made: AdaptedMaker, kills: bool = False) -> None:
     """kills: at last, as how one that hangs is closed is asked for above."""
-    gated = RemoteGatedRobot(made, rules(SALLY, 0.02))
+    gated = RemoteGatedRobot(made, rules(sally(), 0.02))
     try:
         for _ in range(100):
             gated.read()
@@ -306,7 +324,7 @@ def driven(made: AdaptedMaker, kills: bool = False) -> None:
     ], 2),
 )  # fmt: skip
 def test_how_the_gate_process_has_ended_is_said(at, how, said):
-    made = AdaptedMaker(functools.partial(Crashes, how=how, at=at), SALLY)
+    made = AdaptedMaker(functools.partial(Crashes, how=how, at=at), sally())
     then = "; the robot stops" if at else f" while it made {__name__}:Crashes: run that alone"
     with pytest.raises(CohelmError, match=rf"the gate process has ended \({said}\){then}"):
         driven(made)
@@ -317,11 +335,12 @@ def test_a_driver_that_only_the_gate_process_can_not_import_is_named(tmp_path, m
     once = "import cohelm, multiprocessing\nassert not multiprocessing.parent_process(), 'busy'\n"
     (tmp_path / "opens_once.py").write_text(f"{once}class Cart(cohelm.Robot): ...\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    made = AdaptedMaker(importlib.import_module("opens_once").Cart, SALLY)
+    made = AdaptedMaker(importlib.import_module("opens_once").Cart, sally())
     with pytest.raises(CohelmError, match=r"opens_once:Cart can not be imported by .*: busy"):
-        RemoteGatedRobot(made, rules(SALLY, 0.02))
+        RemoteGatedRobot(made, rules(sally(), 0.02))
 
 
+@pytest.mark.slow  # few do
 def test_a_driver_that_reads_the_terminal_is_told_no_and_stops_no_process():
     ours, theirs = pty.openpty()
     try:

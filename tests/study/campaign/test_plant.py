@@ -17,7 +17,6 @@ from cohelm.study.campaign.loop_run import Watched
 from cohelm.study.campaign.replay_episode import drive
 from cohelm.study.campaign.runner import CampaignConfig
 from cohelm.study.campaign.worker import chunk
-from tests.few import first as few
 
 
 def test_a_room_is_driven_on_sensors_alone():
@@ -32,7 +31,8 @@ def test_a_room_is_driven_on_sensors_alone():
     assert math.isnan(known.monitor_share)
 
 
-@pytest.mark.parametrize(("bumped", "mute"), few([(6.0, 3.0), (3.0, 6.0)]))
+@pytest.mark.slow  # that the gate stops it for either is tested with the gate
+@pytest.mark.parametrize(("bumped", "mute"), [(6.0, 3.0), (3.0, 6.0)])
 def test_a_fault_and_a_silent_loop_are_reset_and_counted_in_a_campaign(monkeypatch, bumped, mute):
     """A bumper is pressed for a moment: the gate latches; at another time nothing is commanded, and
     the watchdog stops the robot. The drive is gone on with, and the row says why it first was

@@ -269,6 +269,7 @@ def test_the_plan_a_folder_keeps_makes_the_same_campaign(tmp_path):
             planned(tmp_path)
 
 
+@pytest.mark.slow  # only a new room can change it
 def test_the_digest_of_the_code_is_of_every_room_that_a_row_can_depend_on():
     loaded = "import sys, cohelm.study.campaign.worker as w; print(*sys.modules)"
     said = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True).stdout

@@ -129,7 +129,13 @@ def test_running_pedestrians_are_left_out_and_listed():
 
 
 @with_data
-@pytest.mark.parametrize("name", suites.NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow) if name == "crowd" else name  # has much to read
+        for name in suites.NAMES
+    ],
+)
 def test_every_suite_makes_the_same_episode_after_pickling(name):
     import pickle
 
