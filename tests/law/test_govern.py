@@ -1,5 +1,6 @@
 """The reference's own clock (E12): it waits, it slows, it never jumps."""
 
+import itertools
 import math
 
 import numpy as np
@@ -13,6 +14,7 @@ from cohelm.law.govern import (
     CourseClock,
     PaceParams,
     allowed,
+    attainable,
     govern,
     governed,
     nearest_ahead,
@@ -23,6 +25,7 @@ from cohelm.law.govern import (
 from cohelm.law.reference import desired, evaluate, through
 from cohelm.law.track import track
 from cohelm.robot.kinematics import arc
+from cohelm.robot.limits import Limits, ramps, speeds
 
 DT = 0.02
 PACE = PaceParams()
@@ -143,6 +146,35 @@ def test_curvature_limits_the_speed(speed, n, lateral, yaw_rate):
         assert 0.0 < rate <= 1.0
         assert abs(v * r) <= lateral * (1 + 1e-9)
         assert abs(r) <= yaw_rate * (1 + 1e-9)
+
+
+LIMITS = st.builds(
+    Limits, st.just(3.0), st.floats(0.2, 5.0), st.floats(0.3, 5.0), st.just(3.0),
+    st.floats(0.5, 5.0), st.floats(0.2, 5.0), st.floats(0.1, 1.0),
+)  # fmt: skip
+
+
+@given(LIMITS, st.floats(0.2, 2.0))
+def test_the_reference_asks_for_no_more_than_three_quarters_of_what_the_robot_can(limits, speed):
+    reference = through([[0, 0], [2, 0], [3, 1.5], [5, 1], [6, 3]], speed)
+    pace = attainable(PACE, limits, speed)
+    acceleration, yaw_rate = 0.75 * ramps(limits)[0], 0.75 * speeds(limits)[1]
+    rates = paced(reference, pace=pace).rate
+    at_samples = [at(reference, t) for t in np.linspace(0.0, reference.duration, len(rates))]
+    v = [r * math.hypot(m.vx, m.vy) for r, m in zip(rates, at_samples, strict=True)]
+    for vi, m in zip(v, at_samples, strict=True):
+        curvature = (m.vx * m.ay - m.vy * m.ax) / math.hypot(m.vx, m.vy) ** 3
+        assert abs(curvature) * vi <= yaw_rate + 1e-9
+    for (before, a), (after, b) in itertools.pairwise(zip(v, at_samples, strict=True)):
+        braking = before * before - after * after
+        assert braking <= 2.0 * acceleration * math.hypot(b.x - a.x, b.y - a.y) + 1e-9
+    clock = govern(CourseClock(), Pose(0, 0, 0), reference, paced(reference), False, pace, DT)
+    assert clock.rate * speed <= acceleration * DT + 1e-9
+
+
+def test_a_robot_that_can_more_is_given_what_was_set():
+    sound = Limits(2.0, 20.0, 4.0, 25.0)
+    assert attainable(PACE, sound, 1.0) == PACE
 
 
 def test_clearance_limits_the_speed_and_the_reference_slows_ahead_of_it():

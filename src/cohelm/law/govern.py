@@ -17,7 +17,9 @@ from cohelm.core.jit import jit, jit_no_refcount
 from cohelm.core.scalars import is_finite, wrap
 from cohelm.core.types import Desired, Floats, Pose, Twist
 from cohelm.law.reference import Reference, evaluate
+from cohelm.robot.limits import Limits, ramps, speeds
 
+_SHARE = 0.75  # of what the robot can do at most; the rest is left to the tracking law's feedback
 _SAMPLES = 48  # samples per round of the search for the nearest point, three rounds
 
 
@@ -50,6 +52,20 @@ class PaceParams(NamedTuple):
     """Fastest growth of the rate [1/s]."""
     fall: float = 4.0
     """Fastest fall of the rate [1/s]."""
+
+
+def attainable(pace: PaceParams, limits: Limits, speed: float) -> PaceParams:
+    """The parameters for a robot with these limits: a reference that turns, brakes or sets off
+    faster than the robot can leaves it beside its path.
+
+    speed: of the reference [m/s].
+    """
+    acceleration, yaw_rate = _SHARE * ramps(limits)[0], _SHARE * speeds(limits)[1]
+    return pace._replace(
+        yaw_rate=min(pace.yaw_rate, yaw_rate),
+        deceleration=min(pace.deceleration, acceleration),
+        rise=min(pace.rise, acceleration / speed),
+    )
 
 
 class CourseClock(NamedTuple):

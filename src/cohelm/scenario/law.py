@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from cohelm.core.schema import Schema, refuse, renamed
 from cohelm.core.types import Floats
 from cohelm.law.gains import Gains
-from cohelm.law.govern import PaceParams
+from cohelm.law.govern import PaceParams, attainable
 from cohelm.law.guard.rules import Rules
 from cohelm.pilot.replanning import ReplanParams
 from cohelm.pilot.step import Settings
@@ -112,9 +112,9 @@ class PaceModel(Schema):
     lateral_mps2: Acceleration = _PACE.lateral
     """Largest lateral acceleration in turns."""
     yaw_rate_radps: Rate = _PACE.yaw_rate
-    """Largest yaw rate in turns."""
+    """Largest yaw rate in turns; at most three quarters of the robot's."""
     deceleration_mps2: Acceleration = _PACE.deceleration
-    """Slowing down ahead of slow places and of the end."""
+    """Slowing down ahead of slow places and of the end; at most three quarters of the robot's."""
     creep_clearance_m: AtLeast0 = _PACE.tight
     """Clearance up to which the reference creeps."""
     full_speed_clearance_m: Length = _PACE.open
@@ -132,7 +132,8 @@ class PaceModel(Schema):
     search_m: Length = _PACE.search
     """How far ahead the nearest point is searched while the operator leads."""
     rise_per_s: Rate = _PACE.rise
-    """Fastest growth of the reference's rate, which is 0 to 1."""
+    """Fastest growth of the reference's rate, which is 0 to 1; at most three quarters of what the
+    robot can speed up."""
     fall_per_s: Rate = _PACE.fall
     """Fastest fall of it."""
 
@@ -271,8 +272,8 @@ class Law(Schema):
     def settings(self, outline: Floats, limits: Limits, u_d: float, dt: float) -> Settings:
         """All of it for the pilot of one robot, at a control period dt [s]."""
         return Settings(
-            outline, limits, self.gains(u_d), self.guard.rules(dt), self.pace.pace(),
-            self.filter == "guard", False, 0.5,
+            outline, limits, self.gains(u_d), self.guard.rules(dt),
+            attainable(self.pace.pace(), limits, u_d), self.filter == "guard", False, 0.5,
             self.plan.recovery_speed_mps, self.plan.recovery_yaw_rate_radps,
             evasion=self.evasion.params(outline, limits, u_d)._replace(
                 pass_right=self.plan.pass_right_m

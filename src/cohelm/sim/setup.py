@@ -11,7 +11,7 @@ from cohelm.core.row import blank
 from cohelm.core.trace import Trace
 from cohelm.core.types import Floats, Pose
 from cohelm.law.gains import Gains
-from cohelm.law.govern import PaceParams
+from cohelm.law.govern import PaceParams, attainable
 from cohelm.law.guard.rules import Rules
 from cohelm.law.reference import Reference, evaluate
 from cohelm.perceive.localize.localization_map import LocalizationMap
@@ -149,8 +149,8 @@ def with_pilot(
     gains = gains or setup.gains
     evasion = adapted(EvasionParams(speed=HURRY * gains.u_d), setup.outline, setup.limits)
     settings = Settings(
-        setup.outline, setup.limits, gains, Rules(dt=setup.dt), pace or PaceParams(),
-        evasion=evasion,
+        setup.outline, setup.limits, gains, Rules(dt=setup.dt),
+        attainable(pace or PaceParams(), setup.limits, gains.u_d), evasion=evasion,
     )  # fmt: skip
     pilot = Piloted(
         settings, np.where(ever_moving(setup.obstacles), max_acceleration, 0.0), lidars,
