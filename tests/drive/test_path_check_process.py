@@ -89,10 +89,21 @@ def test_a_process_that_was_given_up_is_ended_on_close():
     assert child._process.exitcode is not None
 
 
+def test_closing_does_not_wait_for_the_next_process(monkeypatch):
+    monkeypatch.setattr(path_check_process, "_AGAIN", 60.0)
+    monkeypatch.setattr(path_check_process, "_ENDS", 30.0)
+    process = RemoteChecking(JUDGE)
+    process._child.gone = True
+    until(lambda: not process.ready and process._child is None, STARTED)
+    began = time.monotonic()
+    process.close()
+    assert time.monotonic() - began < 20.0
+    assert process._given_up._process.exitcode is not None
+
+
 def test_a_process_that_starts_after_close_is_ended(monkeypatch):
     """On a busy machine `close` does not wait for it."""
     process = RemoteChecking(Sleepy())
-    monkeypatch.setattr(path_check_process, "_AGAIN", 0.0)
     began, goes_on, ended = threading.Event(), threading.Event(), threading.Event()
 
     class Late:
@@ -105,7 +116,7 @@ def test_a_process_that_starts_after_close_is_ended(monkeypatch):
         return Late()
 
     monkeypatch.setattr(path_check_process, "_started", slowly)
-    process._replace(process._child)
+    process._replace(process._child, 0.0)
     assert began.wait(STARTED)
     process._jobs.close = lambda within: False  # as where a second is not enough
     process.close()

@@ -279,7 +279,7 @@ def test_zones_are_adopted_where_the_robot_can_stop_and_at_once_while_it_is_lost
 
 
 def test_a_new_checker_runs_in_a_new_process(monkeypatch):
-    monkeypatch.setattr(path_check_process, "_AGAIN", 0.2)
+    monkeypatch.setattr(path_check_process, "_AGAIN", 300.0)  # of one that failed
     made = simulated(CORRIDOR, real_time=False)
     plan = SessionConfig(made)
     checking = RemoteChecking(checker_of(plan, None))

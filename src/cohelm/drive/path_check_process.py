@@ -6,7 +6,7 @@ would block the loop.
 
 from __future__ import annotations
 
-import time
+import threading
 from collections.abc import Callable
 from functools import partial
 
@@ -21,6 +21,7 @@ from cohelm.robot.keep.child import Child
 WITHIN = 5.0
 """A check that takes longer is given up [s]."""
 _AGAIN = 2.0  # after a process that failed, the next one is started so much later [s]
+_ENDS = 3.0  # how long ending a process is waited for [s]
 _WARM = np.array([(1.0, 0.0), (2.0, 0.0)])
 
 
@@ -61,7 +62,8 @@ class RemoteChecking:
         self._jobs = ThreadJobs("checking")
         self._child: Child | None = _started(judge)
         self._given_up: Child | None = None
-        self._up = self._busy = self._closed = self._outdated = False
+        self._up = self._busy = self._outdated = False
+        self._closing = threading.Event()
         self._since = 0.0
 
     @property
@@ -72,12 +74,12 @@ class RemoteChecking:
             return False
         if self._outdated:
             self._outdated = False
-            self._replace(child)
+            self._replace(child, after=0.0)
             return False
         if not self._up:
             self._up = child.received() is not None  # its first message reports that it is up
             if child.gone:
-                self._replace(child)
+                self._replace(child, _AGAIN)
         return self._up
 
     def begin(self, now: float, points: Floats | Goal, pose: Pose) -> None:
@@ -100,7 +102,7 @@ class RemoteChecking:
         if made is not None:
             self._busy = False
         if child.gone:
-            self._replace(child)
+            self._replace(child, _AGAIN)
         return made
 
     def set_checker(self, judge: PathChecker) -> None:
@@ -109,23 +111,23 @@ class RemoteChecking:
 
     def close(self) -> None:
         """End the process."""
-        self._closed = True
+        self._closing.set()
         child, self._child = self._child, None
-        self._jobs.close(_AGAIN + 1.0)
+        self._jobs.close(_ENDS)
         for one in {child, self._child, self._given_up}:  # its replacing may not have begun
             if one is not None:
                 one.end()
 
-    def _replace(self, child: Child) -> None:
+    def _replace(self, child: Child, after: float) -> None:
+        """By one that is started so much later [s]."""
         self._child, self._given_up, self._up, self._busy = None, child, False, False
 
         def again() -> None:
             child.end()
-            time.sleep(_AGAIN)
-            if self._closed:
+            if self._closing.wait(after):
                 return
             self._child = made = _started(self._judge)
-            if self._closed:  # it took so long that `close` did not wait for it
+            if self._closing.is_set():  # it took so long that `close` did not wait for it
                 made.end()
 
         self._jobs.do(again)
