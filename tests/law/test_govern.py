@@ -159,7 +159,7 @@ def test_the_reference_asks_for_no_more_than_three_quarters_of_what_the_robot_ca
     reference = through([[0, 0], [2, 0], [3, 1.5], [5, 1], [6, 3]], speed)
     pace = attainable(PACE, limits, speed)
     acceleration, yaw_rate = 0.75 * ramps(limits)[0], 0.75 * speeds(limits)[1]
-    rates = paced(reference, pace=pace).rate
+    rates = paced(reference, np.full(80, math.inf), pace).rate
     at_samples = [at(reference, t) for t in np.linspace(0.0, reference.duration, len(rates))]
     v = [r * math.hypot(m.vx, m.vy) for r, m in zip(rates, at_samples, strict=True)]
     for vi, m in zip(v, at_samples, strict=True):

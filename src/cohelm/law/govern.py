@@ -114,9 +114,9 @@ def profile(reference: Reference, clearance: Floats, pace: PaceParams) -> Profil
         room = min(max(room, 0.0), 1.0) if room == room else 0.0
         v = min(v, pace.creep + room * max(reference.speed - pace.creep, 0.0))
         distance = math.hypot(m.x - x, m.y - y) if back > 0 else 0.0
-        v = min(v, math.sqrt(after * after + 2.0 * pace.deceleration * distance))
+        v = min(v, math.sqrt(after * after + 2.0 * pace.deceleration * distance), spline)
         after, x, y = v, m.x, m.y
-        rate[i] = min(v / spline, 1.0) if spline > v else 1.0
+        rate[i] = v / spline if spline > v else 1.0
     return Profile(rate, duration)
 
 
