@@ -1,8 +1,7 @@
 """The safety filter as a library: nothing is hit, nothing wrong gets in, nothing compiles late."""
 
-import itertools
 import math
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -36,7 +35,7 @@ EACH = [
 
 
 DRIVES = sorted(
-    itertools.product(["sally", "jackal"], [0.0, 0.007, 0.02, 0.05], [0.02, 0.013, 0.033]),
+    product(["sally", "jackal"], [0.0, 0.007, 0.02, 0.05], [0.02, 0.013, 0.033]),
     key=lambda drive: drive not in EACH,
 )
 

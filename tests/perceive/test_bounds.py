@@ -18,6 +18,7 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import borders, grid
+from tests.few import first
 
 HERE = Pose(0.0, 0.0, 0.0)
 
@@ -30,7 +31,7 @@ def peak_gib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
 
 
-@pytest.mark.parametrize("side", [2500, pytest.param(5000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("side", first([2500, 5000]))
 def test_a_map_of_noise_is_refused_within_seconds_and_little_memory(side):
     solid = noise(side)
     begun, before = time.monotonic(), peak_gib()

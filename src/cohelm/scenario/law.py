@@ -132,8 +132,8 @@ class PaceModel(Schema):
     search_m: Length = _PACE.search
     """How far ahead the nearest point is searched while the operator leads."""
     rise_per_s: Rate = _PACE.rise
-    """Fastest growth of the reference's rate, which is 0 to 1; at most three quarters of what the
-    robot can speed up."""
+    """Fastest growth of the reference's rate, which is 0 to 1; at most three quarters of the
+    robot's acceleration by the reference's speed."""
     fall_per_s: Rate = _PACE.fall
     """Fastest fall of it."""
 

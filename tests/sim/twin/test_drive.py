@@ -35,9 +35,8 @@ def driven(name: str, *changes: str) -> Trace:
     ("change", "seeds"),  # who sees the truth has no noise
     first(
         [
-            ("senses=lidar", 1),
-            ("simulation.twin.friction=0.15", 1),
             ("senses=lidar", 3),
+            ("simulation.twin.friction=0.15", 1),
             ("senses=lidar", 5),
             ("senses=truth", 1),
         ],
