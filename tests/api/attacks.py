@@ -46,12 +46,13 @@ def standing(rng: np.random.Generator, outline: np.ndarray) -> tuple[np.ndarray,
 
 def attacked(
     name: str, seed: int, delay: float, period: float, seconds: float = 10.0, noise: float = 0.0,
-    uneven: bool = False,
+    uneven: bool = False, late: float = 1.0,
 ) -> Attacked:  # fmt: skip
     """Half of the time at the nearest thing, else full deflections at random.
 
     noise: standard deviation of the twist that the filter is told [m/s, rad/s]. uneven: calls come
-    when they like, none later than a period after the last, and not many more.
+    when they like, none later than a period after the last, and not many more. late: periods from
+    one call to the next, which the filter is told.
     """
     rng = np.random.default_rng(seed)
     made = model(name, delay)
@@ -59,15 +60,15 @@ def attacked(
     bodies = [Body(disc(*row)) for row in discs.tolist()]
     plant = Kinematic(made, HERE, world((bodies, walls)), seed=seed)
     safe, seen = SafetyFilter(made, period), Obstacles(discs=discs, segments=walls)
-    nominal, driven, k, after = Twist(2.0, 0.0), 0.0, 0, period
+    nominal, driven, k, after = Twist(2.0, 0.0), 0.0, 0, late * period
     while plant.now() < seconds:
         pose, twist = plant.truth().pose, plant.truth().twist
-        if k * period % 3.0 < 1.5 and len(discs):
+        if k * late * period % 3.0 < 1.5 and len(discs):
             away = discs[:, :2] - [pose.x, pose.y]
             dx, dy = away[np.argmin(np.hypot(*away.T) - discs[:, 2])]
             turn = math.remainder(math.atan2(dy, dx) - pose.psi, 2.0 * math.pi)
             nominal = Twist(2.0 * math.cos(turn), 4.0 * math.sin(turn))
-        elif rng.random() < 2.5 * period:
+        elif rng.random() < 2.5 * late * period:
             nominal = Twist(rng.choice([-2.0, 0.0, 2.0]), rng.uniform(-4.0, 4.0))
         told = Twist(twist.v + noise * rng.normal(), twist.omega + noise * rng.normal())
         command = safe(pose, told, nominal, seen, after).twist
@@ -77,6 +78,6 @@ def attacked(
             after = period * min(2.0 * rng.random(), 1.0) if k % 2 else period
             plant.wait(plant.now() + after)
         else:
-            plant.wait(k * period)
+            plant.wait(k * late * period)
         driven += abs(command.v) * after
     return Attacked(plant.truth().least, driven)

@@ -71,6 +71,14 @@ def test_no_command_reaches_a_static_obstacle_with_irregular_calls(name, delay):
         assert got.driven > 0.5, seed
 
 
+@pytest.mark.parametrize(("name", "late"), [("sally", 2.0), ("jackal", 5.0), ("sally", 10.0)])
+def test_no_command_reaches_a_static_obstacle_where_every_call_is_said_to_be_late(name, late):
+    for seed in range(3):
+        got = attacked(name, seed, 0.05, DT, late=late)
+        assert got.least >= PROMISED, seed
+        assert got.driven > 0.5, seed
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.03, 0.05])
 def test_a_command_is_worked_out_for_where_it_takes_effect_however_calls_come(delay):
     """At a steady speed that is so far ahead as the robot goes in the delay, and half a period."""
@@ -132,6 +140,40 @@ def test_the_filter_continues_from_the_command_that_was_sent():
     assert safe(HERE, REST, AHEAD, NOTHING).twist.v == pytest.approx(2.0 * DT)
     with pytest.raises(CohelmError, match="finite"):
         safe.sent(Twist(math.nan, 0.0))
+
+
+@pytest.mark.parametrize("sent", [Twist(1000.0, 0.0), Twist(0.0, -90.0)])
+def test_a_sent_command_in_other_units_is_refused(sent):
+    with pytest.raises(CohelmError, match="in m/s and rad/s, got"):
+        FILTER.sent(sent)
+
+
+@pytest.mark.parametrize(
+    "measured", [Twist(300.0, 0.0), Twist(-8.0, 0.0), Twist(0.3, 45.0), Twist(0.3, -1e308)]
+)
+def test_a_measured_twist_that_no_such_robot_has_stops_it_within_its_limits(measured):
+    """As in mm/s or deg/s, or with a broken encoder."""
+    safe = SafetyFilter(SALLY, DT)
+    assert safe(HERE, measured, AHEAD, NOTHING)[:2] == (REST, Verdict.INVALID)
+    safe.reset()
+    for _ in range(20):
+        v = safe(HERE, Twist(0.5, 0.0), AHEAD, NOTHING).twist.v
+    for _ in range(40):
+        got = safe(HERE, measured, AHEAD, NOTHING)
+        assert got.verdict == Verdict.INVALID
+        assert max(v - 2.0 * DT, 0.0) == pytest.approx(got.twist.v)
+        v = got.twist.v
+    assert got.twist == REST
+
+
+@pytest.mark.parametrize("after", [-0.01, math.nan])
+def test_a_clock_that_goes_back_brakes(after):
+    safe = SafetyFilter(SALLY, DT)
+    for _ in range(20):
+        v = safe(HERE, Twist(0.5, 0.0), AHEAD, NOTHING).twist.v
+    got = safe(HERE, Twist(0.5, 0.0), AHEAD, NOTHING, after)
+    assert got.verdict == Verdict.INVALID
+    assert got.twist.v < v
 
 
 @pytest.mark.parametrize(

@@ -23,12 +23,13 @@ from cohelm.pilot.margin_inflation import SLOP, inflated_rules, noise
 from cohelm.robot.achievable import achievable
 from cohelm.robot.footprint import convex_outline
 from cohelm.robot.kinematics import arc
-from cohelm.robot.limits import Limits, checked_braking, checked_limits
+from cohelm.robot.limits import Limits, checked_braking, checked_limits, speeds
 from cohelm.robot.model import RobotModel
 
 _OFF_V, _OFF_OMEGA, _OFF_FOR = 0.2, 0.4, 0.16
 """Deviation of the measured twist from the command [m/s, rad/s], and its duration [s], after which
 the measurement is used: more than odometry noise, longer than the step response of a drive."""
+_LONGEST = 1.0  # period [s]
 _RULES = Rules()
 
 
@@ -41,6 +42,8 @@ class _FilterSettings(NamedTuple):
     """From a command to what it does [s]."""
     patience: float
     """So long the wheels may do something else before it is believed [s]."""
+    fastest: Twist
+    """A faster measured twist is not the robot's [m/s, rad/s]."""
 
 
 class LimitingObstacle(NamedTuple):
@@ -117,7 +120,7 @@ class SafetyFilter:
             )
         self.robot = robot
         self.limits = checked_braking(checked_limits(robot.bounds() if limits is None else limits))
-        self.period = _within("period", period, 0.001, 1.0, "s")
+        self.period = _within("period", period, 0.001, _LONGEST, "s")
         delay = _within("delay", robot.delay_s if delay is None else delay, 0.0, 2.0, "s")
         lag = _within("lag", lag, 0.0, 1.0, "s")
         error = SLOP + noise(robot) if position_error is None else position_error
@@ -135,7 +138,11 @@ class SafetyFilter:
         whole, _ = periods(self.horizon, self.period)
         patience = (max(round(_OFF_FOR / self.period), 1) - 0.5) * self.period
         self._outline = robot.outline
-        self._settings = numbers(_FilterSettings(self.limits, self._rules, self.horizon, patience))
+        speed, yaw_rate = speeds(self.limits)
+        self._fastest = Twist(speed + _OFF_V, yaw_rate + _OFF_OMEGA)
+        self._settings = numbers(
+            _FilterSettings(self.limits, self._rules, self.horizon, patience, self._fastest)
+        )
         self._sent = np.zeros((2 * whole + 3, 3))
         self._count, self._off = np.zeros(1, dtype=np.int64), np.zeros(1)
         nan = math.nan
@@ -178,6 +185,11 @@ class SafetyFilter:
             raise CohelmError(f"a twist is (v, omega), got {twist!r}") from error
         if not (math.isfinite(v) and math.isfinite(omega)):
             raise CohelmError("a twist that was sent must be finite: a robot can not do NaN")
+        if abs(v) > self._fastest.v or abs(omega) > self._fastest.omega:
+            raise CohelmError(
+                f"a twist that was sent is in m/s and rad/s, got ({v:g}, {omega:g}), which is beyond "
+                "the robot's limits"
+            )
         self._sent[(self._count[0] - 1) % len(self._sent), :2] = v, omega
 
     def reshape(self, outline: ArrayLike) -> None:
@@ -204,11 +216,16 @@ def _filtered(
     """One call. after: since the last one [s]. sent: (d, 3), the command in effect now and those
     under way, each with the time until the next; the newest in row (count - 1) % d. away: for how
     long the wheels have done something else [s]."""
-    limits, rules, horizon, patience = read(_FilterSettings, s, 0)
+    limits, rules, horizon, patience, fastest = read(_FilterSettings, s, 0)
     d, k = len(sent), count[0]
+    known = abs(now_v) <= fastest.v and abs(now_omega) <= fastest.omega  # nor NaN
     if not after >= 0.0:  # nor for NaN
-        after = rules.dt
-    known = is_finite(now_v) and is_finite(now_omega)
+        known, after = False, rules.dt
+    dt = max(rules.dt, min(after, _LONGEST))
+    horizon += 0.5 * (dt - rules.dt)
+    rules = Rules(
+        dt, rules.soft_margin, rules.hard_margin, rules.deceleration_fraction, rules.steer_weight
+    )
     if k == 0 and known:
         for j in range(d):
             sent[j, 0], sent[j, 1] = now_v, now_omega
