@@ -19,7 +19,7 @@ from cohelm.drive.operate import DriveOptions
 from cohelm.drive.robot_process import RobotProcess
 from cohelm.drive.teleop_server import TeleopConfig
 from cohelm.law.gains import Gains
-from cohelm.law.human import human, limited
+from cohelm.law.human import blend, human, limited, operator_command
 from cohelm.link.keys import pair_here, with_local_station
 from cohelm.link.messages import Mode, RequestKind
 from cohelm.link.station_end import StationEnd
@@ -50,10 +50,25 @@ def test_a_twist_is_the_same_in_either_encoding(kind):
     assert twist_of(text.encode(), kind, "json") == Twist(0.3, -0.4)
 
 
-@pytest.mark.parametrize(("v", "omega"), [(0.5, 0.0), (-0.2, 0.0), (0.3, 0.8), (0.4, -0.1)])
-def test_the_stick_of_a_twist_gives_that_twist_in_the_law(v, omega):
-    asked = human(limited(stick_of(Twist(v, omega), GAINS), GAINS), GAINS)
-    assert tuple(asked) == pytest.approx((v, omega))
+def nominal(stick: Stick, gains: Gains) -> Twist:
+    """What the stick alone commands: there is no automatic part in manual mode."""
+    operator = operator_command(stick, gains)
+    return blend(Twist(0.0, 0.0), operator.twist, operator.authority)
+
+
+@pytest.mark.parametrize("joint", [True, False])
+@pytest.mark.parametrize(
+    ("v", "omega"), [(0.45, 0.0), (-0.2, 0.0), (0.05, 0.0), (0.3, 0.6), (0.25, -0.1)]
+)
+def test_a_twist_within_reach_is_what_goes_into_the_filter(v, omega, joint):
+    gains = GAINS._replace(joint=joint)
+    assert tuple(nominal(stick_of(Twist(v, omega), gains), gains)) == pytest.approx((v, omega))
+
+
+@pytest.mark.parametrize("v", [0.5, 3.0, 1e308])
+def test_more_than_full_deflection_gives_is_full_deflection(v):
+    assert stick_of(Twist(v, 0.0), GAINS) == Stick(1.0, 0.0)
+    assert stick_of(Twist(-v, v), GAINS).x == pytest.approx(-stick_of(Twist(v, v), GAINS).x)
 
 
 @pytest.mark.parametrize("band", [0.0, 0.05, 0.2])

@@ -42,6 +42,7 @@ _CONNECT_TIMEOUT = 3.0
 """A link that is not connected by then is reported [s]."""
 _BEYOND_DEAD_BAND = 0.001
 """Least deflection beyond the dead band: left-right without fore-aft would drive ahead (45)."""
+_HUGE = 1e300  # a larger number divided by the gains may be infinite
 
 
 class Joined(NamedTuple):
@@ -55,14 +56,40 @@ class Joined(NamedTuple):
 
 
 def stick_of(twist: Twist, gains: Gains) -> Stick:
-    """The deflection that requests a twist, scaled down on the same arc to full deflection. The
-    stick can not turn in place: such a twist creeps ahead."""
-    x, psi = twist.v / (gains.k_hx * gains.u_d), twist.omega / gains.k_hpsi
-    over = max(abs(x), abs(psi), 1.0)
-    x, psi = x / over, psi / over
+    """The deflection with which the stick alone commands a twist: authority (44)(48) weakens a
+    small deflection. Scaled down on the same arc to full deflection. The stick can not turn in
+    place: such a twist creeps ahead."""
+    x, psi = _to_full(twist.v / (gains.k_hx * gains.u_d), twist.omega / gains.k_hpsi)
+    if gains.joint:
+        wanted = math.hypot(x, psi)
+        scale = _deflection(wanted, gains) / wanted if wanted > 0.0 else 0.0
+        x, psi = scale * x, scale * psi
+    else:
+        x = math.copysign(_deflection(abs(x), gains), x)
+        psi = math.copysign(_deflection(abs(psi), gains), psi)
+    x, psi = _to_full(x, psi)
     if abs(psi) > gains.dead_band >= abs(x):
         x = math.copysign(min(gains.dead_band + _BEYOND_DEAD_BAND, 1.0), x)
     return Stick(x, psi)
+
+
+def _to_full(x: float, psi: float) -> tuple[float, float]:
+    """In the same direction, no farther than full deflection on either axis."""
+    x, psi = max(min(x, _HUGE), -_HUGE), max(min(psi, _HUGE), -_HUGE)
+    over = max(abs(x), abs(psi), 1.0)
+    return x / over, psi / over
+
+
+def _deflection(wanted: float, gains: Gains) -> float:
+    """The deflection d with d (1 - exp(-k_s d^2 / 2)) = wanted, both >= 0."""
+    if gains.k_s <= 0.0:  # the stick has no authority
+        return wanted
+    low, high = wanted, wanted + 1.0 / math.sqrt(gains.k_s)
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        reached = middle * -math.expm1(-0.5 * gains.k_s * middle * middle)
+        low, high = (middle, high) if reached < wanted else (low, middle)
+    return high
 
 
 class FoxgloveTeleop:
