@@ -134,6 +134,8 @@ def test_a_reference_beyond_the_robot_is_a_warning_not_an_error():
     corner = "reference.waypoints_m=[[0, 0], [2, 0], [2, 2]]"
     found = build.warnings(scenario("reference.speed_mps=3", corner))
     assert any("asks for a speed of" in line and "jackal has 2 m/s" in line for line in found)
+    assert not any("asks for a yaw rate of" in line for line in found)  # it slows down there
+    found = build.warnings(scenario("reference.speed_mps=3", corner, "law.filter=none"))
     assert any("asks for a yaw rate of" in line for line in found)
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.row import ROW
-from cohelm.core.types import Pose
+from cohelm.core.types import Floats, Pose
+from cohelm.law.govern import attainable, profile
 from cohelm.law.reference import Reference, tabulate
 from cohelm.link import stick as sticks
 from cohelm.perceive.track.params import TrackerParams
@@ -74,7 +75,7 @@ def warnings(scenario: Scenario) -> list[str]:
     """
     alone = standing_alone(scenario, Path())
     reference = alone.reference.spline()
-    found = _beyond_limits(reference, alone.described())
+    found = _beyond_limits(alone, reference)
     found += [f"world: {note}" for note in alone.scenery().left_out]
     recorded_stick, _ = _recorded_stick(alone)
     if alone.simulation.plant == "twin" and not alone.simulation.wheel_limits:
@@ -206,12 +207,18 @@ def _check_clearance(clearance: float, start: Pose, alone: Scenario, what: str) 
         )
 
 
-def _beyond_limits(reference: Reference, robot: RobotModel) -> list[str]:
-    """Where the reference exceeds the robot's limits most."""
+def _beyond_limits(alone: Scenario, reference: Reference) -> list[str]:
+    """Where the reference exceeds the robot's limits most. Under the guard it slows down where it
+    turns."""
+    robot = alone.described()
     limits = robot.bounds()
     steps = min(max(round(reference.duration / 0.01), 2000), 1_000_000)
     table = tabulate(reference, reference.duration / steps, steps, True)
-    speed, yaw_rate = np.abs(table[:, 3]), np.abs(table[:, 4])
+    rate: Floats = np.ones(len(table))
+    if alone.law.filter == "guard":
+        pace = attainable(alone.law.pace.pace(), limits, reference.speed)
+        rate = profile(reference, np.full(len(table), math.inf), pace).rate
+    speed, yaw_rate = rate * np.abs(table[:, 3]), rate * np.abs(table[:, 4])
     rim = speed + 0.5 * limits.track * yaw_rate
     requested = (
         ("a speed", speed, limits.speed, "m/s"),
