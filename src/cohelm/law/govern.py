@@ -97,7 +97,7 @@ def profile(reference: Reference, clearance: Floats, pace: PaceParams) -> Profil
     It is 0 at the end: the reference comes to rest there.
 
     clearance: (n,), n >= 2, of the footprint at times evenly over the reference, both ends
-    included; inf where nothing is near [m]. NaN counts as tight.
+    included; inf where nothing is near, -inf where the reference stops [m]. NaN counts as tight.
     """
     n = len(clearance)
     duration = reference.knots[-1]
@@ -115,6 +115,7 @@ def profile(reference: Reference, clearance: Floats, pace: PaceParams) -> Profil
         v = min(v, pace.creep + room * max(reference.speed - pace.creep, 0.0))
         distance = math.hypot(m.x - x, m.y - y) if back > 0 else 0.0
         v = min(v, math.sqrt(after * after + 2.0 * pace.deceleration * distance), spline)
+        v = 0.0 if clearance[i] == -math.inf else v
         after, x, y = v, m.x, m.y
         rate[i] = v / spline if spline > v else 1.0
     return Profile(rate, duration)

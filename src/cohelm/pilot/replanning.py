@@ -50,6 +50,7 @@ _SEARCHES = ((1.5, False, 1.0), (1.5, False, 0.5), (3.0, True, 1.0))
 afield; size of the cells. A gap not much wider than the robot may have no cell of the usual size in
 its middle."""
 _BACK_OUT = (0.5, 1.0, 1.5, 2.0)  # how far the robot backs out, as shares of its reach
+_RARELY = 6  # doublings of the time between such moves
 _PERIOD = 0.25  # largest period of plans, so that `_once_a_second` is true once a second [s]
 
 
@@ -161,8 +162,10 @@ class Planner(NamedTuple):
             points = np.concatenate((static_points, mover_points))
         refreshed, clearance = self._paced(now, state.clock.tau, points)
         kept = Plan(refreshed, False, None, False, clearance)
-        if task.led or state.left != NO_MOVE:
+        if task.led:
             return kept
+        if state.left != NO_MOVE:  # what stops the reference still does at the end of the move
+            return kept._replace(course=now)
         free = not len(mover_points)  # else a gap may close, and what is in the way go by itself
         planner = self._replace(path_params=self.path_params._replace(gaps=free))
         far = free and _once_a_second(task)
@@ -177,6 +180,8 @@ class Planner(NamedTuple):
             )
             points = surface_points(observed, task.pose, params.known, _SPACING)
             made = planner._course(task, points, kept, far)
+        if made.failed:
+            made = made._replace(course=self._stopping_short(task, made.course, static_points))
         if free and state.pinned > params.pinned and _once_a_second(task):
             out = self._back_out(task, static_points)
             if out is None:
@@ -189,6 +194,16 @@ class Planner(NamedTuple):
         """A path with speeds by clearance, and the smallest clearance ahead of `tau` [m]."""
         s = self.settings
         return paced(course, tau, self.replan_params.look, points, s.outline, s.pace)
+
+    def _stopping_short(self, task: Task, course: Course, points: Floats) -> Course:
+        """A path that is blocked, up to where the robot can still turn on the spot: what blocks it
+        may be a person."""
+        s, params = self.settings, self.replan_params
+        nose = float(s.outline[:, 0].max())
+        reach = float(np.hypot(s.outline[:, 0], s.outline[:, 1]).max())
+        standoff = reach - nose + self.path_params.clearance
+        tau = task.state.clock.tau
+        return paced(course, tau, params.look, points, s.outline, s.pace, standoff)[0]
 
     def _course(self, task: Task, points: Floats, kept: Plan, far: bool) -> Plan:
         """The path to follow, whatever the robot's heading."""
@@ -354,10 +369,11 @@ class Planner(NamedTuple):
     ) -> RecoveryMove | None:  # fmt: skip
         """A recovery move, if one is needed and possible."""
         pose, outline, rules = task.pose, self.settings.outline, self.settings.rules
+        params = self.replan_params
         clock, to, off = self._on_adoption(made, task)
         shuffles = task.state.moves >= MOVES  # single moves lead nowhere
         over = clock.tau >= made.course.reference.knots[-1]
-        if over or (abs(off) <= (_AHEAD if shuffles else self.replan_params.turned) and not held):
+        if over or (abs(off) <= (_AHEAD if shuffles else params.turned) and not held):
             return None
         refused = task.state.refused
         recovery_params = _RECOVERY._replace(
@@ -368,7 +384,7 @@ class Planner(NamedTuple):
             # Between two of the dense points of a wall a corner may be so much nearer to it.
             least=min(math.hypot(rules.hard_margin, 0.5 * _DENSE), rules.soft_margin),
         )
-        if task.refused_for > self.replan_params.waits:  # by what is not among the points
+        if task.refused_for > params.waits:  # by what is not among the points
             move = back_off(pose, points, outline, recovery_params, refused)
             return move or back_off(pose, points, outline, recovery_params)
         move = None
@@ -384,7 +400,12 @@ class Planner(NamedTuple):
                     pose, to.psi, dense, outline, recovery_params, without
                 )
         if move is not None and abs(off) <= _AHEAD and move.distance == 0.0:
-            back = RecoveryMove(-0.2, 0.0, 0.0)  # its heading is right, but it makes no progress
+            # Its heading is right, but it makes no progress. Where there is no path either, this helps
+            # less and less often: twitching before what blocks it is no way of waiting.
+            patience = params.waits * 2.0 ** min(task.state.moves, _RARELY)
+            if made.failed and task.state.clock.waited < patience:
+                return None
+            back = RecoveryMove(-0.2, 0.0, 0.0)
             return RecoveryMove(0.1, 0.0, 0.0) if kind(back) & refused else back
         return move
 

@@ -101,13 +101,15 @@ def _poses(reference: Reference, n: int) -> Floats:
 
 @jit
 def paced(
-    course: Course, tau: float, far: float, points: Floats, outline: Floats, pace: PaceParams
-) -> tuple[Course, float]:
+    course: Course, tau: float, far: float, points: Floats, outline: Floats, pace: PaceParams,
+    standoff: float = -1.0,
+) -> tuple[Course, float]:  # fmt: skip
     """The path with speeds by the obstacles known now, and the smallest clearance of the outline
     [m].
 
     From the time `tau` on to `far` metres ahead; beyond that it counts as free. points: (p, 2), of
-    obstacles [m].
+    obstacles [m]. standoff: how far before the first of them that the outline would overlap the
+    reference stops; negative: it does not [m].
     """
     n = len(course.poses)
     clearances = np.full(n, math.inf)
@@ -116,10 +118,26 @@ def paced(
     least = math.inf
     for i in range(first + 1, end):  # the robot is at the first already
         least = min(least, clearances[i])
+    if standoff >= 0.0:
+        _stop_before(clearances, course.poses, first, end, standoff)
     made = profile(course.reference, clearances, pace)
     return Course(
         course.reference, course.poses, made, course.row, course.rejoins, course.last
     ), least
+
+
+@jit_no_refcount
+def _stop_before(clearances: Floats, poses: Floats, first: int, end: int, standoff: float) -> None:
+    """Write -inf from `standoff` before the first overlap on."""
+    for blocked in range(first + 1, end):
+        if clearances[blocked] <= 0.0:
+            k, way = blocked, 0.0
+            while k > first and way < standoff:
+                k -= 1
+                way += math.hypot(poses[k + 1, 0] - poses[k, 0], poses[k + 1, 1] - poses[k, 1])
+            for i in range(k, end):
+                clearances[i] = -math.inf
+            return
 
 
 @jit_no_refcount
