@@ -282,20 +282,20 @@ def test_obstacles_can_not_be_forgotten():
         ({"delay": math.nan}, "delay must be from 0 to 2"),
         ({"lag": 3.0}, "lag must be from 0 to 1"),
         ({"position_error": -1.0}, "position_error must be from 0 to 1"),
-        ({"hard_margin": 0.0}, "rules.hard_margin must be greater than 0"),
-        ({"hard_margin": 0.1}, "soft_margin must be at least hard_margin"),
-        ({"deceleration_fraction": 0.0}, "rules.deceleration_fraction must be a share"),
-        ({"steer_weight": math.nan}, "rules.steer_weight must be greater than 0"),
+        ({"hard_margin": 0.0}, "hard_margin must be greater than 0"),
+        ({"hard_margin": 0.1}, "hard_margin must not exceed soft_margin"),
+        ({"deceleration_fraction": 0.0}, "deceleration_fraction must be a share"),
+        ({"steer_weight": math.nan}, "steer_weight must be greater than 0"),
         ({"limits": Limits(1.0, math.nan, 1.0, 1.0, 1.0, 1.0, 0.5)}, "limits.acceleration must"),
         (
             {"limits": Limits(1.0, 1e6, 1.0, 1.0, 1.0, 1.0, 0.5)},
-            "acceleration must be at most",
+            r"acceleration is in m/s\^2 and at most 100",
         ),
         (
             {"limits": Limits(1.0, 1.0, 31.0, 1.0, 1.0, 1.0, 0.5)},
-            "yaw_rate must be at most 30",
+            "yaw_rate is in rad/s and at most 30",
         ),
-        ({"limits": Limits(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 50.0)}, "limits.track must be at most 20"),
+        ({"limits": Limits(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 50.0)}, "limits.track is in m and at most 20"),
         ({"limits": Limits(*[math.inf] * 6, 0.5)}, "how hard the robot brakes"),
         ({"limits": Limits(1.0, 1.0, 1.0, *[math.inf] * 3, 0.5)}, "how hard the robot brakes"),
     ],
@@ -373,7 +373,15 @@ def test_ranges_in_millimetres_are_no_scan():
     ranges = np.array([450.0, 1200.0, 3000.0, math.inf])
     with pytest.raises(CohelmError, match="ranges are in metres, got 1200 in the median"):
         Obstacles.from_ranges(ranges, 0.0, 0.1)
+    with pytest.raises(CohelmError, match="centimetres by 100"):
+        Obstacles.from_ranges(0.25 * ranges, 0.0, 0.1)
     assert len(Obstacles.from_ranges([0.4, 1.2, 655.35], 0.0, 0.1)) == 3  # one wild range is none
+
+
+@pytest.mark.parametrize("range_min", [60.0, -0.1, math.nan])
+def test_a_minimum_range_in_millimetres_does_not_move_obstacles_away(range_min):
+    with pytest.raises(CohelmError, match="range_min is in metres, from 0 to 10"):
+        Obstacles.from_ranges([0.5] * 9, 0.0, 0.1, range_min=range_min)
 
 
 @pytest.mark.parametrize("ranges", [None, [], np.empty(0)])

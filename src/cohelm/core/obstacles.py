@@ -144,10 +144,15 @@ class Obstacles:
             ) from error
         turn = abs(step) * (len(far) - 1)
         round_once = turn <= _TURN and (turn > 0.0 or len(far) == 1)
-        if not (abs(first) <= _TURNS and round_once and math.isfinite(range_min)):
+        if not (abs(first) <= _TURNS and round_once):
             raise CohelmError(
                 f"a scan begins within two turns and goes round once, got angle_min={first:g} "
-                f"and {len(far)} beams {step:g} apart: give radians, and range_min in metres"
+                f"and {len(far)} beams {step:g} apart: give radians"
+            )
+        if not 0.0 <= range_min <= _BLIND:  # nor for NaN
+            raise CohelmError(
+                f"range_min is in metres, from 0 to {_BLIND:g}, got {range_min:g}: what is nearer is "
+                "put there"
             )
         x, y, yaw = _mounted(mount)
         bearings = yaw + first + step * np.arange(len(far))
@@ -189,9 +194,9 @@ class Obstacles:
         )
 
 
-def check_in_metres(ranges: Floats, range_max: float = math.inf) -> None:
+def check_in_metres(ranges: Floats, range_max: float = 0.0) -> None:
     """CohelmError where most of these finite ranges are a LiDAR's in millimetres, or in
-    centimetres. range_max: what it measures at most, if that is known [m]."""
+    centimetres. range_max: what it measures at most, if that is known, else 0 [m]."""
     longest = min(_LONGEST, max(_LONGEST_IN_A_ROOM, 10.0 * range_max))
     if 2 * np.count_nonzero(ranges > longest) > len(ranges):
         median = float(np.median(ranges))
@@ -209,6 +214,7 @@ _LONGEST = 500.0
 """No LiDAR of a ground robot measures farther; 0.5 m in millimetres [m]."""
 _LONGEST_IN_A_ROOM = 100.0  # 1 m in centimetres [m]
 _MILLIMETRES = 1000.0  # what is less may be centimetres [m]
+_BLIND = 10.0  # no LiDAR is blind for farther [m]
 _FARTHEST = 100.0
 """As of an outline's corners [m]."""
 _NO_POINTS, _NO_SEGMENTS, _NO_DISCS = np.empty((0, 2)), np.empty((0, 4)), np.empty((0, 6))
@@ -240,7 +246,7 @@ def rows(name: str, given: ArrayLike | None, width: int) -> Floats:
         return made
     if made.size == 0:
         return np.empty((0, width))
-    raise CohelmError(f"{name} need {width} columns, got shape {made.shape}")
+    raise CohelmError(f"{name} need {width} columns and a row for each, got shape {made.shape}")
 
 
 def _discs(given: ArrayLike | None) -> tuple[Floats, bool]:

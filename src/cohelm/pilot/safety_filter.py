@@ -129,7 +129,7 @@ class SafetyFilter:
         )
         if rules.soft_margin < rules.hard_margin:
             raise CohelmError(
-                f"soft_margin must be at least hard_margin, {hard_margin:g} m, got {soft_margin:g}"
+                f"hard_margin must not exceed soft_margin, got {hard_margin:g} and {soft_margin:g} m"
             )
         self._rules = inflated_rules(rules, _within("position_error", error, 0.0, 1.0, "m"))
         self.horizon = delay + lag + 0.5 * self.period
@@ -278,7 +278,10 @@ def _limiting(row: int, seen: Obstacles | Surroundings) -> LimitingObstacle:
 def _meant(pose: object, twist: object, nominal: object, seen: object, after: object) -> str:
     """Which argument is not what it should be."""
     if not isinstance(seen, Obstacles):
-        return f"obstacles must be cohelm.Obstacles(points=...), got {type(seen).__name__}"
+        return (
+            "obstacles must be cohelm.Obstacles(points=...), or cohelm.Obstacles() where there are "
+            f"none, got {type(seen).__name__}"
+        )
     if not isinstance(after, (NoneType, float, int, np.number)):
         return f"after is the time since the last call in seconds, got {after!r}"
     return (

@@ -42,12 +42,23 @@ LARGEST = Limits(
 """Of each limit that is finite, as in a robot's YAML file."""
 
 
+_UNITS = dict(
+    zip(Limits._fields, ("m/s", "m/s^2", "rad/s", "rad/s^2", "m/s", "m/s^2", "m"), strict=True)
+)
+
+
 def checked_limits(limits: Limits) -> Limits:
     """The same limits, as floats. Raises CohelmError where one is impossible."""
-    try:
-        made = Limits._make(float(value) for value in limits)
-    except (TypeError, ValueError) as error:
-        raise CohelmError(f"the limits must be {len(Limits._fields)} numbers: {error}") from error
+    if not isinstance(limits, Limits):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise CohelmError(f"the limits must be a cohelm.Limits, got {limits!r}")
+    made = limits
+    for name, value in limits._asdict().items():
+        try:
+            if isinstance(value, (bool, str, bytes)):
+                raise TypeError
+            made = made._replace(**{name: float(value)})
+        except (TypeError, ValueError, OverflowError) as error:
+            raise CohelmError(f"limits.{name} must be a number, got {value!r}") from error
     if math.isnan(made.track) and made.wheel_speed == made.wheel_acceleration == math.inf:
         made = made._replace(track=1.0)
     if not 0.0 < made.track < math.inf:  # nor for NaN
@@ -62,8 +73,8 @@ def checked_limits(limits: Limits) -> Limits:
             )
         if LARGEST[name] < value < math.inf:
             raise CohelmError(
-                f"limits.{name} must be at most {LARGEST[name]:g}, got {value:g}: give inf where "
-                "there is none"
+                f"limits.{name} is in {_UNITS[name]} and at most {LARGEST[name]:g}, got {value:g}: "
+                "convert it from the units that it is in"
             )
     return made
 
@@ -74,8 +85,8 @@ def checked_braking(limits: Limits) -> Limits:
     turning = min(limits.yaw_acceleration, limits.wheel_acceleration)
     if math.inf in (straight, turning):
         raise CohelmError(
-            "the filter must know how hard the robot brakes: give limits.wheel_acceleration_mps2, "
-            "or both acceleration_mps2 and yaw_acceleration_radps2, in the robot's description"
+            "the filter must know how hard the robot brakes: give the limit wheel_acceleration, or "
+            "both acceleration and yaw_acceleration (in YAML wheel_acceleration_mps2 and so on)"
         )
     return limits
 

@@ -68,10 +68,16 @@ def test_no_limit_passes_that_is_not_greater_than_0(name, bad):
         checked_limits(SALLY_LIMITS._replace(**{name: bad}))
 
 
-@pytest.mark.parametrize("limits", [(1.0, 2.0), None, ("a",) * 7])
-def test_no_limits_pass_that_are_not_seven_numbers(limits):
-    with pytest.raises(CohelmError, match="must be 7 numbers"):
+@pytest.mark.parametrize("limits", [(1.0, 2.0), None, (1.0,) * 7, {"speed": 1.0}])
+def test_limits_of_another_type_are_refused(limits):
+    with pytest.raises(CohelmError, match=r"must be a cohelm\.Limits, got"):
         checked_limits(limits)
+
+
+@pytest.mark.parametrize("bad", ["fast", "0.8", None, True, [1.0]])
+def test_a_limit_that_is_no_number_is_named(bad):
+    with pytest.raises(CohelmError, match=r"limits\.yaw_rate must be a number, got"):
+        checked_limits(SALLY_LIMITS._replace(yaw_rate=bad))
 
 
 @pytest.mark.parametrize(
@@ -88,5 +94,5 @@ def test_no_limits_pass_that_are_not_seven_numbers(limits):
     ],
 )
 def test_no_rule_passes_that_makes_no_sense(name, bad):
-    with pytest.raises(CohelmError, match=f"rules.{name} must be"):
+    with pytest.raises(CohelmError, match=f"{name} must be"):
         checked_rules(Rules()._replace(**{name: bad}))

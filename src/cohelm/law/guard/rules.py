@@ -35,12 +35,12 @@ def checked_rules(rules: Rules) -> Rules:
     for name in ("dt", "hard_margin", "steer_weight"):
         value = getattr(made, name)
         if not 0.0 < value < math.inf:  # nor for NaN
-            raise CohelmError(f"rules.{name} must be greater than 0 and finite, got {value:g}")
+            raise CohelmError(f"{name} must be greater than 0 and finite, got {value:g}")
     if not math.isfinite(made.soft_margin):
-        raise CohelmError(f"rules.soft_margin must be a length in metres, got {made.soft_margin:g}")
+        raise CohelmError(f"soft_margin must be a length in metres, got {made.soft_margin:g}")
     if not 0.0 < made.deceleration_fraction <= 1.0:
         raise CohelmError(
-            "rules.deceleration_fraction must be a share of the deceleration in (0, 1], got "
+            "deceleration_fraction must be a share of the deceleration in (0, 1], got "
             f"{made.deceleration_fraction:g}"
         )
     return made
