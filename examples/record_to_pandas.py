@@ -18,8 +18,10 @@ def main(path: str) -> pd.DataFrame:
     """The table, with a column that names the verdict."""
     record = cohelm.read_record(path)
     table = pd.DataFrame(record.table).set_index("t")
-    table = table[table["verdict"] >= 0]  # -1: nothing was decided, the robot stood
-    table["verdict"] = table["verdict"].map(lambda number: cohelm.Verdict(number).name)
+    # -1: nothing was decided, the robot stood; or a law by others did, and nobody knows how
+    table["verdict"] = table["verdict"].map(
+        lambda number: cohelm.Verdict(number).name if number >= 0 else "NONE"
+    )
     # a run knows the clearance itself, and a drive what its sensors see; inf: nothing near
     gap = table["clearance" if record.kind == "run" else "clearance_seen"]
     near = gap.where(gap < math.inf)

@@ -295,7 +295,10 @@ def test_obstacles_can_not_be_forgotten():
             {"limits": Limits(1.0, 1.0, 31.0, 1.0, 1.0, 1.0, 0.5)},
             "yaw_rate is in rad/s and at most 30",
         ),
-        ({"limits": Limits(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 50.0)}, "limits.track is in m and at most 20"),
+        (
+            {"limits": Limits(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 50.0)},
+            "limits.track is in m and at most 20",
+        ),
         ({"limits": Limits(*[math.inf] * 6, 0.5)}, "how hard the robot brakes"),
         ({"limits": Limits(1.0, 1.0, 1.0, *[math.inf] * 3, 0.5)}, "how hard the robot brakes"),
     ],

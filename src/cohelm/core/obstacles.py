@@ -151,8 +151,8 @@ class Obstacles:
             )
         if not 0.0 <= range_min <= _BLIND:  # nor for NaN
             raise CohelmError(
-                f"range_min is in metres, from 0 to {_BLIND:g}, got {range_min:g}: what is nearer is "
-                "put there"
+                f"range_min is in metres, from 0 to {_BLIND:g}, got {range_min:g}: what is nearer "
+                "is put there"
             )
         x, y, yaw = _mounted(mount)
         bearings = yaw + first + step * np.arange(len(far))

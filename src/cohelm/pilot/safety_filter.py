@@ -13,7 +13,6 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.flat import numbers, read
 from cohelm.core.jit import jit
 from cohelm.core.obstacles import Obstacles, Surroundings
-from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.law.guard.rules import Rules, checked_rules
 from cohelm.law.guard.step import NOTHING, guard
@@ -129,7 +128,7 @@ class SafetyFilter:
         )
         if rules.soft_margin < rules.hard_margin:
             raise CohelmError(
-                f"hard_margin must not exceed soft_margin, got {hard_margin:g} and {soft_margin:g} m"
+                f"hard_margin must not exceed soft_margin, {soft_margin:g} m, got {hard_margin:g}"
             )
         self._rules = inflated_rules(rules, _within("position_error", error, 0.0, 1.0, "m"))
         self.horizon = delay + lag + 0.5 * self.period
@@ -187,8 +186,8 @@ class SafetyFilter:
             raise CohelmError("a twist that was sent must be finite: a robot can not do NaN")
         if abs(v) > self._fastest.v or abs(omega) > self._fastest.omega:
             raise CohelmError(
-                f"a twist that was sent is in m/s and rad/s, got ({v:g}, {omega:g}), which is beyond "
-                "the robot's limits"
+                f"a twist that was sent is in m/s and rad/s, got ({v:g}, {omega:g}), which is "
+                "beyond the robot's limits"
             )
         self._sent[(self._count[0] - 1) % len(self._sent), :2] = v, omega
 

@@ -19,7 +19,7 @@ from cohelm.law.human import human, limited
 from cohelm.law.reference import desired
 from cohelm.law.step import Step
 from cohelm.law.track import pose_error
-from cohelm.law.verdict import INVALID, UNTOUCHED
+from cohelm.law.verdict import INVALID
 from cohelm.pilot.behavior import FOLLOWING
 from cohelm.robot.model import RobotModel
 from cohelm.scenario import build, load
@@ -33,6 +33,7 @@ from cohelm.sim.world import NOWHERE, ever_moving, outline_clearance, place
 from cohelm.study.metrics import Metrics, measure
 
 _NOT_SAID = math.nan, math.nan  # by a law by others
+_NOT_KNOWN = -1  # what a filter did that may be inside it
 _MAX_ACCELERATION = 1.0  # of what moves, as the guard takes it by default [m/s^2]
 
 
@@ -187,7 +188,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
         operator = human(limited(stick, gains), gains)
         decided = Step(
             *command, *command, *operator, *command, *_NOT_SAID, 1.0, 1.0, *_NOT_SAID, *_NOT_SAID,
-            math.nan, UNTOUCHED if sound else INVALID, -1,
+            math.nan, _NOT_KNOWN if sound else INVALID, -1,
         )  # fmt: skip
         row = rows[k]
         note(row, h[k], t, pose, stick, wanted, decided, robot, saturated, there)
@@ -195,7 +196,7 @@ def driven(setup: Setup, controller: Controller, arrive: bool = True) -> Trace:
         row["clearance"] = outline_clearance(
             pose, setup.outline, setup.reach, there, setup.obstacles.walls, NOWHERE
         )
-        row["clearance_seen"], row["tau"], row["rate"] = math.inf, t, 1.0
+        row["clearance_seen"], row["tau"], row["rate"] = math.nan, t, 1.0
         row["behavior"], row["course"] = FOLLOWING, 0
         row["to_go"], row["arrived"] = away, away < setup.near
         if arrive and away < setup.near and t > 0.5 * setup.reference.duration:
