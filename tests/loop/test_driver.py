@@ -73,6 +73,17 @@ def test_the_planner_gets_unobserved_space_apart_from_obstacles_and_zones():
     assert len(tasks[1].obstacles.points[tasks[1].unobserved]) == 0
 
 
+@pytest.mark.parametrize("period", [0.1, 0.2, 0.4])
+def test_a_plan_is_requested_as_often_as_the_scenario_says(period):
+    times = []
+    planning = SimpleNamespace(plan=lambda now: None, offer=lambda now, task: not times.append(now))
+    route = through(np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 0.0]]), 0.5)
+    driver = Driver(Pilot(route, SETTINGS), SETTINGS, 0.0, planning, plan_period=period)
+    for k in range(100):
+        driver.follow(k * DT, SEEN, Stick(0.0, 0.0))
+    assert np.diff(times) == pytest.approx(period)
+
+
 def test_movers_are_evaluated_in_the_period_in_which_a_scan_comes():
     """Not up to a tenth of a second later, as it happens to be when the robot is switched on."""
     driver = Driver(Pilot(through([(0.0, 0.0), (4.0, 0.0)], 0.5), SETTINGS), SETTINGS, 0.0, None)

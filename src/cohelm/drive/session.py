@@ -444,4 +444,4 @@ def driver_of(plan: SessionConfig, real_time: bool, reference: Reference | None 
         if real_time
         else InProcessPlanner(planner)
     )
-    return Driver(pilot, settings, delay, planning, plan.zones)
+    return Driver(pilot, settings, delay, planning, plan.zones, law.plan.period_s)

@@ -32,7 +32,6 @@ from cohelm.robot.keep.process import GatedRobot
 BY_HAND_YAW_RATE = 1.0
 """At full deflection in manual mode [rad/s]."""
 _COMPILING = 180.0  # the first plan may take this long [s]
-_EVERY = 0.2  # from one snapshot for the planner to the next [s]
 _TWISTS = ("safe", "tracking", "operator", "nominal", "avoid")
 _ROUNDING = 1e-6  # of times that add up, as 0.6 - 0.4 < 0.2 [s]
 _MISMATCH_V, _MISMATCH_OMEGA, _MISMATCH_PERIODS = 0.2, 0.4, 8
@@ -50,9 +49,10 @@ class Driver:
 
     def __init__(
         self, pilot: Pilot | None, settings: Settings, delay: float, planning: Planning | None,
-        zones: Zones = UNZONED,
+        zones: Zones = UNZONED, plan_period: float = 0.2,
     ) -> None:  # fmt: skip
-        """delay: from command to wheels [s]. zones: of the map."""
+        """delay: from command to wheels [s]. zones: of the map. plan_period: from one snapshot for
+        the planner to the next [s]."""
         self.pilot, self.settings, self._planning = pilot, settings, planning
         self.delay = delay
         """From command to wheels [s]."""
@@ -65,7 +65,7 @@ class Driver:
         self._applied: deque[Twist] = deque([Twist(0.0, 0.0)] * (self._delay + 1), self._delay + 1)
         self._twist = self._expected = Twist(0.0, 0.0)
         self._mismatch = 0
-        self._planned = -math.inf
+        self._planned, self._plan_period = -math.inf, plan_period
         self.zones: Zoned | None = None
         """Keep-out points and speed limits of the zones."""
         if zones:
@@ -168,7 +168,7 @@ class Driver:
             made = self._planning.plan(now)
             if made is not None:
                 pilot.take(made, seen.pose, self._twist)
-            if now - self._planned >= _EVERY - _ROUNDING and self._planning.offer(
+            if now - self._planned >= self._plan_period - _ROUNDING and self._planning.offer(
                 now, pilot.task(seen.pose, self._twist, seen.obstacles, seen.unobserved)
             ):
                 self._planned = now

@@ -400,7 +400,7 @@ class Planner(NamedTuple):
                     pose, to.psi, dense, outline, recovery_params, without
                 )
         if move is not None and abs(off) <= _AHEAD and move.distance == 0.0:
-            # Its heading is right, but it makes no progress. Where there is no path either it does so
+            # Its heading is right, but it makes no progress. Where there is no path, it does so
             # less and less often: twitching before what blocks it is no way of waiting.
             patience = params.waits * 2.0 ** min(task.state.moves, _RARELY)
             if made.failed and task.state.clock.waited < patience:

@@ -178,9 +178,9 @@ class PlanModel(Schema):
     period_s: Annotated[float, Field(gt=0.0, le=10.0)] = 0.2
     """From one plan to the next."""
     recovery_speed_mps: Rate = 0.4
-    """Speed of recovery behaviours."""
+    """Speed of recovery moves."""
     recovery_yaw_rate_radps: Rate = 1.0
-    """Yaw rate of recovery behaviours."""
+    """Yaw rate of recovery moves."""
 
     def replan_params(self, margin: float) -> ReplanParams:
         """When plans are made, as numbers. margin: the guard's [m]."""
