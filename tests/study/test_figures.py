@@ -7,14 +7,14 @@ from PIL import Image
 
 from cohelm.scenario import build, load
 from cohelm.sim.run import run
-from cohelm.study.experiments import Run
+from cohelm.study.controlled import RunResult
 from cohelm.study.figures import draw_run, figure_run
 from tests.few import first
 
 
 def made(name, *changes):
     setup = build.setup(load.scenario(name, ["simulation.duration_s=6", *changes]))
-    return Run(setup, run(setup))
+    return RunResult(setup, run(setup))
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 
 from cohelm.core.frames import placed
 from cohelm.core.types import RADIUS, SAFE, VX, VY, Floats, Pose, X, Y
-from cohelm.study.experiments import Run
+from cohelm.study.controlled import RunResult
 from cohelm.study.metrics import leads, spans
 
 # Okabe and Ito's colours, distinct with any kind of colour vision.
@@ -81,7 +81,17 @@ def save(figure: Figure, folder: Path, name: str) -> list[Path]:
     return [png, svg]
 
 
-def plan(axes: Axes, run: Run, *, reference: bool = True) -> None:
+def step(run: RunResult, t: float) -> int:
+    """The step at time t [s], or the nearest there is."""
+    return min(max(round(t / run.trace.dt), 0), len(run.trace) - 1)
+
+
+def moves(run: RunResult, i: int) -> bool:
+    """Whether disc i ever moves."""
+    return bool(np.ptp(run.trace.discs[:, i, :2], axis=0).max() > 1e-6)
+
+
+def plan(axes: Axes, run: RunResult, *, reference: bool = True) -> None:
     """The lab from above: walls with their doors, and the reference."""
     for x1, y1, x2, y2 in run.setup.obstacles.walls:
         axes.plot([x1, x2], [y1, y2], color=WALL, lw=2.2, zorder=2)
@@ -108,11 +118,11 @@ def doors(axes: Axes, walls: Floats) -> None:
                 )  # fmt: skip
 
 
-def obstacles(axes: Axes, run: Run, *, named: bool = True) -> None:
+def obstacles(axes: Axes, run: RunResult, *, named: bool = True) -> None:
     """Resting discs in their real size, each within its dashed safe distance r_i."""
     named = named and len(run.trace.names) <= _NAMED
     for i, name in enumerate(run.trace.names):
-        if run.moves(i):
+        if moves(run, i):
             continue
         disc = run.trace.discs[0, i]
         body(axes, disc, CONE)
@@ -138,10 +148,10 @@ def body(axes: Axes, disc: Floats, color: str, alpha: float = 1.0) -> None:
     )
 
 
-def movers(axes: Axes, run: Run, every: float) -> None:
+def movers(axes: Axes, run: RunResult, every: float) -> None:
     """Each moving disc's path with an arrow, and the disc where it is every so many seconds."""
     for i, name in enumerate(run.trace.names):
-        if not run.moves(i):
+        if not moves(run, i):
             continue
         track = run.trace.discs[:, i]
         axes.plot(track[::_EVERY, X], track[::_EVERY, Y], color=MOVER, lw=1.2, zorder=4)
@@ -153,7 +163,7 @@ def movers(axes: Axes, run: Run, every: float) -> None:
         )
         going = np.flatnonzero(np.hypot(track[:, VX], track[:, VY]) > 0.0) * run.trace.dt
         for t in np.arange(math.ceil(going[0] / every) * every, going[-1] - 0.8 * every, every):
-            disc: Floats = track[run.step(t)]
+            disc: Floats = track[step(run, t)]
             body(axes, disc, MOVER, 0.45)
             axes.annotate(
                 f"{t:.0f} s", (disc[X], disc[Y]), (6, -13), textcoords="offset points",
@@ -172,7 +182,9 @@ def arrow(axes: Axes, x: Floats, y: Floats, color: str, share: float) -> None:
     )
 
 
-def driven(axes: Axes, run: Run, color: str = ROBOT, width: float = 2.0, style: Any = "-") -> None:
+def driven(
+    axes: Axes, run: RunResult, color: str = ROBOT, width: float = 2.0, style: Any = "-"
+) -> None:
     """The path of the robot's centre, orange and wide where the person leads."""
     rows = run.trace.rows
     axes.plot(rows["x"][::_EVERY], rows["y"][::_EVERY], color=color, lw=width, ls=style, zorder=5)
@@ -180,9 +192,11 @@ def driven(axes: Axes, run: Run, color: str = ROBOT, width: float = 2.0, style: 
         axes.plot(rows["x"][a:b:_EVERY], rows["y"][a:b:_EVERY], color=PERSON, lw=5.0, zorder=5.5)
 
 
-def robot(axes: Axes, run: Run, t: float, color: str = ROBOT, *, filled: bool = False) -> None:
+def robot(
+    axes: Axes, run: RunResult, t: float, color: str = ROBOT, *, filled: bool = False
+) -> None:
     """The robot's real outline at time t, with a line to its nose."""
-    row = run.trace.rows[run.step(t)]
+    row = run.trace.rows[step(run, t)]
     pose = Pose(row["x"], row["y"], row["psi"])
     corners = placed(run.setup.outline, pose)
     axes.add_patch(Polygon(corners, fc=color, ec="none", alpha=0.3 if filled else 0.08, zorder=4))
@@ -191,11 +205,11 @@ def robot(axes: Axes, run: Run, t: float, color: str = ROBOT, *, filled: bool = 
     axes.plot(*nose.T, color=color, lw=0.8, alpha=0.9, zorder=4.5)
 
 
-def clock(axes: Axes, run: Run, times: Sequence[float]) -> None:
+def clock(axes: Axes, run: RunResult, times: Sequence[float]) -> None:
     """Times along the robot's path, on its left-hand side."""
     away = 0.2 + run.setup.reach
     for t in times:
-        row = run.trace.rows[run.step(t)]
+        row = run.trace.rows[step(run, t)]
         left = row["psi_d"] + 0.5 * math.pi
         axes.text(
             row["x"] + away * math.cos(left), row["y"] + 0.9 * away * math.sin(left),
@@ -203,7 +217,7 @@ def clock(axes: Axes, run: Run, times: Sequence[float]) -> None:
         )  # fmt: skip
 
 
-def in_time(axes: Axes, run: Run, values: Floats, color: str) -> None:
+def in_time(axes: Axes, run: RunResult, values: Floats, color: str) -> None:
     """A line over the run's time [s]."""
     axes.plot(run.trace.rows["t"][::_EVERY], values[::_EVERY], color=color, lw=1.8, zorder=4)
     axes.set_xlim(0.0, max(float(run.trace.rows["t"][-1]), run.trace.dt))

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from cohelm.core.types import Progress
 from cohelm.robot.limits import Limits
 from cohelm.scenario import build, load
@@ -43,33 +41,20 @@ _LIMITED = ("track", "avoid", "shared", "recovery")
 
 
 @dataclass(frozen=True)
-class Run(RunResult):
-    """One run, to be drawn."""
-
-    def step(self, t: float) -> int:
-        """The step at time t [s], or the nearest there is."""
-        return min(max(round(t / self.trace.dt), 0), len(self.trace) - 1)
-
-    def moves(self, i: int) -> bool:
-        """Whether disc i ever moves."""
-        return bool(np.ptp(self.trace.discs[:, i, :2], axis=0).max() > 1e-6)
-
-
-@dataclass(frozen=True)
 class Experiments:
     """Everything that was run."""
 
-    track: Run
+    track: RunResult
     """Tracking alone."""
-    avoid: Run
+    avoid: RunResult
     """Tracking with the barrier."""
-    without: Run
+    without: RunResult
     """As `avoid`, with the barrier off."""
-    shared: Run
+    shared: RunResult
     """Tracking, barrier and a simulated operator."""
-    recovery: Run
+    recovery: RunResult
     """A sudden 90 degree heading error on a straight reference."""
-    limited: dict[str, Run]
+    limited: dict[str, RunResult]
     """`track`, `avoid`, `shared` and `recovery` with the limits of `wheels` enforced."""
     sweep: dict[float, Metrics]
     """As `avoid`, by k_CBF."""
@@ -97,7 +82,7 @@ class Experiments:
         above = spans(trace.rows["e_p"] > SETTLED)
         return max((b - a for a, b in above), default=0) * trace.dt
 
-    def recorded(self) -> dict[str, Run]:
+    def recorded(self) -> dict[str, RunResult]:
         """The runs that are kept as records, by name."""
         return {
             "track": self.track, "avoid": self.avoid, "without": self.without,
@@ -108,8 +93,8 @@ class Experiments:
 def perform(progress: Progress) -> Experiments:
     """Run all of them; one compiled simulator serves them all."""
     total = len(_EXPERIMENTS) + len(_LIMITED) + len(SWEEP)
-    runs: dict[str, Run] = {}
-    limited: dict[str, Run] = {}
+    runs: dict[str, RunResult] = {}
+    limited: dict[str, RunResult] = {}
     for name, (words, scenario, changes) in _EXPERIMENTS.items():
         progress(words, len(runs) / total)
         runs[name] = _run(scenario, *changes, "simulation.wheel_limits=false")
@@ -127,6 +112,6 @@ def perform(progress: Progress) -> Experiments:
     return Experiments(**runs, limited=limited, sweep=sweep, wheels=wheels)
 
 
-def _run(scenario: str, *changes: str) -> Run:
+def _run(scenario: str, *changes: str) -> RunResult:
     setup = build.setup(load.scenario(scenario, changes))
-    return Run(setup, run(setup))
+    return RunResult(setup, run(setup))

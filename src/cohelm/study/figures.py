@@ -15,8 +15,9 @@ from matplotlib.figure import Figure
 
 from cohelm.core.types import Progress
 from cohelm.study import draw, panels
+from cohelm.study.controlled import RunResult
 from cohelm.study.draw import CONE, DANGER, INK, MOVER, PALE, PERSON, REFERENCE, ROBOT, SHARED
-from cohelm.study.experiments import SETTLED, Experiments, Run
+from cohelm.study.experiments import SETTLED, Experiments
 from cohelm.study.metrics import BACK_ON_PATH
 
 PAPER_WINDOWS_S = ((2.5, 6.3), (43.2, 46.6))
@@ -44,13 +45,13 @@ def draw_figures(ex: Experiments, folder: Path, progress: Progress) -> None:
             draw.save(maker(ex), folder, name)
 
 
-def draw_run(run: Run, folder: Path, name: str = "run") -> list[Path]:
+def draw_run(run: RunResult, folder: Path, name: str = "run") -> list[Path]:
     """Write the picture of any one run as PNG and SVG; the files written."""
     with draw.styled():
         return draw.save(figure_run(run), folder, name)
 
 
-def figure_run(run: Run) -> Figure:
+def figure_run(run: RunResult) -> Figure:
     """Any run: its path, and below E_P, the smallest h and who led."""
     m = run.metrics
     near = f"h ≥ {panels.rounded_down(m.min_h)} m²" if m.discs else "no obstacles"
@@ -325,13 +326,13 @@ def _headed(axes: Axes, title: str, finding: str) -> None:
     axes.text(0.0, 1.07, finding, transform=axes.transAxes, fontsize=9, color=PALE)
 
 
-def _lines(run: Run) -> list[tuple[str, str, str]]:
+def _lines(run: RunResult) -> list[tuple[str, str, str]]:
     """The entries of a key to its path."""
     led = [("the person leads", PERSON, "-")] if run.metrics.human_windows_s else []
     return [("reference", REFERENCE, "--"), ("driven", ROBOT, "-"), *led]
 
 
-def _path_figure(run: Run, finding: str, about: str) -> Figure:
+def _path_figure(run: RunResult, finding: str, about: str) -> Figure:
     """The whole lab, and below it what happened at each obstacle."""
     figure = draw.sheet(finding, about, 9.0)
     axes = figure.add_axes((0.06, 0.45, 0.92, 0.46))

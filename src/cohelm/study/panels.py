@@ -11,12 +11,12 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from cohelm.core.types import X, Y
 from cohelm.study import draw
+from cohelm.study.controlled import RunResult
 from cohelm.study.draw import CONE, INK, MOVER, PALE, PERSON, REFERENCE, ROBOT
-from cohelm.study.experiments import Run
 from cohelm.study.metrics import spans
 
 
-def whole_lab(axes: Axes, run: Run, width: float = 2.0) -> None:
+def whole_lab(axes: Axes, run: RunResult, width: float = 2.0) -> None:
     """Everything from above: lab, obstacles, path, the robot's outline every few seconds."""
     end = float(run.trace.rows["t"][-1])
     every = outline_every(run)
@@ -32,13 +32,13 @@ def whole_lab(axes: Axes, run: Run, width: float = 2.0) -> None:
         axis.set_major_locator(MaxNLocator(11, steps=[1, 2, 5, 10]))
 
 
-def outline_every(run: Run) -> float:
+def outline_every(run: RunResult) -> float:
     """How often the robot's outline is drawn: a round time, some dozen times in a run [s]."""
     least = float(run.trace.rows["t"][-1]) / 15.0
     return next((t for t in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0) if t > least), least)
 
 
-def close_up(axes: Axes, run: Run, names: tuple[str, ...]) -> None:
+def close_up(axes: Axes, run: RunResult, names: tuple[str, ...]) -> None:
     """One meeting: the robot at its nearest moment to each disc, and how near that was."""
     draw.plan(axes, run)
     draw.driven(axes, run)
@@ -48,9 +48,9 @@ def close_up(axes: Axes, run: Run, names: tuple[str, ...]) -> None:
     for name in names:
         i = run.trace.names.index(name)
         met = run.metrics.discs[name]
-        k = run.step(met.at_s)
+        k = draw.step(run, met.at_s)
         disc, row = run.trace.discs[k, i], run.trace.rows[k]
-        color = MOVER if run.moves(i) else CONE
+        color = MOVER if draw.moves(run, i) else CONE
         draw.robot(axes, run, met.at_s, filled=True)
         draw.body(axes, disc, color)
         away = np.array([disc[X] - row["x"], disc[Y] - row["y"]])
@@ -80,7 +80,7 @@ _WORDS = {
 }
 
 
-def error(axes: Axes, run: Run, *, turns: bool = True) -> None:
+def error(axes: Axes, run: RunResult, *, turns: bool = True) -> None:
     """E_P over time; where the reference turns sharply is shaded and labelled."""
     rows = run.trace.rows
     draw.in_time(axes, run, rows["e_p"], ROBOT)
@@ -104,7 +104,7 @@ def error(axes: Axes, run: Run, *, turns: bool = True) -> None:
         )  # fmt: skip
 
 
-def authority(axes: Axes, run: Run) -> None:
+def authority(axes: Axes, run: RunResult) -> None:
     """Automatic authority over time; what the person has of it is filled."""
     rows = run.trace.rows
     share = np.minimum(rows["authority_x"], rows["authority_psi"])
@@ -123,7 +123,7 @@ def rounded_down(value: float) -> str:
     return f"{math.floor(value * 1e3) / 1e3:.3f}"
 
 
-def clear(run: Run) -> str:
+def clear(run: RunResult) -> str:
     """How far the real outline stayed off everything."""
     m = run.metrics
     if math.isinf(m.min_clearance_m):
@@ -143,7 +143,7 @@ def returned(times: list[float]) -> str:
     return f"back on the path {' and '.join(f'{t:.1f}' for t in times)} s after letting go"
 
 
-def led(run: Run) -> str:
+def led(run: RunResult) -> str:
     """When the person led."""
     windows = run.metrics.human_windows_s
     if len(windows) > 3:
@@ -156,12 +156,12 @@ def often(count: int) -> str:
     return {0: "never", 1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def passed(run: Run) -> str:
+def passed(run: RunResult) -> str:
     """Which obstacles the robot kept its safe distance to."""
     hit = [name for name, disc in run.metrics.discs.items() if disc.min_h < 0.0]
     return f"all but {', '.join(hit)}" if hit else "every obstacle"
 
 
-def returns(run: Run) -> bool:
+def returns(run: RunResult) -> bool:
     """Whether the robot came back on its path every time."""
     return all(math.isfinite(t) for t in run.metrics.return_s)

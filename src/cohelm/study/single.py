@@ -20,7 +20,7 @@ from cohelm.record.file import RECORD
 from cohelm.record.write import Recorder, RunScene
 from cohelm.sim.run import pieces
 from cohelm.sim.setup import Setup
-from cohelm.study.experiments import Run
+from cohelm.study.controlled import RunResult
 from cohelm.study.metrics import Metrics
 
 SCENARIO = "scenario.yaml"
@@ -55,7 +55,7 @@ def recorded(setup: Setup, folder: Path, progress: Progress) -> Metrics:
             done.append(piece)
             steps += len(piece)
             progress("running and recording", _SIMULATED * steps / setup.steps)
-    run = Run(setup, done[0].joined(*done[1:]))
+    run = RunResult(setup, done[0].joined(*done[1:]))
     with _writing(folder / SCENARIO) as path:
         path.write_text(setup.scenario, encoding="utf-8")
     with _writing(folder / METRICS) as path:
