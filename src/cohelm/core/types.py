@@ -72,6 +72,18 @@ class Stick(NamedTuple):
 CENTRED = Stick(0.0, 0.0)
 
 
+class StickRecording(NamedTuple):
+    """A recorded or scripted stick. times (n,) [s], never decreasing; x fore-aft and psi left-right
+    (n,), in [-1, 1].
+
+    A deflection holds until the next event.
+    """
+
+    times: Floats
+    x: Floats
+    psi: Floats
+
+
 class Desired(NamedTuple):
     """Desired pose, surge speed and yaw rate at one instant (7)(10) [m, m, rad, m/s, rad/s]."""
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.interrupts import INTERRUPTS
+from cohelm.core.types import StickRecording
 from cohelm.drive.factory import (
     OWN_SITE,
     OwnRobot,
@@ -29,7 +30,7 @@ from cohelm.scenario import build, load
 from cohelm.scenario.stick import StickNone, StickOperator
 from cohelm.scenario.zones import masked, read_zones
 from cohelm.sim.maker import Kind
-from cohelm.sim.operator_model import Replay, replayed
+from cohelm.sim.operator_model import replayed
 
 if TYPE_CHECKING:
     from cohelm.perceive.localize.localization_map import LocalizationMap
@@ -188,7 +189,7 @@ def _on_ros2(
 class ScenarioStick(Scripted):
     """The scenario's stick, played in the robot's time; or none."""
 
-    def __init__(self, table: Replay | None) -> None:
+    def __init__(self, table: StickRecording | None) -> None:
         self._watch: Callable[[], float] = lambda: 0.0
         super().__init__(
             lambda t: None if table is None else replayed(table, t), lambda: self._watch()

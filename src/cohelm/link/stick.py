@@ -27,7 +27,7 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError, did_you_mean
 from cohelm.core.files import read_bytes
-from cohelm.core.types import Floats
+from cohelm.core.types import Floats, StickRecording
 
 _TIME = ("t", "t_s", "time", "time_s")
 _FORE_AFT = ("x", "fore_aft", "stick_x")
@@ -36,14 +36,6 @@ _HANDS = ("joy", "joy_cmd", "cmd", "cmd_vel")  # the person's own hand, in order
 _LOG_SCALE = (1.0, 1.3)
 _LARGEST = 500_000_000  # bytes, unpacked
 _ROUNDING = 1e-9  # a deflection this little beyond 1 is cut in silence: v / full_scale rounds
-
-
-class StickRecording(NamedTuple):
-    """A recorded stick. times (n,) [s]; x fore-aft and psi left-right (n,), in [-1, 1]."""
-
-    times: Floats
-    x: Floats
-    psi: Floats
 
 
 class _Row(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.row import ROW
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats, Pose, StickRecording
 from cohelm.law.govern import attainable, profile
 from cohelm.law.reference import Reference, tabulate
 from cohelm.link import stick as sticks
@@ -25,7 +25,7 @@ from cohelm.scenario.model import Scenario
 from cohelm.scenario.stick import StickFile, StickOperator, StickScript
 from cohelm.scenario.world import Read
 from cohelm.sim.grid import NO_GRID, solid_at
-from cohelm.sim.operator_model import OperatorModel, Replay, replay
+from cohelm.sim.operator_model import OperatorModel, replay
 from cohelm.sim.setup import REACHED, Piloted, Setup, Twinned
 from cohelm.sim.world import NOWHERE, World, ever_moving, outline_clearance
 
@@ -130,7 +130,7 @@ def _piloted(
     )
 
 
-def _recorded_stick(alone: Scenario) -> tuple[Replay, Scenario]:
+def _recorded_stick(alone: Scenario) -> tuple[StickRecording, Scenario]:
     """The stick's table, and the scenario with the digest of the file it came from."""
     stick = alone.stick
     if isinstance(stick, StickScript):
@@ -146,7 +146,7 @@ def _recorded_stick(alone: Scenario) -> tuple[Replay, Scenario]:
             "(its sha256 differs); remove stick.sha256 to play it as it is now"
         )
     named = alone.model_copy(update={"stick": stick.model_copy(update={"sha256": now})})
-    return replay(table.times + stick.start_s, table.x, table.psi), named
+    return table._replace(times=table.times + stick.start_s), named
 
 
 def _check_length(made: Setup, alone: Scenario) -> None:

@@ -17,7 +17,7 @@ from cohelm.core.flat import Flat, flat, made, read, write
 from cohelm.core.jit import jit
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.trace import Trace
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats, Pose, StickRecording
 from cohelm.perceive.pipeline import Perception, Seen
 from cohelm.pilot.behavior import LED
 from cohelm.pilot.pilot import NOTHING_NEAR, taken
@@ -31,7 +31,7 @@ from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import noise_seed, scan
 from cohelm.sim.odometer import next_reading_tick
-from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay, operate
+from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, operate
 from cohelm.sim.setup import Piloted, Setup
 from cohelm.sim.simulated import SimulatedLidar
 from cohelm.sim.wheels import SimulatedState, at_rest, moved, note
@@ -47,7 +47,7 @@ class Scene(NamedTuple):
     obstacles: World
     grid: Grid
     max_acceleration: Floats
-    recorded_stick: Replay
+    recorded_stick: StickRecording
     operator: OperatorModel
     seed: int
     reach: float

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cohelm.core.facing import facing
 from cohelm.core.jit import jit, jit_inline
-from cohelm.core.types import RADIUS, Floats, Pose, Stick, X, Y
+from cohelm.core.types import RADIUS, Floats, Pose, Stick, StickRecording, X, Y
 
 
 class OperatorModel(NamedTuple):
@@ -80,26 +80,14 @@ _NEAR = 0.3
 IDLE = OperatorState(math.inf, -math.inf, 0.0, 0.0, 0.0)
 
 
-class Replay(NamedTuple):
-    """A recorded or scripted stick.
-
-    times [s] never decrease. A deflection holds until the next event; before the first and after
-    the last event the stick is centred.
-    """
-
-    times: Floats
-    x: Floats
-    psi: Floats
-
-
-def replay(times: ArrayLike = (), x: ArrayLike = (), psi: ArrayLike = ()) -> Replay:
+def replay(times: ArrayLike = (), x: ArrayLike = (), psi: ArrayLike = ()) -> StickRecording:
     """A stick from its columns; without any, centred."""
-    return Replay(*(np.array(column, dtype=np.float64) for column in (times, x, psi)))
+    return StickRecording(*(np.array(column, dtype=np.float64) for column in (times, x, psi)))
 
 
 @jit_inline
-def replayed(stick: Replay, t: float) -> Stick:
-    """The newest deflection at time t."""
+def replayed(stick: StickRecording, t: float) -> Stick:
+    """The newest deflection at time t; before the first and after the last event, centred."""
     low, high = 0, len(stick.times)
     if low == high or t < stick.times[low] or t > stick.times[high - 1]:
         return Stick(0.0, 0.0)
@@ -131,8 +119,8 @@ def normal(seed: int, k: int) -> float:
 
 @jit
 def operate(
-    person: OperatorState, operator: OperatorModel, recorded: Replay, pose: Pose, discs: Floats,
-    noticed: NDArray[np.bool_], k: int, dt: float, seed: int,
+    person: OperatorState, operator: OperatorModel, recorded: StickRecording, pose: Pose,
+    discs: Floats, noticed: NDArray[np.bool_], k: int, dt: float, seed: int,
 ) -> tuple[OperatorState, Stick]:  # fmt: skip
     """One step of the simulated operator, or without one of the recorded stick: the new state, and
     the stick."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit
 from cohelm.core.trace import Trace
-from cohelm.core.types import Desired, Floats, Twist
+from cohelm.core.types import Desired, Floats, StickRecording, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.reference import tabulate
 from cohelm.law.step import control_step
@@ -18,7 +18,7 @@ from cohelm.law.track import pose_error
 from cohelm.pilot.behavior import FOLLOWING
 from cohelm.robot.limits import Limits
 from cohelm.sim import closed_loop
-from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, Replay, operate
+from cohelm.sim.operator_model import IDLE, OperatorModel, OperatorState, operate
 from cohelm.sim.setup import Setup
 from cohelm.sim.wheels import SimulatedState, at_rest, moved, note
 from cohelm.sim.world import NOWHERE, World, outline_clearance, place
@@ -58,8 +58,8 @@ def pieces(setup: Setup, length: int = 200) -> Iterator[Trace]:
 def _advance(
     first: int, dt: float, state: SimulatedState, person: OperatorState, table: Floats,
     goal: tuple[float, float, float], obstacles: World,
-    recorded_stick: Replay, operator: OperatorModel, seed: int, gains: Gains, limits: Limits,
-    outline: Floats, reach: float, queue: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
+    recorded_stick: StickRecording, operator: OperatorModel, seed: int, gains: Gains,
+    limits: Limits, outline: Floats, reach: float, queue: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
 ) -> tuple[SimulatedState, OperatorState]:  # fmt: skip
     """Steps first ... first + len(rows) - 1, each written into rows, h and discs."""
     for j in range(len(rows)):

@@ -9,7 +9,7 @@ import numpy as np
 
 from cohelm.core.row import blank
 from cohelm.core.trace import Trace
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats, Pose, StickRecording
 from cohelm.law.gains import Gains
 from cohelm.law.govern import PaceParams, attainable
 from cohelm.law.guard.rules import Rules
@@ -25,7 +25,7 @@ from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.robot.sensors import LidarModel
 from cohelm.sim.grid import NO_GRID, Grid
-from cohelm.sim.operator_model import OperatorModel, Replay, replay
+from cohelm.sim.operator_model import OperatorModel, replay
 from cohelm.sim.twin.settings import TwinModel
 from cohelm.sim.world import World, ever_moving, world
 
@@ -81,7 +81,7 @@ class Setup:
     spline_speed: bool = False
     obstacles: World = field(default_factory=lambda: world(([], np.empty((0, 4)))))
     names: tuple[str, ...] = ()
-    recorded_stick: Replay = field(default_factory=replay)
+    recorded_stick: StickRecording = field(default_factory=replay)
     operator: OperatorModel = field(default_factory=OperatorModel)
     dt: float = 0.01
     duration: float | None = None

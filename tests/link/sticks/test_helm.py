@@ -10,13 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from cohelm.cli import app
-from cohelm.core.types import CENTRED, Stick, Twist
+from cohelm.core.types import CENTRED, Stick, StickRecording, Twist
 from cohelm.link import keys as pairing
 from cohelm.link.bulk_messages import Hello
 from cohelm.link.keys import pair_here
 from cohelm.link.messages import Device, Mode, RequestKind
 from cohelm.link.robot_bulk import both_ends
-from cohelm.link.stick import StickRecording
 from cohelm.link.sticks import choose
 from cohelm.link.sticks.choose import FileStick
 from cohelm.link.sticks.port import Button, Feel, Reading

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.types import CENTRED, Stick
-from cohelm.link.stick import StickRecording
+from cohelm.core.types import CENTRED, Stick, StickRecording
 from cohelm.link.sticks import choose
 from cohelm.link.sticks.choose import FileStick
 from cohelm.link.sticks.port import Button, Feel, StickDevice

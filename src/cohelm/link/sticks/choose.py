@@ -12,10 +12,9 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.extras import missing
-from cohelm.core.types import Stick
+from cohelm.core.types import Stick, StickRecording
 from cohelm.link import stick as recordings
 from cohelm.link.messages import Device
-from cohelm.link.stick import StickRecording
 from cohelm.link.sticks.brunner_stick import SCHEME, BrunnerStick, parameters
 from cohelm.link.sticks.port import Feel, Reading, StickDevice, gone
 

@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cohelm.core.types import Floats, Pose, disc
+from cohelm.core.types import Floats, Pose, StickRecording, disc
 from cohelm.law.reference import through
-from cohelm.link.stick import StickRecording
 from cohelm.robot.clearance import disc_clearance, segment_clearance
 from cohelm.robot.model import RobotModel
 from cohelm.scenario.load import robot

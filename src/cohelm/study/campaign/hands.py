@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.types import StickRecording
 from cohelm.link import stick as sticks
-from cohelm.link.stick import StickRecording
 from cohelm.scenario import build
-from cohelm.sim.operator_model import replay
 from cohelm.sim.setup import Setup
 from cohelm.study.campaign.data import csv_files
 from cohelm.study.campaign.episode import Episode, sequence
@@ -88,7 +87,6 @@ def case(recorded_stick: Hands, course: Setup, seed: int, number: int) -> Episod
         begin += float(rng.uniform(0.0, 0.5) * (recording.times[-1] - recording.times[0]))
     later = recording.times >= begin
     times = np.ascontiguousarray(recording.times[later] - begin)
-    setup = replace(
-        course, recorded_stick=replay(times, recording.x[later], recording.psi[later]), seed=number
-    )
+    stick = StickRecording(times, recording.x[later], recording.psi[later])
+    setup = replace(course, recorded_stick=stick, seed=number)
     return Episode("hands", number, recorded_stick.names[which], setup, goal(setup))
