@@ -59,7 +59,8 @@ def _advance(
     first: int, dt: float, state: SimulatedState, person: OperatorState, table: Floats,
     goal: tuple[float, float, float], obstacles: World,
     recorded_stick: StickRecording, operator: OperatorModel, seed: int, gains: Gains,
-    limits: Limits, outline: Floats, reach: float, queue: Floats, rows: NDArray[np.void], h: Floats, discs: Floats,
+    limits: Limits, outline: Floats, reach: float, queue: Floats, rows: NDArray[np.void],
+    h: Floats, discs: Floats,
 ) -> tuple[SimulatedState, OperatorState]:  # fmt: skip
     """Steps first ... first + len(rows) - 1, each written into rows, h and discs."""
     for j in range(len(rows)):

@@ -37,7 +37,7 @@ STATE = np.dtype(
         ("energy", "f8"),  # put in by the drives, none given back [J]
         ("clearance", "f8"), ("since", "f8"),  # clearance when last looked, and motion since [m]
         ("least", "f8"), ("least_moving", "f8"),  # smallest clearance, and while moving [m]
-        ("touched", "i8"), ("touched_moving", "i8"),  # contacts begun, and by a moving robot
+        ("touched", "i8"),  # contacts begun
         ("standing", "?"),  # it came to rest and its drives rest since
         ("touching", "?"), ("force", "f8"),  # now, and the largest force so far [N]
         ("tilt", "f8"),  # of the body's axis from the vertical [rad]
@@ -195,5 +195,4 @@ def _score(
         s.force = max(s.force, math.sqrt(force))
         if not s.touching:
             s.touched += 1
-            s.touched_moving += moving
     s.touching = felt

@@ -52,8 +52,6 @@ class TwinTruth(NamedTuple):
     """The smallest there was while the robot moved: below 0 it drove into something [m]."""
     touched: int
     """Contacts that began, as physics felt them."""
-    touched_moving: int
-    """Of those, contacts of a moving robot."""
     touching: bool
     """Whether there is one now."""
     standing: bool
@@ -149,8 +147,7 @@ class Twin(SimulatedRobot):
         return TwinTruth(
             int(s["step"]) * self._step, pose, Twist(float(s["v"]), float(s["omega"])),
             float(s["side"]), clearance, float(s["least"]), float(s["least_moving"]),
-            int(s["touched"]), int(s["touched_moving"]), bool(s["touching"]),
-            bool(s["standing"]),
+            int(s["touched"]), bool(s["touching"]), bool(s["standing"]),
             float(s["force"]), float(s["energy"]),
         )  # fmt: skip
 
