@@ -24,8 +24,7 @@ from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose, Stick
 from cohelm.link import keys
 from cohelm.link.bulk_messages import LineKind, Polyline
-from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
-from cohelm.link.scans import WholeScan
+from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind, ScanPart
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import StationEnd
 from cohelm.robot.kinematics import arc
@@ -128,7 +127,7 @@ class Person:
         return math.hypot(*(self.line[-1] - pose[:2])) < NEAR
 
 
-def points(scan: WholeScan) -> Floats:
+def points(scan: ScanPart) -> Floats:
     """Points of a scan, in the map, (n, 2) [m]."""
     hit = (scan.ranges > 0) & (scan.ranges < 65535)
     angles = scan.sensor.psi + scan.first + scan.step * np.flatnonzero(hit)

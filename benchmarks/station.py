@@ -26,7 +26,6 @@ from playwright.sync_api import Page, sync_playwright
 from cohelm.core.types import Pose, Twist
 from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.codec import Reader, layout
-from cohelm.link.scans import WholeScan
 from cohelm.link.station_end import LinkState
 from cohelm.station.robot_link import News
 from cohelm.station.serve import Server
@@ -66,9 +65,10 @@ class Pattern:
         if self._due("scan", t * SCAN_HZ):
             step = math.radians(270.0) / (BEAMS - 1)
             wave = 4000.0 + 500.0 * np.sin(0.05 * np.arange(BEAMS) + 3.0 * t)
-            scan = WholeScan(
-                self._counts["scan"], 0, t, pose, -0.75 * math.pi, step, wave.astype(np.uint16)
-            )
+            scan = m.ScanPart(
+                self._counts["scan"], 0, t, pose, BEAMS, 0, -0.75 * math.pi, step,
+                wave.astype(np.uint16),
+            )  # fmt: skip
             out.append(News(scan, t, 0.0))
         if self._due("picture", t * CAMERA_HZ):
             n = self._counts["picture"]

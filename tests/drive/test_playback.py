@@ -16,9 +16,8 @@ from cohelm.drive.replayed import Replaying
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.shown import map_message, reference_lines
 from cohelm.link.bulk_messages import LineKind, Map, Picture, Polyline
-from cohelm.link.messages import Discs, Localised, Mode, RequestKind, Severity, Status
+from cohelm.link.messages import Discs, Localised, Mode, RequestKind, ScanPart, Severity, Status
 from cohelm.link.operator import Scripted
-from cohelm.link.scans import WholeScan
 from cohelm.loop.status import scan_parts
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from cohelm.record.file import About, RecordWriter
@@ -108,7 +107,7 @@ def test_playback_shows_the_map_path_scan_and_obstacles_of_the_drive(driven, pla
     assert seen[Map] == grid
     assert np.array_equal(seen[LineKind.REFERENCE].points, line.points)
     assert np.array_equal(seen[LineKind.WAYPOINTS].points, points.points)
-    scan = seen[WholeScan]
+    scan = seen[ScanPart]
     assert 1.8 < scan.taken <= 2.0
     known = scan.ranges[(scan.ranges > 0) & (scan.ranges < 65535)] / 1000.0
     assert 0.8 < known.min() < 1.6  # the corridor's walls
@@ -137,7 +136,7 @@ def test_playback_repeats_messages_only_after_seeking_back(driven):
     assert Map in first
     assert Polyline in first
     now[0] += 0.05
-    assert {type(news.message) for news in link.news()} <= {Status, WholeScan, Discs}
+    assert {type(news.message) for news in link.news()} <= {Status, ScanPart, Discs}
     link.play(False, 1.0, 4.5)
     link.news()
     link.play(False, 1.0, 1.0)
@@ -196,7 +195,9 @@ def test_a_run_whose_scenario_is_damaged_in_its_record_is_refused_as_that(tmp_pa
 def test_scans_of_two_lidars_are_sent_once_each():
     ranges = np.zeros(3, dtype=np.uint16)
     here = Pose(0.0, 0.0, 0.0)
-    scans = [News(WholeScan(1, lidar, 0.0, here, 0.0, 0.1, ranges), 0.0, 0.0) for lidar in (0, 1)]
+    scans = [
+        News(ScanPart(1, lidar, 0.0, here, 3, 0, 0.0, 0.1, ranges), 0.0, 0.0) for lidar in (0, 1)
+    ]
     clock = iter(np.arange(0.0, 10.0, 0.5))
     record = SimpleNamespace(start=0.0, duration=9.0, first=list, at=lambda _: scans)
     link = Replaying(record, lambda: float(next(clock)))

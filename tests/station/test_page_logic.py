@@ -246,11 +246,11 @@ def test_binary_messages_are_read_as_written(asked) -> None:
 
     from cohelm.core.types import Pose
     from cohelm.link.bulk_messages import Picture
-    from cohelm.link.scans import WholeScan
+    from cohelm.link.messages import ScanPart
     from cohelm.station import view
 
-    scan = WholeScan(
-        7, 1, 1.0, Pose(1.0, 2.0, 0.5), -2.0, 0.01, np.array([1, 500, 65535], np.uint16)
+    scan = ScanPart(
+        7, 1, 1.0, Pose(1.0, 2.0, 0.5), 3, 0, -2.0, 0.01, np.array([1, 500, 65535], np.uint16)
     )
     packed = list(view.scan(scan, 0.25))
     frame = list(view.frame(Picture(9, 1.0, Pose(3.0, 4.0, 0.1), b"jpeg"), 0.04))

@@ -20,7 +20,7 @@ from cohelm.drive.station_publisher import hello
 from cohelm.law import verdict as verdicts
 from cohelm.link import bulk_messages as b, messages as m
 from cohelm.link.recorded_status import StatusWords
-from cohelm.link.scans import WholeScan, millimetres
+from cohelm.link.scans import millimetres
 from cohelm.loop.status import AHEAD, AHEAD_STEP, status
 from cohelm.record import markers
 from cohelm.record.read import RecordedPeriods, periods
@@ -108,7 +108,7 @@ class Playback:
             for k, one in enumerate(self._model.lidars)
         ]
         """Topic and mount of each LiDAR."""
-        self._scans: dict[int, WholeScan] = {}
+        self._scans: dict[int, m.ScanPart] = {}
         self._picture: b.Picture | None = None
         self._times: list[float] = self._rows["t"].tolist()
         self.start = self._times[0]
@@ -150,7 +150,8 @@ class Playback:
         if topic == "/scan" or topic.startswith(scan_topic("")):
             ranges = millimetres(message.ranges)
             first, step = float(message.angle_min), float(message.angle_increment)
-            series.add(t, WholeScan(count, 0, t, Pose(0.0, 0.0, 0.0), first, step, ranges))
+            sensor, beams = Pose(0.0, 0.0, 0.0), len(ranges)
+            series.add(t, m.ScanPart(count, 0, t, sensor, beams, 0, first, step, ranges))
         elif topic == "/rosout":
             level = m.Severity.WARNING if message.level >= 40 else m.Severity.NOTICE
             text = f"{message.name}: {message.msg}"

@@ -3,31 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.types import Floats, Pose
+from cohelm.core.types import Floats
 from cohelm.link.messages import ScanPart
 
 _MOST_LIDARS = 16
 _MOST_BEAMS = 100_000
-
-
-class WholeScan(NamedTuple):
-    """A scan assembled from its parts; lost parts count as beams without a return."""
-
-    number: int
-    lidar: int
-    """Number of the LiDAR; the first is 0."""
-    taken: float
-    """The robot's clock [s]."""
-    sensor: Pose
-    first: float
-    step: float
-    ranges: NDArray[np.uint16]
-    """(n,) [mm]; 65535: no return, 0: too near."""
 
 
 def millimetres(ranges: Floats) -> NDArray[np.uint16]:
@@ -47,9 +31,10 @@ class Scans:
         self._newest: dict[int, int] = {}
         """Number of the last scan of each that was returned."""
 
-    def take(self, part: ScanPart) -> WholeScan | None:
-        """Take a part, in any order; implausible parts are dropped. Returns the scan, as far as it
-        is received, once it is whole, or others have been lost before it."""
+    def take(self, part: ScanPart) -> ScanPart | None:
+        """Take a part, in any order; implausible parts are dropped. Returns all of the scan as one
+        part, once it is whole, or others have been lost before it; lost parts count as beams
+        without a return."""
         if part.lidar >= _MOST_LIDARS:
             return None
         parts = self._parts.setdefault(part.lidar, {})
@@ -68,6 +53,4 @@ class Scans:
         if not whole and part.number <= self._newest.get(part.lidar, -2) + 1:
             return None
         self._newest[part.lidar] = part.number
-        return WholeScan(
-            part.number, part.lidar, part.taken, part.sensor, part.first, part.step, ranges
-        )
+        return part._replace(start=0, ranges=ranges)

@@ -37,7 +37,7 @@ from cohelm.link.messages import (
     Status,
     Uplink,
 )
-from cohelm.link.scans import Scans, WholeScan
+from cohelm.link.scans import Scans
 from cohelm.link.wire import Header, encode, from_robot
 
 FRESH = 0.1
@@ -131,7 +131,7 @@ class StationEnd(IoThread):
         self._status: tuple[Header, Status] | None = None
         self._robot: int | None = None
         self._scans = Scans()
-        self._news: dict[object, tuple[Status | WholeScan | Discs, float]] = {}
+        self._news: dict[object, tuple[Status | ScanPart | Discs, float]] = {}
         """What `news` has not returned yet, and its stamp [s]."""
         self._start()
 
@@ -184,7 +184,7 @@ class StationEnd(IoThread):
             header, status = self._status
             return StampedMessage(status, header.stamp, self.age(header.stamp))
 
-    def news(self) -> list[StampedMessage[Status | WholeScan | Discs]]:
+    def news(self) -> list[StampedMessage[Status | ScanPart | Discs]]:
         """Messages since the last call: the newest status, scan of each LiDAR, and obstacles."""
         with self._lock:
             new, self._news = self._news, {}

@@ -19,7 +19,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from cohelm.link import bulk_messages as bulk, messages as robot
 from cohelm.link.operator import is_current
 from cohelm.link.rate import TokenBucket
-from cohelm.link.scans import WholeScan
 from cohelm.station import messages as page, view
 from cohelm.station.robot_link import News, ReplayLink, RobotLink, StartingLink
 
@@ -111,7 +110,7 @@ class PageOperator:
                 if self.client != message.lease.you:
                     self.client = message.lease.you
                     _log.info("%s is client %d of the robot", self.name, self.client)
-            case WholeScan():
+            case robot.ScanPart():
                 self._outbox.put(f"scan/{message.lidar}", view.scan(message, age))
             case bulk.Picture():
                 self._outbox.put("frame", view.frame(message, age))

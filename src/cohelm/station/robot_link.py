@@ -11,11 +11,10 @@ import numpy as np
 from cohelm.link.bulk_messages import Checked, Fetch, FromRobot, Waypoints
 from cohelm.link.keys import Keys
 from cohelm.link.messages import Answer, Command, RequestKind
-from cohelm.link.scans import WholeScan
 from cohelm.link.station_bulk import StationBulk
 from cohelm.link.station_end import LinkState, StampedMessage, StationEnd
 
-News = StampedMessage[FromRobot | WholeScan]
+News = StampedMessage[FromRobot]
 """A message from the robot."""
 
 

@@ -15,7 +15,6 @@ from cohelm import __version__
 from cohelm.core.types import Floats
 from cohelm.link import messages as robot
 from cohelm.link.bulk_messages import Map, Picture, ZoneMap
-from cohelm.link.scans import WholeScan
 from cohelm.station import messages as page
 from cohelm.station.robot_link import ReplayLink
 
@@ -168,8 +167,8 @@ def zones(message: ZoneMap) -> bytes:
     return head + message.cells
 
 
-def scan(whole: WholeScan, age: float) -> bytes:
-    """A scan. age: since it was taken [s]."""
+def scan(whole: robot.ScanPart, age: float) -> bytes:
+    """A whole scan. age: since it was taken [s]."""
     ranges = np.ascontiguousarray(whole.ranges, dtype="<u2")
     head = _SCAN.pack(
         SCAN, whole.number, *whole.sensor, whole.first, whole.step, _finite(age) * 1e3,
