@@ -144,13 +144,30 @@ def taken(path: Path) -> CohelmError:
 
 
 @contextmanager
-def whole(path: Path) -> Generator[Path]:
+def whole(path: Path, mode: int = 0o666, *, sync: bool = False) -> Generator[Path]:
     """The name to write a file under, which is put in place when it is whole, and else removed, as
-    it may have filled the disk."""
-    new = path.with_name(f".{path.name}")
+    it may have filled the disk.
+
+    mode: of the file, less the umask. sync: whether it is on the disk when this returns.
+    """
+    new = path.with_name(f"{path.name}.part")
     try:
+        new.unlink(missing_ok=True)  # of a process that was killed
+        new.touch(mode, exist_ok=False)
         yield new
+        if sync:
+            _sync(new)
         new.replace(path)
+        if sync:
+            _sync(path.parent)
     except BaseException:
         new.unlink(missing_ok=True)
         raise
+
+
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

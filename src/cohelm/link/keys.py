@@ -28,7 +28,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import read_bytes
+from cohelm.core.files import read_bytes, whole
 from cohelm.link.key_permissions import guarded, make_folder
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,31}")
@@ -256,13 +256,13 @@ def write(path: Path, content: bytes, fresh: bool = False) -> None:
         make_folder(path.parent)
         if path.is_relative_to(home()):
             guarded(path.parent, within=home())
-        made = path if fresh else path.with_name(path.name + ".part")
-        if not fresh:
-            made.unlink(missing_ok=True)
-        with os.fdopen(os.open(made, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-            file.write(content)
-        if not fresh:
-            made.replace(path)
+        if fresh:  # in any folder: by its handle, as another user may put a link in its place
+            handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+        else:
+            with whole(path, 0o600) as new:
+                new.write_bytes(content)
     except OSError as error:
         if isinstance(error, FileExistsError) and path.exists():
             raise CohelmError(f"{path} is there already: name another file") from None

@@ -173,4 +173,4 @@ def picture(path: Path, drawn: Raster, poses: list[Pose], met: list[list[tuple[i
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     figure.tight_layout()
-    figure.savefig(path)
+    figure.savefig(path, format="png")  # by its name it is not yet one

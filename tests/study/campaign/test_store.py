@@ -52,7 +52,7 @@ def test_the_same_episode_under_two_laws_is_two_rows(tmp_path):
 def test_half_a_part_is_no_part_and_is_swept_away(tmp_path):
     with Store(tmp_path, PLAN) as s:
         s.add([row(0)])
-    (tmp_path / "rows" / "part-000002.parquet.tmp").write_bytes(b"PAR1 half")
+    (tmp_path / "rows" / "part-000002.parquet.part").write_bytes(b"PAR1 half")
     with Store(tmp_path, PLAN) as s:
         assert sorted(s.rows) == [("guard", 0)]
         s.add([row(1)])

@@ -14,14 +14,12 @@ from __future__ import annotations
 import fcntl
 import importlib
 import json
-import os
 from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self, get_type_hints
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import make_folder
+from cohelm.core.files import make_folder, whole
 from cohelm.study.campaign.result import EpisodeResult
 
 pa: Any = importlib.import_module("pyarrow")  # neither has types
@@ -100,7 +98,7 @@ class Store:
             put(self.folder / PLAN, (json.dumps(self._plan, indent=2) + "\n").encode())
         elif names := _differing(there, self._plan):
             raise CohelmError(f"{self.folder}: {_difference(names, there, self._plan)}")
-        for leftover in (self.folder / ROWS).glob("*.tmp"):
+        for leftover in (self.folder / ROWS).glob("*.part"):
             leftover.unlink()
         self.rows = read_rows(self.folder)
         numbers = (part.stem[5:] for part in (self.folder / ROWS).glob("part-*.parquet"))
@@ -198,21 +196,10 @@ def _brief(value: object) -> str:
 
 def put(path: Path, data: bytes) -> None:
     """Write a file that is whole or not there, and on the disk when this returns."""
-    half = path.with_name(path.name + ".tmp")
     try:
-        with half.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        half.replace(path)
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        with whole(path, sync=True) as new:
+            new.write_bytes(data)
     except OSError as error:
-        with suppress(OSError):
-            half.unlink()
         raise _unwritten(path, error) from error
 
 
