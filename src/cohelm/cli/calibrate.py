@@ -54,7 +54,6 @@ def calibrate(
     through the gate, and compares the model with the measurements. Ctrl-C stops the robot, and
     keeps what was measured.
     """
-    import json
 
     from cohelm.calibrate.excitation import excitation
     from cohelm.calibrate.mount import mount
@@ -71,7 +70,7 @@ def calibrate(
         with_load,
     )
     from cohelm.core.errors import CohelmError
-    from cohelm.core.files import alone
+    from cohelm.core.files import alone, write_json
     from cohelm.drive.operate import DriveOptions, end_signals, robot_factory
     from cohelm.robot.keep.gated_robot import rules
     from cohelm.robot.keep.priority import raise_priority, restore_priority
@@ -143,7 +142,7 @@ def calibrate(
         out.mkdir(parents=True, exist_ok=True)
         written.write_text(text, encoding="utf-8")
         result["pictures"] = [str(one) for one in pictures(out, driven, answered, placed)]
-        before.write_text(json.dumps(result, indent=2, allow_nan=False), encoding="utf-8")
+        write_json(before, result)
     except OSError as error:  # the result is printed all the same
         unwritten = f"{out} can not be written ({error.strerror}): what was measured stands above"
     if as_json:

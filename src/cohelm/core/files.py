@@ -9,10 +9,11 @@ import errno
 import fcntl
 import gzip
 import io
+import json
 import os
 import stat
 import zlib
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -141,6 +142,26 @@ def taken(path: Path) -> CohelmError:
     if path.is_dir():
         return CohelmError(f"{path} is a folder: name a file in it")
     return CohelmError(f"{path} exists already: choose another name")
+
+
+def check_free(folder: Path, names: Iterable[str], what: str, mend: str) -> None:
+    """CohelmError if one of these files is in a folder. what: would write them, e.g. "a run"; mend:
+    what to do, for the error."""
+    there = [name for name in names if (folder / name).exists()]
+    if there:
+        raise CohelmError(
+            f"{folder} holds {', '.join(there)} already, and {what} never overwrites: {mend}"
+        )
+
+
+def json_text(value: object) -> str:
+    """The text of a JSON file; ValueError for NaN and infinity, which JSON has not."""
+    return json.dumps(value, indent=2, allow_nan=False) + "\n"
+
+
+def write_json(path: Path, value: object) -> None:
+    """Write a JSON file."""
+    path.write_text(json_text(value), encoding="utf-8")
 
 
 @contextmanager

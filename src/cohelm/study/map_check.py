@@ -3,7 +3,6 @@ places where a scan of the map itself does not tell the robot's pose."""
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import writing
+from cohelm.core.files import write_json, writing
 from cohelm.core.frames import inverse, placed
 from cohelm.core.scalars import wrap
 from cohelm.core.types import Floats, Pose, Progress
@@ -219,8 +218,7 @@ def _open_ends(occupancy: OccupancyMap) -> Floats:
 def write(folder: Path, occupancy: OccupancyMap, check: MapCheck) -> None:
     """check.png and check.json. Raises CohelmError where the folder can not be written."""
     with writing(folder):
-        text = json.dumps(asdict(check), indent=2)
-        (folder / "check.json").write_text(text + "\n", encoding="utf-8")
+        write_json(folder / "check.json", asdict(check))
         _picture(folder / "check.png", occupancy, check)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cohelm.core.files import whole, writing
+from cohelm.core.files import whole, write_json, writing
 from cohelm.core.types import Floats, Pose
 from cohelm.perceive.map.mapper import MappingResult, encounters
 from cohelm.perceive.map.raster import Raster
@@ -97,8 +96,7 @@ def write(
 def write_result(folder: Path, result: MapResult) -> None:
     """mapping.json. CohelmError where the folder can not be written."""
     with writing(folder):
-        text = json.dumps(asdict(result), indent=2)
-        (folder / "mapping.json").write_text(text + "\n", encoding="utf-8")
+        write_json(folder / "mapping.json", asdict(result))
 
 
 def show(folder: Path, made: MappingResult, drawn: Raster) -> None:

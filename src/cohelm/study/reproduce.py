@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
 
-from cohelm.core.files import alone, writing
+from cohelm.core.files import alone, write_json, writing
 from cohelm.core.types import Progress
 from cohelm.record.write import Recorder
 from cohelm.study.experiments import SETTLED, Experiments, perform
@@ -34,8 +33,7 @@ def reproduce(out: Path, progress: Progress = lambda _doing, _share: None) -> Ex
 
 
 def _write(ex: Experiments, out: Path, progress: Progress) -> None:
-    text = json.dumps(numbers(ex), indent=2, allow_nan=False) + "\n"
-    (out / "reproduce.json").write_text(text, encoding="utf-8")
+    write_json(out / "reproduce.json", numbers(ex))
     runs = ex.recorded()
     for k, (name, run) in enumerate(runs.items()):
         progress(f"record {name}", _RUNS + (_RECORDS - _RUNS) * k / len(runs))

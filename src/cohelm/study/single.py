@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -11,7 +10,7 @@ from math import inf
 from pathlib import Path
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import make_folder, unmade
+from cohelm.core.files import check_free, make_folder, unmade, write_json
 from cohelm.core.trace import Trace
 from cohelm.core.types import Progress
 from cohelm.drive.shown import reference_lines, zone_messages
@@ -46,7 +45,8 @@ def recorded(setup: Setup, folder: Path, progress: Progress) -> Metrics:
     there already: a run never replaces what it finds.
     """
     make_folder(folder)
-    _check_free(folder)
+    mend = "choose another folder with --out, or none for a new one in out/"
+    check_free(folder, WRITTEN, "a run", mend)
     progress("running (the first time, compiling)", 0.0)
     steps, done = 0, list[Trace]()
     with Recorder(folder / RECORD, scene(setup)) as recorder:
@@ -59,8 +59,7 @@ def recorded(setup: Setup, folder: Path, progress: Progress) -> Metrics:
     with _writing(folder / SCENARIO) as path:
         path.write_text(setup.scenario, encoding="utf-8")
     with _writing(folder / METRICS) as path:
-        text = json.dumps(run.metrics.as_dict(), indent=2, allow_nan=False)
-        path.write_text(text + "\n", encoding="utf-8")
+        write_json(path, run.metrics.as_dict())
     progress("drawing", _SIMULATED)
     from cohelm.study.figures import draw_run  # matplotlib takes a second to import
 
@@ -129,15 +128,6 @@ def fresh(name: str) -> Path:
             folder = out / f"{stamped}-{k}"
         except OSError as error:
             raise unmade(folder, error) from error
-
-
-def _check_free(folder: Path) -> None:
-    there = [name for name in WRITTEN if (folder / name).exists()]
-    if there:
-        raise CohelmError(
-            f"{folder} holds {', '.join(there)} already, and a run never overwrites: choose "
-            "another folder with --out, or none for a new one in out/"
-        )
 
 
 @contextmanager

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import NamedTuple
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import make_folder, writing
+from cohelm.core.files import check_free, make_folder, write_json, writing
 from cohelm.core.trace import Trace
 from cohelm.record.file import RECORD
 from cohelm.record.write import Recorder
@@ -56,12 +55,8 @@ def again(folder: Path, which: str, out: Path | None = None) -> tuple[Again, Pat
             f"{', '.join(plan.laws)} and {len(rows)} rows"
         )
     to = out or folder / "episodes" / f"{law}-{row.episode}"
-    there = [name for name in (RECORD, ROW, PICTURE, STRIP) if (to / name).exists()]
-    if there:
-        raise CohelmError(
-            f"{to} holds {', '.join(there)} already, and a replay never overwrites: choose "
-            "another folder with --out"
-        )
+    mend = "choose another folder with --out"
+    check_free(to, (RECORD, ROW, PICTURE, STRIP), "a replay", mend)
     case = plan.prepared().case(row.episode)
     try:
         return drive(case, row), to
@@ -105,8 +100,7 @@ def record(found: Again, folder: Path) -> None:
     with writing(folder):
         with Recorder(folder / RECORD, scene(setup)) as recorder:
             recorder.write(found.trace)
-        text = json.dumps(plain(found.row._asdict()), indent=2, allow_nan=False)
-        (folder / ROW).write_text(text + "\n", encoding="utf-8")
+        write_json(folder / ROW, plain(found.row._asdict()))
         (folder / PICTURE).write_bytes(picture(found.case, found.trace, found.row))
         if (evasion := strip(found.case, found.trace)) is not None:
             (folder / STRIP).write_bytes(evasion)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import base64
-import json
 import math
 from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from cohelm.core.files import json_text
 from cohelm.core.types import Progress
 from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
@@ -219,8 +219,7 @@ def write(found: Outcome, folder: Path, progress: Progress) -> Path:
         notes=_list("Left out", found.suite.notes)
         + _list("Not driven: a mistake in your law, or in cohelm: please report it", faults(found)),
     )  # fmt: skip
-    text = json.dumps(found.as_dict(), indent=2, allow_nan=False) + "\n"
-    for name, whole in ((SUMMARY, text), (PAGE_NAME, page)):
+    for name, whole in ((SUMMARY, json_text(found.as_dict())), (PAGE_NAME, page)):
         put(folder / name, whole.encode())
     return folder / PAGE_NAME
 

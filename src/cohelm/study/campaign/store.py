@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Self, get_type_hints
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import make_folder, whole
+from cohelm.core.files import json_text, make_folder, whole
 from cohelm.study.campaign.result import EpisodeResult
 
 pa: Any = importlib.import_module("pyarrow")  # neither has types
@@ -95,7 +95,7 @@ class Store:
                     f"{self.folder}: holds rows but no {PLAN}, so their plan is unknown; choose "
                     "another folder with --out"
                 )
-            put(self.folder / PLAN, (json.dumps(self._plan, indent=2) + "\n").encode())
+            put(self.folder / PLAN, json_text(self._plan).encode())
         elif names := _differing(there, self._plan):
             raise CohelmError(f"{self.folder}: {_difference(names, there, self._plan)}")
         for leftover in (self.folder / ROWS).glob("*.part"):
