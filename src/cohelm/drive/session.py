@@ -345,7 +345,6 @@ class Session:
             "refused": gate.refused,
             "scheduling": self.scheduling,
             "live": None if self.plan.live is None else not loop.log.view_lost,
-            **self.record_summary(),
         }
 
     def record_summary(self) -> dict[str, Any]:
