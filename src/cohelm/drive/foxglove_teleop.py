@@ -11,7 +11,6 @@ from __future__ import annotations
 import asyncio
 import json
 import math
-import struct
 import threading
 import time
 from collections.abc import Callable
@@ -25,6 +24,7 @@ from cohelm.core.types import CENTRED, Stick, Twist
 from cohelm.link.messages import Arming, Command, Device, Mode, RequestKind
 from cohelm.link.operator import is_current
 from cohelm.record.period import STORE
+from cohelm.ros.foxglove_protocol import DATA, TO_SERVER
 
 if TYPE_CHECKING:
     from cohelm.law.gains import Gains
@@ -243,8 +243,6 @@ _KINDS = {
     "geometry_msgs/TwistStamped": _STAMPED, _STAMPED: _STAMPED,
 }  # fmt: skip
 """By their names in ROS 1 and ROS 2."""
-_HEAD = struct.Struct("<BI")
-"""Before a message's bytes: opcode and channel."""
 _MAX_CHANNELS = 8
 """Channels of one viewer."""
 _REPORT_PERIOD = 2.0
@@ -286,13 +284,13 @@ class PublishedTwists:
 
     def take(self, data: bytes) -> None:
         """Take a message. ValueError, KeyError, TypeError or struct.error if it is malformed."""
-        what, number = _HEAD.unpack_from(data)
-        if what != 1:
+        what, number = TO_SERVER.unpack_from(data)
+        if what != DATA:
             raise ValueError
         if number not in self._channels or self._teleop is None:
             return  # of a channel that was refused
         kind, encoding = self._channels[number]
-        twist = twist_of(data[_HEAD.size :], kind, encoding)
+        twist = twist_of(data[TO_SERVER.size :], kind, encoding)
         self._event_loop = asyncio.get_running_loop()
         why, now = self._teleop.publish(self, twist, self._say), time.monotonic()
         if why and now - self._refusal_reported > _REPORT_PERIOD:

@@ -28,7 +28,6 @@ from typing import Any, cast
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
-from websockets.typing import Subprotocol
 
 from cohelm.drive.foxglove_teleop import ENCODINGS, FoxgloveTeleop, Joined, PublishedTwists
 from cohelm.drive.recorder import EventSink, receive
@@ -36,6 +35,7 @@ from cohelm.link.udp import listening, resolved
 from cohelm.record.topics import IMAGE, LASTING, RecordTopics, definitions
 from cohelm.robot.keep.record_pipe import ALIVE
 from cohelm.robot.model import RobotModel
+from cohelm.ros.foxglove_protocol import DATA, ERROR, FROM_SERVER, PROTOCOLS
 
 PORT = 8766
 """8765 is the port of the page, and of foxglove_bridge."""
@@ -54,12 +54,7 @@ _HEARTBEAT = 0.5
 """Period of the heartbeat [s]."""
 _LARGEST = 1 << 16
 """Largest message from a viewer [B]."""
-_PROTOCOLS = [Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1")]
-_DATA, _HEAD = 1, struct.Struct("<BIQ")
-"""Before a message's bytes: opcode, subscription, stamp [ns]."""
 _NO_TELEOP = "read-only view: to steer, start the robot with --foxglove-teleop"
-_ERROR = 2
-"""Level of a status message."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +121,7 @@ async def _serve(served: socket.socket, server: LiveServer, lines: list[socket.s
     silent = logging.Logger("cohelm.live", logging.CRITICAL)  # strangers fill no terminal
     served.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
     async with serve(
-        server.attend, sock=served, process_request=server.admit, subprotocols=_PROTOCOLS,
+        server.attend, sock=served, process_request=server.admit, subprotocols=PROTOCOLS,
         compression=None, max_size=_LARGEST, max_queue=4, open_timeout=_OPEN, close_timeout=_CLOSE,
         server_header=None, logger=silent,
     ):  # fmt: skip
@@ -305,7 +300,7 @@ class _Viewer:
 
     def subscribe(self, topic: str, number: int) -> bool:
         """Subscribe once to a topic; whether the subscription is new."""
-        _HEAD.pack(_DATA, number, 0)  # struct.error: no number that can be sent
+        FROM_SERVER.pack(DATA, number, 0)  # struct.error: no number that can be sent
         return self.subscribed.setdefault(topic, number) == number
 
     def unsubscribe(self, number: int) -> None:
@@ -315,11 +310,11 @@ class _Viewer:
     def give(self, topic: str, stamp: int, data: bytes) -> None:
         """Queue a message if its topic is subscribed to. stamp: [ns]."""
         if topic in self.subscribed:
-            self._put(topic, _HEAD.pack(_DATA, self.subscribed[topic], stamp) + data)
+            self._put(topic, FROM_SERVER.pack(DATA, self.subscribed[topic], stamp) + data)
 
     def report(self, text: str) -> None:
         """Show a text in the viewer's list of problems."""
-        self._put("", json.dumps({"op": "status", "level": _ERROR, "message": text}))
+        self._put("", json.dumps({"op": "status", "level": ERROR, "message": text}))
 
     def _put(self, topic: str, data: str | bytes) -> None:
         self._waiting.append((topic, data))

@@ -13,9 +13,9 @@ from urllib.parse import SplitResult, urlsplit
 
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
-from websockets.typing import Subprotocol
 
 from cohelm.core.errors import CohelmError
+from cohelm.ros.foxglove_protocol import PROTOCOLS
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 URL = "ws://localhost:8765"
 """Of a bridge on this machine, as it is started by default."""
-_PROTOCOLS = [Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1")]
 _NEEDED = ("clientPublish", "connectionGraph")
 OPENS = 5.0
 """So long may a connection take to begin [s]."""
@@ -45,7 +44,7 @@ def opened(url: str) -> tuple[ClientConnection, str]:
         # In clear, over a socket that does TLS where the address says so. legacy: websockets
         # 17.1 and later warn without it; earlier ones do not look at it, as there is a socket.
         there = connect(
-            clear, sock=_reached(at), subprotocols=_PROTOCOLS,
+            clear, sock=_reached(at), subprotocols=PROTOCOLS,
             compression=None, open_timeout=OPENS, close_timeout=0.5, ping_interval=1.0,
             ping_timeout=_SILENT, max_size=_LARGEST, proxy=None, legacy=True,
         )  # fmt: skip

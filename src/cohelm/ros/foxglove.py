@@ -1,8 +1,5 @@
 """The transport for any robot that runs `foxglove_bridge`: a client over WebSocket, whatever
 middleware, machine and Python there is.
-
-The protocol is `foxglove.websocket.v1`, which newer bridges call `foxglove.sdk.v1`
-(https://github.com/foxglove/ws-protocol, docs/spec.md).
 """
 
 from __future__ import annotations
@@ -10,7 +7,6 @@ from __future__ import annotations
 import contextlib
 import json
 import select
-import struct
 import threading
 import time
 from functools import partial
@@ -21,22 +17,17 @@ from websockets.sync.client import ClientConnection
 
 from cohelm.core.errors import CohelmError
 from cohelm.ros.bridge_connection import OPENS, URL, listed, opened, understood
+from cohelm.ros.foxglove_protocol import DATA, ERROR, FROM_SERVER, TO_SERVER
 from cohelm.ros.port import Callback, End, Endpoint, Publisher, Qos, Received, ensure_open
 from cohelm.ros.types import known, packed, unpacked
 
 _NODE = "foxglove_bridge"
 """Of the bridge, unless it is started under another name."""
-_DATA = 1
-"""First byte of a message's data, in both directions."""
-_FROM_BRIDGE, _TO_BRIDGE = struct.Struct("<BIQ"), struct.Struct("<BI")
-"""Before the message's bytes: what it is, subscription or channel; from the bridge also a time."""
 _AGAIN = 0.5
 """After so long a lost connection is tried again [s]."""
 _REFUSED = 0.1
 """After so long what may have been refused is requested again [s]: a bridge advertises a new
 channel a moment before it takes subscriptions of it."""
-_ERROR = 2
-"""Level of a bridge's status message."""
 _ANYTHING = Qos(reliable=True, transient_local=True, depth=0)
 """The bridge forwards what it receives, with whatever quality the publisher offers."""
 
@@ -169,8 +160,8 @@ class FoxgloveTransport:
 
     def _take(self, data: str | bytes, stamp: float) -> None:
         if isinstance(data, bytes):
-            if len(data) >= _FROM_BRIDGE.size and data[0] == _DATA:
-                subscription = _FROM_BRIDGE.unpack_from(data)[1]
+            if len(data) >= FROM_SERVER.size and data[0] == DATA:
+                subscription = FROM_SERVER.unpack_from(data)[1]
                 with self._lock:
                     number = self._subscribed.get(subscription, -1)
                     channel = self._channels.get(number)
@@ -179,7 +170,7 @@ class FoxgloveTransport:
                         one for one in self._subscribers if (one.topic, one.kind) == channel[:2]
                     ]  # fmt: skip
                 if to:
-                    message, damage = unpacked(data[_FROM_BRIDGE.size :], to[0].kind)
+                    message, damage = unpacked(data[FROM_SERVER.size :], to[0].kind)
                     for one in to:
                         one.callback(Received(message, stamp, damage))
             return
@@ -199,7 +190,7 @@ class FoxgloveTransport:
                     for one in operation["channelIds"]:
                         self._channels.pop(int(one), None)
                         self._spoke.discard(int(one))
-                case "status" if operation["level"] >= _ERROR and self._retry is None:
+                case "status" if operation["level"] >= ERROR and self._retry is None:
                     self._retry = threading.Timer(_REFUSED, self._retry_subscriptions)
                     self._retry.daemon = True
                     self._retry.start()
@@ -292,7 +283,7 @@ class _Writer:
         to a bridge that is gone nothing is sent, and where only the newest counts neither to one
         that takes nothing more just now."""
         ensure_open(self._transport.closed)
-        data = _TO_BRIDGE.pack(_DATA, self.number) + packed(message, self.kind)
+        data = TO_SERVER.pack(DATA, self.number) + packed(message, self.kind)
         if self._lasting:
             self._last = data
         self._transport.send(data, self._waits)
