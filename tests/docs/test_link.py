@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from cohelm.core.types import Stick
-from cohelm.link import client, lease, operator, robot_end, station_end, wire
+from cohelm.link import client, lease, operator, pending, robot_end, station_end, wire
 from cohelm.link.messages import Command, Device, Request, RequestKind, Uplink
 from cohelm.link.sticks.feel import SLOWNESS
 from cohelm.loop.stick import BACK_WITHIN, CENTRED_WITHIN, ArmingParams
@@ -62,7 +62,7 @@ def test_the_numbers_are_those_of_the_code():
     )
     assert f"of {client.DECRYPTED:.0f} a second a stop is" in TEXT
     assert f"{client.REQUESTS:.0f} a second and {client.REQUEST_BURST:.0f} at once" in TEXT
-    assert f"{client.MOST_WAITING} wait for the loop" in TEXT
+    assert f"{pending.MOST_WAITING} wait for the loop" in TEXT
     sticks = (PAGE.parent / "sticks.md").read_text(encoding="utf-8")
     assert f"constant of {1000.0 * SLOWNESS:.0f} ms" in sticks
     loop = (PAGE.parent / "loop.md").read_text(encoding="utf-8")

@@ -15,13 +15,13 @@ from cohelm.link.client import (
     DATAGRAM_BURST,
     MAX_CLIENTS,
     MAX_CLIENTS_PER_KEY,
-    MOST_WAITING,
     free_number,
 )
 from cohelm.link.dtls import Channel, HandshakeRefused, context
 from cohelm.link.keys import Keys, pair_here
 from cohelm.link.lease import LeaseState
 from cohelm.link.messages import Command, Device, Request, RequestKind, Uplink
+from cohelm.link.pending import MOST_WAITING
 from cohelm.link.robot_end import TAKEOVER_AFTER, RobotEnd
 from cohelm.link.station_end import StationEnd
 from cohelm.link.wire import Header, encode, from_operator, may_stop

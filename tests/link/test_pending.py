@@ -2,9 +2,9 @@
 
 from hypothesis import given, strategies as st
 
-from cohelm.link.client import MOST_WAITING, MOVES, Pending
 from cohelm.link.messages import Request, RequestKind
 from cohelm.link.operator import ClientRequest
+from cohelm.link.pending import MOST_WAITING, MOVES, Pending
 
 whats = st.sampled_from(
     [

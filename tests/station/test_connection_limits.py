@@ -15,9 +15,10 @@ from playwright.sync_api import Browser, expect
 from websockets.sync.client import ClientConnection
 
 from cohelm.core.errors import CohelmError
-from cohelm.station import serve
+from cohelm.station import listening_socket, serve
 from cohelm.station.app import pages
-from cohelm.station.serve import ListeningSocket, Server
+from cohelm.station.listening_socket import ListeningSocket
+from cohelm.station.serve import Server
 from cohelm.station.tls import certificate
 from tests.few import first
 from tests.link.ends import until
@@ -125,7 +126,9 @@ def test_a_page_loads_and_works_among_two_hundred_idle_connections(
 
 def test_of_six_hundred_connections_some_are_closed_and_the_page_is_served(server: Server) -> None:
     with crowd(server.port, 600, HOW["never ends its head"]):
-        assert server._listener.count() <= serve.MOST_WAITING + serve.MOST_SERVED
+        assert (
+            server._listener.count() <= listening_socket.MOST_WAITING + listening_socket.MOST_SERVED
+        )
         for _ in range(5):
             assert asked(server, "GET", "/").status == 200
 
@@ -154,7 +157,7 @@ def test_tls_handshakes_that_never_end_block_no_other_client(tmp_path: Path, bar
         served(bare.connect, certificate=(path, key)) as server,
         crowd(server.port, 300, b"\x16\x03\x01"),
     ):
-        assert server._listener.count() <= serve.MOST_WAITING + 1
+        assert server._listener.count() <= listening_socket.MOST_WAITING + 1
         for _ in range(3):
             with (
                 socket.create_connection(("127.0.0.1", server.port), 5.0) as plain,
@@ -168,7 +171,7 @@ def test_connections_of_one_network_address_are_limited(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of an address that has too many, its own oldest goes; another's stays."""
-    monkeypatch.setattr(serve, "MOST_OF_ONE_ADDRESS", 3)
+    monkeypatch.setattr(listening_socket, "MOST_OF_ONE_ADDRESS", 3)
     door = ListeningSocket(socket.AF_INET)
     pairs = [socket.socketpair() for _ in range(6)]
     given = iter(
@@ -191,8 +194,8 @@ def test_connections_of_one_network_address_are_limited(
 def test_identified_clients_are_never_dropped_for_unidentified_ones(
     server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(serve, "MOST_WAITING", 5)
-    monkeypatch.setattr(serve, "MOST_SERVED", 5)
+    monkeypatch.setattr(listening_socket, "MOST_WAITING", 5)
+    monkeypatch.setattr(listening_socket, "MOST_SERVED", 5)
     idle = HOW["says one thing and sits there"]
     with OwnTime() as own, opened(server) as page, crowd(server.port, 50, idle):
         beats(page, own, 1.5)

@@ -18,7 +18,7 @@ from collections import Counter
 from collections.abc import Callable
 
 from cohelm.link import lease, udp
-from cohelm.link.client import Client, Clients, Pending
+from cohelm.link.client import Client, Clients
 from cohelm.link.codec import Malformed
 from cohelm.link.dtls import HandshakeRefused, context
 from cohelm.link.io_thread import IoThread
@@ -35,6 +35,7 @@ from cohelm.link.messages import (
     Uplink,
 )
 from cohelm.link.operator import STALE, ClientRequest, OperatorInput
+from cohelm.link.pending import Pending
 from cohelm.link.rate import Coalesced
 from cohelm.link.wire import Header, encode, from_operator, may_stop
 

@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
+from cohelm.robot.keep.control_line import control
 from cohelm.robot.keep.record_pipe import LARGEST
-from cohelm.robot.keep.serve import control
 from cohelm.robot.keep.shared_memory import SharedMemory, shared
 from cohelm.robot.port import Frame, Readings, Scan
 from cohelm.robot.sensors import CameraModel

@@ -16,6 +16,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.robot.clock import sleep_until
 from cohelm.robot.gate.gate import Gate, GateRules, Passed, Proposal
 from cohelm.robot.gate.modes import GateMode
+from cohelm.robot.keep.control_line import control
 from cohelm.robot.keep.gated_robot import LocalGatedRobot
 from cohelm.robot.keep.processes import (
     detach,
@@ -25,7 +26,7 @@ from cohelm.robot.keep.processes import (
     start_process,
     stopped,
 )
-from cohelm.robot.keep.serve import BRAKING, CLOSING, Begun, control, serve
+from cohelm.robot.keep.serve import BRAKING, CLOSING, Begun, serve
 from cohelm.robot.keep.shared_memory import SharedMemory
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import Frame, Readings, RobotPort, Scan
