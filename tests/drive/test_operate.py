@@ -65,8 +65,8 @@ def test_errors_name_options_that_the_command_has():
     said = [
         *(mismatch.nothing_received("/a", mismatch.SCAN, qos, option, others)
           for option in ("--odom", "--scan", "--further-scan rear=TOPIC")),
-        mismatch.base_type("/b", None, qos, others)[1],
-        mismatch.base_type("/cmd_vel", None, qos, others)[1],
+        mismatch.base_type("/b", None, others)[1],
+        mismatch.base_type("/cmd_vel", None, others)[1],
         mismatch.bypass("/cmd_vel", others),
         mismatch.lock("/stop", others)[1],
         mismatch.lock("/pressed", [Endpoint("/other", mismatch.BOOL, qos, True, "/panel")])[0],

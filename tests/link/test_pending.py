@@ -74,7 +74,7 @@ def test_no_client_displaces_the_requests_of_another(sequence):
 def test_withdrawn_requests_are_not_executed_and_others_keep_waiting(sequence):
     pending = Pending()
     fill(pending, [one for one in sequence if one[1] is not RequestKind.STOP])
-    off = pending.withdraw(1, but=frozenset({RequestKind.ACKNOWLEDGE}))
+    off = pending.withdraw(1)
     assert all(one.client == 1 and one.request.what is not RequestKind.ACKNOWLEDGE for one in off)
     left = pending.take()
     assert not any(one in left for one in off)

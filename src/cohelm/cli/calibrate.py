@@ -100,7 +100,7 @@ def calibrate(
         f"{plan.turn:.2f} rad/s for about {plan.seconds:.0f} s, "
         "with walls in sight that stay where they are"
     )
-    if not yes and not _agreed("is the floor free, and the stop at hand?"):
+    if not yes and not _agreed():
         raise CohelmError("nothing was driven: answer y when the floor is free, or give --yes")
     with starting(model.name) as line, end_signals() as stop:
         gated = RemoteGatedRobot(made.maker(), rules(made.model, PERIOD))
@@ -162,10 +162,10 @@ def calibrate(
         raise typer.Exit(1)
 
 
-def _agreed(question: str) -> bool:
+def _agreed() -> bool:
     """A person's answer; no, if there is no terminal."""
     try:
-        return typer.confirm(question, err=True)
+        return typer.confirm("is the floor free, and the stop at hand?", err=True)
     except typer.Abort:
         if sys.stdin.isatty():
             raise

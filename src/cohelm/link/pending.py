@@ -17,6 +17,8 @@ MOST_WAITING = 16
 """Requests of one client that may wait for the loop; twice what one command carries."""
 MOVES = frozenset({RequestKind.RESET, RequestKind.MODE})
 """Requests that may lead to motion."""
+FOR_ANYONE = frozenset({RequestKind.STOP, RequestKind.ACKNOWLEDGE})
+"""Requests that a client may make who is not the driver."""
 _MOST_STOPPING = 64
 """Clients whose stops wait, in one period; the robot stops in any case."""
 
@@ -44,9 +46,11 @@ class Pending:
         self._others.append(request)
         return True
 
-    def withdraw(self, client: int, but: frozenset[RequestKind]) -> tuple[ClientRequest, ...]:
-        """Withdraw a client's requests, except these kinds; returns them."""
-        return self._without(lambda one: one.client == client and one.request.what not in but)
+    def withdraw(self, client: int) -> tuple[ClientRequest, ...]:
+        """Withdraw what a client requested as the driver; returns it."""
+        return self._without(
+            lambda one: one.client == client and one.request.what not in FOR_ANYONE
+        )
 
     def _without(self, which: Callable[[ClientRequest], bool]) -> tuple[ClientRequest, ...]:
         removed = tuple(one for one in self._others if which(one))

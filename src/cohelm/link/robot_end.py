@@ -35,7 +35,7 @@ from cohelm.link.messages import (
     Uplink,
 )
 from cohelm.link.operator import STALE, ClientRequest, OperatorInput
-from cohelm.link.pending import Pending
+from cohelm.link.pending import FOR_ANYONE, Pending
 from cohelm.link.rate import Coalesced
 from cohelm.link.wire import Header, encode, from_operator, may_stop
 
@@ -53,7 +53,6 @@ _UNIDENTIFIED = 5.0  # such a client is removed after this [s]
 _PER_TURN = 64
 _log = logging.getLogger("cohelm.link")
 
-_FOR_ANYONE = frozenset({RequestKind.STOP, RequestKind.ACKNOWLEDGE})
 _LEASE_REQUESTS = frozenset({RequestKind.TAKE, RequestKind.GIVE, RequestKind.REFUSE})
 
 
@@ -320,9 +319,9 @@ class RobotEnd(IoThread):
                 refused = "the request is too old"
             elif request.what in _LEASE_REQUESTS:
                 self._lease_request(client, request, now)
-            elif request.what not in _FOR_ANYONE and self._held.driver != client.number:
+            elif request.what not in FOR_ANYONE and self._held.driver != client.number:
                 refused = "you are not the driver"
-            elif request.what not in _FOR_ANYONE and self._before_lease(client, request.made, now):
+            elif request.what not in FOR_ANYONE and self._before_lease(client, request.made, now):
                 refused = "you were not the driver yet"
             elif not self._pending.add(pending):
                 refused = "too many requests: wait for their answers"
@@ -357,7 +356,7 @@ class RobotEnd(IoThread):
             if not (lost and held.driver == lease.NO_DRIVER):
                 self._term += 1
             old = self._held.driver  # its requests that the loop has not executed are withdrawn
-            for withdrawn in self._pending.withdraw(old, but=_FOR_ANYONE):
+            for withdrawn in self._pending.withdraw(old):
                 self.answer(old, withdrawn.request.number, False, "you are no longer the driver")
             new = self._clients.get(held.driver)
             who = "no client" if new is None else new.name

@@ -18,7 +18,7 @@ from cohelm.ros.found import Allowed, Found
 from cohelm.ros.found_lidar import describe
 from cohelm.ros.inspection import Inspection
 from cohelm.ros.mismatch import ODOMETRY
-from cohelm.ros.port import COMMAND, SENSOR, Endpoint, Transport
+from cohelm.ros.port import SENSOR, Endpoint, Transport
 from cohelm.ros.topics import Topics
 
 _LEAST = 1.2
@@ -69,7 +69,7 @@ def found(
     errors = _missing(inspection, [one.name for one in model.lidars], seen)
     notes += [f"{one.model.label}: {one.topic}, {one.kind}" for one in inspection.contacts]
     notes += filter(None, (doubt(one) for one in model.contacts))
-    out_type, error = mismatch.base_type(topics.out, allowed.stamped, COMMAND, seen)
+    out_type, error = mismatch.base_type(topics.out, allowed.stamped, seen)
     errors += [error, "" if allowed.bypass else mismatch.bypass(topics.out, seen)]
     notes.append(f"commands to the base: {topics.out}, {out_type}")
     notices: list[tuple[str, str]] = []

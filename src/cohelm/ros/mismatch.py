@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 
-from cohelm.ros.port import Endpoint, Qos, reaches
+from cohelm.ros.port import COMMAND, Endpoint, Qos, reaches
 
 TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 ODOMETRY, SCAN = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"
@@ -70,7 +70,7 @@ def never(topic: str, kinds: tuple[str, ...], qos: Qos, option: str, seen: list[
     return nothing_received(topic, kind, qos, option, seen)
 
 
-def base_type(topic: str, wanted: bool | None, qos: Qos, seen: list[Endpoint]) -> tuple[str, str]:
+def base_type(topic: str, wanted: bool | None, seen: list[Endpoint]) -> tuple[str, str]:
     """The type the base wants for its commands, and an error, or nothing.
 
     wanted: TwistStamped or Twist, as the user states; None: as the base's subscription says.
@@ -104,7 +104,7 @@ def base_type(topic: str, wanted: bool | None, qos: Qos, seen: list[Endpoint]) -
         )
     kind = named or kinds[0]
     right = [one for one in there if one.type == kind]
-    reasons = [why for one in right if (why := reaches(qos, one.qos))]
+    reasons = [why for one in right if (why := reaches(COMMAND, one.qos))]
     if len(reasons) == len(right):
         return kind, (
             f"commands on {topic} never reach the base{_by(right)}: {reasons[0]}; fix the QoS of "

@@ -155,7 +155,7 @@ def movers(axes: Axes, run: RunResult, every: float) -> None:
             continue
         track = run.trace.discs[:, i]
         axes.plot(track[::_EVERY, X], track[::_EVERY, Y], color=MOVER, lw=1.2, zorder=4)
-        arrow(axes, track[::_EVERY, X], track[::_EVERY, Y], MOVER, 0.15)
+        _arrow(axes, track[::_EVERY, X], track[::_EVERY, Y])
         if math.isinf(every):
             continue
         axes.text(
@@ -171,14 +171,14 @@ def movers(axes: Axes, run: RunResult, every: float) -> None:
             )  # fmt: skip
 
 
-def arrow(axes: Axes, x: Floats, y: Floats, color: str, share: float) -> None:
-    """An arrow head on a path, at a share of its length."""
+def _arrow(axes: Axes, x: Floats, y: Floats) -> None:
+    """An arrow head on a mover's path, at 15 % of its length."""
     length: Floats = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
-    k = int((length < share * length[-1]).sum())
+    k = int((length < 0.15 * length[-1]).sum())
     j = min(int((length < length[k] + 0.05).sum()), len(x) - 1)
     tail, head = (float(x[k]), float(y[k])), (float(x[j]), float(y[j]))
     axes.add_patch(
-        FancyArrowPatch(tail, head, arrowstyle="-|>", mutation_scale=13, color=color, zorder=7)
+        FancyArrowPatch(tail, head, arrowstyle="-|>", mutation_scale=13, color=MOVER, zorder=7)
     )
 
 

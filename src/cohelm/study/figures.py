@@ -45,7 +45,7 @@ def draw_figures(ex: Experiments, folder: Path, progress: Progress) -> None:
             draw.save(maker(ex), folder, name)
 
 
-def draw_run(run: RunResult, folder: Path, name: str = "run") -> list[Path]:
+def draw_run(run: RunResult, folder: Path, name: str) -> list[Path]:
     """Write the picture of any one run as PNG and SVG; the files written."""
     with draw.styled():
         return draw.save(figure_run(run), folder, name)
