@@ -176,9 +176,10 @@ def robot(
     idle_together(context, ("--driver", "--ros2"), "--kinematic")
     idle_without(context, "--pictures", "--record", "--listen", "--foxglove")
     options = DriveOptions(
-        name, scenario, "twin" if twin else "kinematic", not fast, seed, changes or [], driver,
-        on_ros(ros2, topics, transport, url, lock_timeout, masks_from, map_frame),
-        chart, keep_out, speed_zones,
+        name=name, scenario=scenario, kind="twin" if twin else "kinematic", real_time=not fast,
+        seed=seed, changes=changes or [], driver=driver,
+        ros2=on_ros(ros2, topics, transport, url, lock_timeout, masks_from, map_frame),
+        chart=chart, keep_out=keep_out, speed_zones=speed_zones,
     )  # fmt: skip
     if listen is not None and (mode or arrive or fast or dock):
         raise CohelmError(

@@ -186,9 +186,9 @@ def drive(
         raise CohelmError(f"{records} is no folder: choose another with --records")
     kind = "twin" if twin and driver is None and not ros2 else "kinematic"
     options = DriveOptions(
-        name, scenario, kind, True, None, changes or [], driver,
-        on_ros(ros2, topics, transport, url, lock_timeout, masks_from),
-        chart, keep_out, speed_zones,
+        name=name, scenario=scenario, kind=kind, real_time=True, seed=None, changes=changes or [],
+        driver=driver, ros2=on_ros(ros2, topics, transport, url, lock_timeout, masks_from),
+        chart=chart, keep_out=keep_out, speed_zones=speed_zones,
     )  # fmt: skip
     if driver is not None or not ros2:  # a ROS 2 robot is looked for once
         made = robot_factory(options)

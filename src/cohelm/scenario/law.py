@@ -149,9 +149,11 @@ class PaceModel(Schema):
     def pace(self) -> PaceParams:
         """The same as numbers."""
         return PaceParams(
-            self.lateral_mps2, self.yaw_rate_radps, self.deceleration_mps2, self.creep_clearance_m,
-            self.full_speed_clearance_m, self.creep_speed_mps, self.slack_m, self.lag_m,
-            self.turn_rad, self.guide_m, self.search_m, self.rise_per_s, self.fall_per_s,
+            lateral=self.lateral_mps2, yaw_rate=self.yaw_rate_radps,
+            deceleration=self.deceleration_mps2, tight=self.creep_clearance_m,
+            open=self.full_speed_clearance_m, creep=self.creep_speed_mps, slack=self.slack_m,
+            lag=self.lag_m, turn=self.turn_rad, guide=self.guide_m, search=self.search_m,
+            rise=self.rise_per_s, fall=self.fall_per_s,
         )  # fmt: skip
 
 

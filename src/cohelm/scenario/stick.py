@@ -99,9 +99,10 @@ class StickOperator(Schema):
     def person(self) -> OperatorModel:
         """The same as numbers."""
         return OperatorModel(
-            True, self.look_ahead_m, self.half_width_m, self.behind_m, self.surge, self.yaw,
-            self.steer_per_rad, self.berth_m, self.reaction_s, self.linger_s, self.hold_s,
-            self.hand_rate_per_s, self.tremor,
+            active=True, look_ahead=self.look_ahead_m, half_width=self.half_width_m,
+            behind=self.behind_m, surge=self.surge, yaw=self.yaw, steer=self.steer_per_rad,
+            berth=self.berth_m, reaction=self.reaction_s, linger=self.linger_s, hold=self.hold_s,
+            hand_rate=self.hand_rate_per_s, tremor=self.tremor,
         )  # fmt: skip
 
 

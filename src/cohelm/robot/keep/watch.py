@@ -42,9 +42,10 @@ def _sensor(given: LidarModel, outline: Floats) -> Sensor:
     planar = given.height_band_m is None and not given.range_sensor
     height = given_height if planar else math.nan
     return Sensor(
-        lidar.mount, bearings, lidar.step, given.range_min_m, given.noise_m, given.rate_hz,
-        given.sweep_s, given.latency_s, given.name, given.timeout_s or math.nan,
-        given.range_max_m, height, given.forget_s if given.range_sensor else math.inf,
-        lidar.whole_from, lidar.floor_from, lidar.floor_to,
-        0.0 if given.floor is None else vouched_floor(lidar, outline, 0.0),
+        mount=lidar.mount, bearings=bearings, step=lidar.step, range_min=given.range_min_m,
+        noise=given.noise_m, rate=given.rate_hz, sweep=given.sweep_s, latency=given.latency_s,
+        name=given.name, timeout=given.timeout_s or math.nan, range_max=given.range_max_m,
+        height=height, forgets=given.forget_s if given.range_sensor else math.inf,
+        whole_from=lidar.whole_from, floor_from=lidar.floor_from, floor_to=lidar.floor_to,
+        vouched=0.0 if given.floor is None else vouched_floor(lidar, outline, 0.0),
     )  # fmt: skip

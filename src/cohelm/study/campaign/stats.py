@@ -181,27 +181,29 @@ def summary(law: str, rows: Sequence[EpisodeResult], *, goals: bool) -> Summary:
     scored = any(math.isfinite(row.score) for row in sound)
     scores = [0.0 if row.fault else row.score for row in rows]
     return Summary(
-        law,
-        n,
-        n - driven,
-        share(sum(row.arrived for row in sound), of) if goals else None,
-        share(sum(_succeeded(row) for row in sound), of) if goals else None,
-        share(sum(row.contacts_moving > 0 for row in sound), driven),
-        share(sum(row.contact_seen_s == 0.0 for row in moved), driven) if moved else None,
-        share(sum(0.0 < row.contact_seen_s < row.contact_needed_s for row in moved), driven)
+        law=law,
+        episodes=n,
+        faults=n - driven,
+        arrived=share(sum(row.arrived for row in sound), of) if goals else None,
+        success=share(sum(_succeeded(row) for row in sound), of) if goals else None,
+        moving=share(sum(row.contacts_moving > 0 for row in sound), driven),
+        unseen=share(sum(row.contact_seen_s == 0.0 for row in moved), driven) if moved else None,
+        late=share(sum(0.0 < row.contact_seen_s < row.contact_needed_s for row in moved), driven)
         if moved
         else None,
-        share(sum(row.contacts_standing > 0 for row in sound), driven),
-        share(sum(row.contacts_departing > 0 for row in sound), driven),
-        share(len(touched), driven),
-        share(sum(row.contact_seen_s == 0.0 for row in known), driven) if known else None,
-        share(sum(row.falls > 0 for row in sound), driven) if uneven else None,
-        share(stuck, of) if uneven else None,
-        _untouched(sound),
-        max((row.limit_excess for row in sound), default=0.0),
-        float(np.mean(scores)) if scored else math.nan,
-        sum(row.unrecovered for row in sound),
-        {
+        standing=share(sum(row.contacts_standing > 0 for row in sound), driven),
+        departing=share(sum(row.contacts_departing > 0 for row in sound), driven),
+        touched=share(len(touched), driven),
+        touched_unseen=share(sum(row.contact_seen_s == 0.0 for row in known), driven)
+        if known
+        else None,
+        fell=share(sum(row.falls > 0 for row in sound), driven) if uneven else None,
+        stuck=share(stuck, of) if uneven else None,
+        untouched_share=_untouched(sound),
+        limit_excess=max((row.limit_excess for row in sound), default=0.0),
+        score=float(np.mean(scores)) if scored else math.nan,
+        unrecovered=sum(row.unrecovered for row in sound),
+        spreads={
             name: spread([getattr(row, name) for row in sound if _counts(row, name)])
             for name in SPREADS
         },
