@@ -8,6 +8,7 @@ import shlex
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -105,6 +106,16 @@ def say(text: str) -> None:
     """Print a line on stderr, while that is there: not on a terminal that was closed."""
     with suppress(OSError):
         console(stderr=True).print(text)
+
+
+@contextmanager
+def warnings_said() -> Generator[list[warnings.WarningMessage]]:
+    """All that is warned of within this is said at its end."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield caught
+    for warning in caught:
+        say(f"[yellow]warning:[/yellow] {plain(str(warning.message))}")
 
 
 def typed(path: str | Path) -> str:

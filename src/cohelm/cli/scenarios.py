@@ -20,6 +20,7 @@ from cohelm.cli.output import (
     progress,
     say,
     typed,
+    warnings_said,
 )
 
 
@@ -126,8 +127,6 @@ def replay(
     exit status 1.
     """
     with progress("reading") as bar:
-        import warnings
-
         from cohelm.record.read import read
         from cohelm.study.metrics import measure
         from cohelm.study.single import RECORD, table
@@ -135,11 +134,8 @@ def replay(
         if record.is_dir():
             record = record / RECORD
         bar(f"reading {record}", 0.0)
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
+        with warnings_said() as caught:
             metrics = measure(read(record))
-    for warning in caught:
-        say(f"[yellow]warning:[/yellow] {plain(str(warning.message))}")
     if as_json:
         fault = str(caught[0].message) if caught else None
         whole = {"record_whole": not caught, "record_fault": fault}

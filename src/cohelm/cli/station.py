@@ -23,7 +23,7 @@ from cohelm.cli.drive_options import (
     SpeedZones,
 )
 from cohelm.cli.live import Foxglove, FoxgloveTeleop, live, shown_at
-from cohelm.cli.output import Pictures, named, plain, say, starting
+from cohelm.cli.output import Pictures, named, plain, say, starting, warnings_said
 from cohelm.cli.ros import Bridge, LockTimeout, MasksFrom, TopicNames, Transports, on_ros
 from cohelm.core.interrupts import INTERRUPTS
 
@@ -243,16 +243,11 @@ def drive(
 
 
 def _recorded(path: Path) -> Connect:
-    import warnings
-
     from cohelm.drive.playback import Playback
     from cohelm.drive.replayed import Replaying
 
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings_said():
         shown = Playback(path / "record.mcap" if path.is_dir() else path)
-    for warning in caught:
-        say(f"[yellow]warning:[/yellow] {plain(str(warning.message))}")
     return lambda _: Replaying(shown)
 
 
