@@ -9,7 +9,7 @@ import pytest
 from cohelm.drive.factory import own_robot, simulated
 from cohelm.drive.operate import end_signals, remarks
 from cohelm.ros import mismatch
-from cohelm.ros.options import by_topics
+from cohelm.ros.option_names import ROBOT
 from cohelm.ros.port import Endpoint, Qos
 from cohelm.scenario.load import robot as load_robot
 from tests.api import carts
@@ -62,20 +62,20 @@ def test_errors_name_options_that_the_command_has():
     seen = [("/cmd_vel", mismatch.TWIST, False), ("/cmd_vel", mismatch.STAMPED, False),
             ("/cmd_vel", mismatch.TWIST, True), ("/stop", mismatch.TWIST, True)]  # fmt: skip
     others = [Endpoint(topic, kind, qos, out, f"/{kind}") for topic, kind, out in seen]
+    panel = [Endpoint("/other", mismatch.BOOL, qos, True, "/panel")]
     said = [
         *(mismatch.nothing_received("/a", mismatch.SCAN, qos, option, others)
-          for option in ("--odom", "--scan", "--further-scan rear=TOPIC")),
-        mismatch.base_type("/b", None, others)[1],
-        mismatch.base_type("/cmd_vel", None, others)[1],
-        mismatch.bypass("/cmd_vel", others),
-        mismatch.lock("/stop", others)[1],
-        mismatch.lock("/pressed", [Endpoint("/other", mismatch.BOOL, qos, True, "/panel")])[0],
-        mismatch.footprint("/stop", others)[1],
-        mismatch.no_frame("/a", "laser", "base_link", []),
+          for option in (ROBOT.odom, ROBOT.scan, f"{ROBOT.further_scan}rear=TOPIC")),
+        mismatch.base_type("/b", None, others, ROBOT)[1],
+        mismatch.base_type("/cmd_vel", None, others, ROBOT)[1],
+        mismatch.bypass("/cmd_vel", others, ROBOT),
+        mismatch.lock("/stop", others, (), ROBOT)[1],
+        mismatch.lock("/pressed", panel, (), ROBOT)[0],
+        mismatch.footprint("/stop", others, ROBOT)[1],
+        mismatch.no_frame("/a", "laser", "base_link", [], ROBOT),
     ]  # fmt: skip
     assert all(said)
-    told = [by_topics(one) for one in said]
-    assert {option for one in told for option in re.findall(r"--[a-z-]+", one)} == {"--topic"}
-    assert "name another topic with --topic odom=TOPIC" in told[0]
-    assert "--topic scan=TOPIC" in told[1]
-    assert "--topic scan_rear=TOPIC" in told[2]
+    assert {option for one in said for option in re.findall(r"--[a-z-]+", one)} == {"--topic"}
+    assert "name another topic with --topic odom=TOPIC" in said[0]
+    assert "--topic scan=TOPIC" in said[1]
+    assert "--topic scan_rear=TOPIC" in said[2]

@@ -13,7 +13,7 @@ from cohelm.ros.interlock import Interlock
 from cohelm.ros.joy import JOY, JoyOperator, JoyParams
 from cohelm.ros.localized import PATH, POSE
 from cohelm.ros.mismatch import BOOL, TWIST
-from cohelm.ros.options import by_topics
+from cohelm.ros.option_names import FILTER, ROBOT
 from cohelm.ros.port import COMMAND, Endpoint, Qos, Received
 from cohelm.ros.unreached import Unreached
 from tests.patience import looks
@@ -117,16 +117,16 @@ def test_the_check_polls_by_itself_and_survives_a_lost_transport(monkeypatch):
     made.close()
 
 
-def test_an_emergency_stop_topic_without_data_is_a_fault_at_any_time():
+@pytest.mark.parametrize("options", [FILTER, ROBOT])
+def test_an_emergency_stop_topic_without_data_is_a_fault_at_any_time(options):
     network = Network()
-    one = Interlock(network, "/cmd_vel", "/emergency_stop")
+    one = Interlock(network, "/cmd_vel", "/emergency_stop", options=options)
     assert not one.faults()
     network.comes("/emergency_stop", "std_msgs/msg/String")
     assert any(one.faults() for _ in looks(20.0, 0.05, 0.5))
     (why,) = one.faults()
     assert why.startswith("/emergency_stop is std_msgs/msg/String by /rviz, and std_msgs/msg/Bool")
-    assert "with --lock" in why
-    assert "with --topic lock=TOPIC" in by_topics(why)
+    assert f"with {options.lock}" in why
     network.there[:] = []
     network.comes("/emergency_stop", BOOL)
     assert any(not one.faults() for _ in looks(20.0, 0.05, 0.5))

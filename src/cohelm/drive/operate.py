@@ -163,7 +163,7 @@ def _on_ros2(
     from cohelm.ros.connection import connection
     from cohelm.ros.found import Allowed
     from cohelm.ros.look import look
-    from cohelm.ros.options import by_topics
+    from cohelm.ros.option_names import ROBOT
     from cohelm.ros.robot import Ros2Make, topics_of
 
     named = topics_of(where.topics)
@@ -173,14 +173,11 @@ def _on_ros2(
     way = connection(where.transport, where.url)
     transport = way.open("cohelm", named.namespace)
     try:
-        allowed = Allowed(lock_silence=where.lock_silence)
+        allowed = Allowed(lock_silence=where.lock_silence, options=ROBOT)
         found = look(transport, described, named, allowed, way=way)
         camera, note = choose(named.camera, transport.endpoints())
         kept = (one for one in found.notes if not one.startswith("commands: "))  # of controllers
-        notes = tuple(by_topics(one) for one in (*kept, note) if one)
-        found = found._replace(camera=camera, notes=notes, by_key=True)
-    except CohelmError as error:
-        raise CohelmError(by_topics(str(error))) from error
+        found = found._replace(camera=camera, notes=tuple(filter(None, (*kept, note))))
     finally:
         transport.close()
     return own_robot(Ros2Make(found), site, found.model, changes)

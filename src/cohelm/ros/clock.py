@@ -113,11 +113,12 @@ def seconds(stamp: Any) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def estimated(ages: list[float], topic: str, most: float = MOST) -> Clock:
+def estimated(ages: list[float], topic: str, most: float = MOST, allow: str = "") -> Clock:
     """The clock by which readings came so old, by this machine's wall clock [s].
 
     The one that was under way the shortest is taken to have come at once, if the clocks can not
-    agree. Raises CohelmError where they differ by more than `most` [s].
+    agree. Raises CohelmError where they differ by more than `most` [s]. allow: how the user allows
+    more, for the error.
     """
     least = min(ages, default=0.0)
     if not math.isfinite(least) or -AHEAD <= least <= BEHIND:
@@ -133,7 +134,7 @@ def estimated(ages: list[float], topic: str, most: float = MOST) -> Clock:
     direction = "ahead of" if least < 0.0 else "behind"
     raise CohelmError(
         f"the stamps of {topic} are {abs(least):.1f} s {direction} this machine's clock, which is "
-        f"more than {most:g} s: set both clocks (chrony, ntp), or allow it with --clock-difference"
+        f"more than {most:g} s: set both clocks (chrony, ntp){allow}"
     )
 
 

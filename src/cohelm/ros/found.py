@@ -11,6 +11,7 @@ from cohelm.ros import clock, depth
 from cohelm.ros.camera import CameraTopic
 from cohelm.ros.clock import Clock
 from cohelm.ros.connection import Connection
+from cohelm.ros.option_names import FILTER, OptionNames
 from cohelm.ros.port import Endpoint
 from cohelm.ros.topics import Topics
 from cohelm.ros.transforms import Mount
@@ -29,6 +30,8 @@ class Allowed(NamedTuple):
     """By how much clocks may differ [s]."""
     lock_silence: float = math.inf
     """Without a message on the lock's topic for so long the base is locked [s]."""
+    options: OptionNames = FILTER
+    """By which the user states all this and the topics."""
 
 
 class FoundLidar(NamedTuple):
@@ -76,7 +79,7 @@ class Found(NamedTuple):
     """Whether stamps are of the simulator's time on /clock."""
     camera: CameraTopic | None = None
     """The camera shown to the operator."""
-    by_key: bool = False
-    """Whether topics are named as `--topic KEY=NAME`, and not by an option each."""
+    options: OptionNames = FILTER
+    """As in `Allowed`."""
     endpoints: tuple[Endpoint, ...] = ()
     """All publishers and subscribers of others that were seen."""

@@ -55,7 +55,7 @@ def _planar(
     at_end = -(duration + clock.AHEAD) <= min(ages) < -_LATE
     if at_end:
         ages = [age + duration for age in ages]
-    ticks = estimated(ages, topic, allowed.clock)
+    ticks = estimated(ages, topic, allowed.clock, allowed.options.clock)
     try:
         lidar = laser.lidar_model(scan, topic, mount, rate, min(ages) + ticks.ahead, configured)
     except ValidationError as error:
@@ -77,9 +77,9 @@ def _cloud(
     """One that sends point clouds: field of view and resolution are as described; or depth images,
     whose CameraInfo counts too."""
     rows, body = inspection.scans[topic], inspection.body()
-    matrix = _into_body(inspection, topic)
+    matrix = _into_body(inspection, topic, allowed)
     ages, rate = inspection.ages(rows), inspection.rate(rows)
-    ticks = estimated(ages, topic, allowed.clock)
+    ticks = estimated(ages, topic, allowed.clock, allowed.options.clock)
     x, y, _ = matrix[:3, 3].tolist()
     lidar = configured.model_copy(
         update={
@@ -135,9 +135,11 @@ def _cone(
 ) -> DescribedLidar:
     """One that sends single ranges."""
     rows = inspection.scans[topic]
-    matrix = _level(configured) if allowed.mount_from_model else _into_body(inspection, topic)
+    matrix = (
+        _level(configured) if allowed.mount_from_model else _into_body(inspection, topic, allowed)
+    )
     ages, rate = inspection.ages(rows), inspection.rate(rows)
-    ticks = estimated(ages, topic, allowed.clock)
+    ticks = estimated(ages, topic, allowed.clock, allowed.options.clock)
     latency = min(ages) + ticks.ahead
     lidar = cone.described(rows[-1].message, topic, matrix, rate, latency, configured)
     near = lidar.range_min_m == lidar.range_max_m
@@ -170,18 +172,18 @@ def _placed(
         high = configured.mount_z_m
         return Mount(configured.mount, False, math.nan if high is None else high)
     _certain(inspection, topic)
-    mount = inspection.mount(topic)
+    mount = inspection.mount(topic, allowed.options.scan)
     if mount is None or allowed.mount_from_model:
-        raise _unplaced(inspection, topic)
+        raise _unplaced(inspection, topic, allowed)
     return mount
 
 
-def _into_body(inspection: Inspection, topic: str) -> Floats:
+def _into_body(inspection: Inspection, topic: str, allowed: Allowed) -> Floats:
     """From the frame of its messages into the body's, (4, 4)."""
     _certain(inspection, topic)
     matrix = inspection.into_body(topic)
     if matrix is None:
-        raise _unplaced(inspection, topic)
+        raise _unplaced(inspection, topic, allowed)
     return matrix
 
 
@@ -192,9 +194,10 @@ def _certain(inspection: Inspection, topic: str) -> None:
         raise CohelmError(mismatch.two_places(topic, places))
 
 
-def _unplaced(inspection: Inspection, topic: str) -> CohelmError:
+def _unplaced(inspection: Inspection, topic: str, allowed: Allowed) -> CohelmError:
     known = inspection.transforms.frames()
-    return CohelmError(mismatch.no_frame(topic, inspection.frame(topic), inspection.body(), known))
+    frame, body = inspection.frame(topic), inspection.body()
+    return CohelmError(mismatch.no_frame(topic, frame, body, known, allowed.options))
 
 
 def _level(lidar: LidarModel) -> Floats:

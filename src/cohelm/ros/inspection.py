@@ -111,9 +111,9 @@ class Inspection:
             for topic in self.scans
         )
 
-    def mount(self, topic: str) -> Mount | None:
-        """Where a planar LiDAR is, from the middle of the axle. CohelmError as there."""
-        found = self.transforms.mount(self.frame(topic), self.body())
+    def mount(self, topic: str, option: str) -> Mount | None:
+        """Where a planar LiDAR is, from the middle of the axle. CohelmError and option as there."""
+        found = self.transforms.mount(self.frame(topic), self.body(), option)
         if found is None:
             return None
         return found._replace(pose=found.pose._replace(x=found.pose.x - self.axle))

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 
 from cohelm.ros import mismatch
 from cohelm.ros.mismatch import BOOL
+from cohelm.ros.option_names import FILTER, OptionNames
 from cohelm.ros.port import LATCHED, SENSOR, Endpoint, Received, Transport
 
 _LOOK = 0.5
@@ -28,13 +29,15 @@ class Interlock:
     def __init__(
         self, transport: Transport, out: str, lock: str, bypass: bool = False,
         silence: float = math.inf, alone: Sequence[tuple[str, str, str]] = (),
+        options: OptionNames = FILTER,
     ) -> None:  # fmt: skip
         """out: the base's commands; no other publisher is allowed there, but with bypass. lock: a
         topic of std_msgs/msg/Bool, true while nothing may move; empty: none. silence: so long may
         pass without a message on it [s]. alone: topic, type and thing of which there is one; a
-        second one that begins later is as wrong as at the start, once it sends."""
+        second one that begins later is as wrong as at the start, once it sends. options: by which
+        the user names topics."""
         self._transport, self._out, self._lock = transport, out, lock
-        self._bypass, self._silence = bypass, silence
+        self._bypass, self._silence, self._options = bypass, silence, options
         self._pressed, self._unread = "", ""
         self._received_at = time.monotonic()
         self._there, self._missed = False, 0
@@ -90,8 +93,8 @@ class Interlock:
         left = self._missed > 1  # a message may come before its publisher is discovered
         self._found = (
             f"no node publishes {self._lock} any more" if left else "",
-            mismatch.lock(self._lock, seen)[1] if self._lock else "",
-            "" if self._bypass else mismatch.bypass(self._out, seen),
+            mismatch.lock(self._lock, seen, (), self._options)[1] if self._lock else "",
+            "" if self._bypass else mismatch.bypass(self._out, seen, self._options),
             next(filter(None, (self._several(*one, seen) for one in self._alone)), ""),
         )
 

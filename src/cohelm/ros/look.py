@@ -18,6 +18,7 @@ from cohelm.ros.found import Allowed, Found
 from cohelm.ros.found_lidar import describe
 from cohelm.ros.inspection import Inspection
 from cohelm.ros.mismatch import ODOMETRY
+from cohelm.ros.option_names import OptionNames
 from cohelm.ros.port import SENSOR, Endpoint, Transport
 from cohelm.ros.topics import Topics
 
@@ -66,17 +67,19 @@ def found(
         raise CohelmError(mismatch.no_nodes(transport.name, transport.unseen))
     why = f", because {way.why}" if way.why else ""
     notes = [f"transport: {transport.name}{why}"]
-    errors = _missing(inspection, [one.name for one in model.lidars], seen)
+    options = allowed.options
+    errors = _missing(inspection, [one.name for one in model.lidars], seen, options)
     notes += [f"{one.model.label}: {one.topic}, {one.kind}" for one in inspection.contacts]
     notes += filter(None, (doubt(one) for one in model.contacts))
-    out_type, error = mismatch.base_type(topics.out, allowed.stamped, seen)
-    errors += [error, "" if allowed.bypass else mismatch.bypass(topics.out, seen)]
+    out_type, error = mismatch.base_type(topics.out, allowed.stamped, seen, options)
+    errors += [error, "" if allowed.bypass else mismatch.bypass(topics.out, seen, options)]
     notes.append(f"commands to the base: {topics.out}, {out_type}")
     notices: list[tuple[str, str]] = []
     if topics.footprint:
-        notices.append(mismatch.footprint(topics.footprint, seen))
+        notices.append(mismatch.footprint(topics.footprint, seen, options))
     if topics.lock:
-        notices.append(mismatch.lock(topics.lock, seen, {one.topic for one in inspection.contacts}))
+        known = {one.topic for one in inspection.contacts}
+        notices.append(mismatch.lock(topics.lock, seen, known, options))
     notes += [notice for notice, _ in notices]
     errors += [error for _, error in notices]
     twice, shared = _shared(inspection, seen)
@@ -100,14 +103,16 @@ def _shared(inspection: Inspection, seen: list[Endpoint]) -> tuple[list[str], li
     return [notice for notice, _ in found if notice], [error for _, error in found if error]
 
 
-def _missing(inspection: Inspection, names: list[str], seen: list[Endpoint]) -> list[str]:
+def _missing(
+    inspection: Inspection, names: list[str], seen: list[Endpoint], options: OptionNames
+) -> list[str]:
     """What did not come, a sentence each. names: of the LiDARs."""
     errors: list[str] = []
-    options = ("--scan", *(f"--further-scan {name}=TOPIC" for name in names[1:]))
-    needed = [(inspection.topics.odom, ODOMETRY, inspection.odometry, "--odom")]
+    scans = (options.scan, *(f"{options.further_scan}{name}=TOPIC" for name in names[1:]))
+    needed = [(inspection.topics.odom, ODOMETRY, inspection.odometry, options.odom)]
     needed += [
         (topic, inspection.kinds[topic], rows, option)
-        for option, (topic, rows) in zip(options, inspection.scans.items(), strict=True)
+        for option, (topic, rows) in zip(scans, inspection.scans.items(), strict=True)
     ]
     for topic, kind, came, option in needed:
         if len(came) < 3:
@@ -120,7 +125,8 @@ def _missing(inspection: Inspection, names: list[str], seen: list[Endpoint]) -> 
     ]  # fmt: skip
     silent = {o.topic: o for o in inspection.contacts if o.topic not in inspection.touched}
     for topic, one in sorted(silent.items()):
-        damage, option = inspection.damage.get(topic, ""), f"--contact {one.model.name}=TOPIC"
+        damage = inspection.damage.get(topic, "")
+        option = f"{options.contact}{one.model.name}=TOPIC"
         errors.append(mismatch.nothing_received(topic, one.kind, SENSOR, option, seen, damage))
     return errors
 
@@ -133,7 +139,9 @@ def _sensed(
     inspection.settle_time()
     if inspection.simulated:
         notes.append(f"simulated time: {clock.TOPIC}, {inspection.clock.rate:.2f} of the wall's")
-    odom_clock = estimated(inspection.ages(inspection.odometry), topics.odom, allowed.clock)
+    odom_clock = estimated(
+        inspection.ages(inspection.odometry), topics.odom, allowed.clock, allowed.options.clock
+    )
     odom_rate = inspection.rate(inspection.odometry)
     rates = {topics.odom: odom_rate, **{k: inspection.rate(v) for k, v in inspection.scans.items()}}
     if errors := [why for topic, rate in rates.items() if (why := mismatch.seldom(topic, rate))]:
@@ -170,7 +178,7 @@ def _sensed(
     return Found(
         topics, made, out_type, inspection.body(), inspection.odom(), odom_clock,
         tuple(one.found for one in lidars), inspection.command_period(), tuple(notes),
-        bypass=allowed.bypass,
+        bypass=allowed.bypass, options=allowed.options,
         lock_silence=allowed.lock_silence, simulated=inspection.simulated,
     )  # fmt: skip
 

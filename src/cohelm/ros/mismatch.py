@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 
+from cohelm.ros.option_names import FILTER, OptionNames
 from cohelm.ros.port import COMMAND, Endpoint, Qos, reaches
 
 TWIST, STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
@@ -70,7 +71,9 @@ def never(topic: str, kinds: tuple[str, ...], qos: Qos, option: str, seen: list[
     return nothing_received(topic, kind, qos, option, seen)
 
 
-def base_type(topic: str, wanted: bool | None, seen: list[Endpoint]) -> tuple[str, str]:
+def base_type(
+    topic: str, wanted: bool | None, seen: list[Endpoint], options: OptionNames = FILTER
+) -> tuple[str, str]:
     """The type the base wants for its commands, and an error, or nothing.
 
     wanted: TwistStamped or Twist, as the user states; None: as the base's subscription says.
@@ -84,23 +87,22 @@ def base_type(topic: str, wanted: bool | None, seen: list[Endpoint]) -> tuple[st
         )
         instead = f"; there is {', '.join(others[:_MOST_NAMED])}" if others else ""
         return named or TWIST, (
-            f"no node subscribes to {topic}: start the base's driver, or name its topic with --out"
-            f"{instead}"
+            f"no node subscribes to {topic}: start the base's driver, or name its topic with "
+            f"{options.out}{instead}"
         )
     if not kinds:
         return named or TWIST, (
             f"{topic} is wanted as {there[0].type}{_by(there)}, and a base takes {TWIST} or "
-            f"{STAMPED}: name another topic with --out"
+            f"{STAMPED}: name another topic with {options.out}"
         )
     if named is not None and named not in kinds:
         return named, (
             f"{topic} is wanted as {kinds[0]}{_by(there)}: leave out --stamped and --unstamped, or "
-            "name another topic with --out"
+            f"name another topic with {options.out}"
         )
     if named is None and len(kinds) > 1:
         return TWIST, (
-            f"{topic} is wanted both as Twist and as TwistStamped{_by(there)}: say which is the "
-            "base's with --stamped or --unstamped"
+            f"{topic} is wanted both as Twist and as TwistStamped{_by(there)}: {options.stamped}"
         )
     kind = named or kinds[0]
     right = [one for one in there if one.type == kind]
@@ -113,7 +115,7 @@ def base_type(topic: str, wanted: bool | None, seen: list[Endpoint]) -> tuple[st
     return kind, ""
 
 
-def bypass(topic: str, seen: list[Endpoint]) -> str:
+def bypass(topic: str, seen: list[Endpoint], options: OptionNames = FILTER) -> str:
     """An error if another node commands the base past the filter; empty: none does."""
     there = _publishers(topic, seen)
     if not there:
@@ -123,10 +125,7 @@ def bypass(topic: str, seen: list[Endpoint]) -> str:
             f"{topic} is published by another cohelm{_by(there)}: end that one first (one that "
             "was killed is gone after some seconds)"
         )
-    return (
-        f"{topic} is published{_by(there)} as well, past the filter: remap that to the topic of "
-        "--in, or allow it with --allow-bypass and expect no promise"
-    )
+    return f"{topic} is published{_by(there)} as well, past the filter: {options.bypass}"
 
 
 def commands(topic: str, out: str, period: float, seen: list[Endpoint]) -> str:
@@ -172,22 +171,24 @@ def frames(topic: str, named: list[str], seen: list[Endpoint]) -> str:
     )
 
 
-def lock(topic: str, seen: list[Endpoint], other: Collection[str] = ()) -> tuple[str, str]:
+def lock(
+    topic: str, seen: list[Endpoint], other: Collection[str] = (), options: OptionNames = FILTER
+) -> tuple[str, str]:
     """A notice on who publishes the lock, and why it is never received, or nothing. other: topics
     that are known to be none."""
     others = _publishing((BOOL,), [one for one in seen if one.topic not in other])
     return _optional(
         "emergency stop", topic, BOOL, seen,
-        f"; Bool is on {others}: is it that (--lock)?" if others else "",
-        ", true while nothing may move: name another topic with --lock, or none with --lock ''",
+        f"; Bool is on {others}: is it that ({options.lock})?" if others else "",
+        f", true while nothing may move: name another topic with {options.lock}{options.no_lock}",
     )  # fmt: skip
 
 
-def footprint(topic: str, seen: list[Endpoint]) -> tuple[str, str]:
+def footprint(topic: str, seen: list[Endpoint], options: OptionNames = FILTER) -> tuple[str, str]:
     """A notice on who publishes the robot's outline, and why it is never received, or nothing."""
     return _optional(
         "footprint", topic, POLYGON, seen, " yet; that of the robot's file counts",
-        ": name another topic with --footprint",
+        f": name another topic with {options.footprint}",
     )  # fmt: skip
 
 
@@ -213,21 +214,21 @@ def no_camera_info(topic: str, info: str, seen: list[Endpoint]) -> str:
     )
 
 
-def no_frame(topic: str, frame: str, body: str, known: list[str]) -> str:
+def no_frame(
+    topic: str, frame: str, body: str, known: list[str], options: OptionNames = FILTER
+) -> str:
     """That no transform says where a sensor is mounted."""
     if not frame:
         return (
             f"{topic} names no frame (its header.frame_id is empty), so /tf_static can not say "
-            "where it is mounted: give its driver one (mostly the parameter frame_id), or give "
-            "lidar.mount_x_m, mount_y_m and mount_yaw_deg in the robot's YAML file and "
-            "--mount-from-model"
+            "where it is mounted: give its driver one (mostly the parameter frame_id)"
+            f"{options.mount}"
         )
     frames_there = f"it has {', '.join(known[:8])}" if known else "it is empty"
     return (
         f"{topic} is measured in the frame {frame!r}, and /tf_static does not say where that is "
         f"on {body!r} ({frames_there}): start robot_state_publisher or "
-        "static_transform_publisher, or give lidar.mount_x_m, mount_y_m and mount_yaw_deg in the "
-        "robot's YAML file and --mount-from-model"
+        f"static_transform_publisher{options.mount}"
     )
 
 

@@ -27,13 +27,13 @@ from cohelm.ros.connection import connection
 from cohelm.ros.contact import Contacts, contact_topics
 from cohelm.ros.depth import DepthRanges
 from cohelm.ros.footprint import FootprintTopic
-from cohelm.ros.found import Found, FoundLidar
+from cohelm.ros.found import Allowed, Found, FoundLidar
 from cohelm.ros.inspection import kind_of
 from cohelm.ros.interlock import Interlock
 from cohelm.ros.look import look
 from cohelm.ros.messages import command
 from cohelm.ros.mismatch import GATE, ODOMETRY
-from cohelm.ros.options import by_topics
+from cohelm.ros.option_names import ROBOT
 from cohelm.ros.port import COMMAND, SENSOR, Received, Transport
 from cohelm.ros.topics import Topics
 from cohelm.ros.transforms import yaw_of
@@ -63,7 +63,7 @@ class Ros2Robot(Robot):
         try:
             if found is None:
                 topics = topics_of(os.environ.get("COHELM_ROS_TOPICS", "").split())
-                found = look(self._transport, model, topics)._replace(by_key=True)
+                found = look(self._transport, model, topics, Allowed(options=ROBOT))
             super().__init__(model)
             self._found = found
             topics = found.topics
@@ -87,7 +87,13 @@ class Ros2Robot(Robot):
             alone = [(topics.odom, ODOMETRY, "odometry")]
             alone += [(one.topic, kind_of(lidar), "LiDAR") for lidar, one in both]
             self._interlock = Interlock(
-                self._transport, topics.out, topics.lock, found.bypass, found.lock_silence, alone
+                self._transport,
+                topics.out,
+                topics.lock,
+                found.bypass,
+                found.lock_silence,
+                alone,
+                found.options,
             )
             self._transport.subscribe(topics.odom, ODOMETRY, SENSOR, self._on_odometry)
             felt = contact_topics(model, topics.of_contacts(model))
@@ -122,8 +128,6 @@ class Ros2Robot(Robot):
         measured = None if odometry is None else self._measured(odometry.message)
         outline, wrong = (None, "") if self._footprint is None else self._footprint.read()
         faults = (*self._interlock.faults(), *filter(None, (wrong, *self._damages())))
-        if self._found.by_key:
-            faults = tuple(map(by_topics, faults))
         health = Health(self.now(), math.nan, faults)
         return Readings(measured, first, None, health, further, self._contacts.read(), outline)
 

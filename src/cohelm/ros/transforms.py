@@ -81,8 +81,9 @@ class StaticTransforms:
         ]
         return f"of {child!r}, {places[0]} and {places[1]}"
 
-    def mount(self, frame: str, body: str) -> Mount | None:
-        """Of a planar LiDAR; None where nothing fixed connects its frame and the body's.
+    def mount(self, frame: str, body: str, option: str = "--scan") -> Mount | None:
+        """Of a planar LiDAR; None where nothing fixed connects its frame and the body's. option: by
+        which another topic is named.
 
         Raises CohelmError for one that does not lie flat.
         """
@@ -93,7 +94,7 @@ class StaticTransforms:
         if tilt > TILTED:
             raise CohelmError(
                 f"{frame} is inclined by {math.degrees(tilt):.0f} deg to {body}: only a LiDAR that "
-                "lies flat can be used yet; name the topic of a flat one with --scan"
+                f"lies flat can be used yet; name the topic of a flat one with {option}"
             )
         return mount_of(matrix)
 
