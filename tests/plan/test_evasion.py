@@ -15,6 +15,19 @@ from cohelm.pilot.pilot import Pilot
 from cohelm.plan.course import course
 from cohelm.plan.evasion.context import context_at
 from cohelm.plan.evasion.movers import (
+    AX,
+    AY,
+    GROWTH,
+    LEAVING,
+    M_RADIUS,
+    MAX_ACCELERATION,
+    MVX,
+    MVY,
+    MX,
+    MY,
+    TOP_SPEED,
+    TURNING,
+    VELOCITY_ERROR,
     acceleration,
     empty_mover_history,
     relevant_movers,
@@ -22,7 +35,7 @@ from cohelm.plan.evasion.movers import (
 )
 from cohelm.plan.evasion.params import LONG, EvasionParams, adapted, horizon
 from cohelm.plan.evasion.predicted_motion import PredictedMotion, roll_out_piece, waiting_cost
-from cohelm.plan.evasion.risk import risk_at, trajectories
+from cohelm.plan.evasion.risk import FAR, PX, PY, risk_at, trajectories
 from cohelm.robot.achievable import achievable
 from cohelm.robot.clearance import disc_clearance
 from cohelm.robot.kinematics import arc
@@ -272,6 +285,14 @@ def test_a_mover_that_slows_down_is_predicted_to_stop_and_not_to_come_back():
     assert went < 0.2
 
 
+def _relevant(x, y, vx, vy, ax, ay, top_speed):
+    """One relevant mover, known exactly."""
+    mover = np.zeros((1, VELOCITY_ERROR + 1))
+    mover[0, [MX, MY, MVX, MVY, AX, AY, TOP_SPEED]] = x, y, vx, vy, ax, ay, top_speed
+    mover[0, [M_RADIUS, MAX_ACCELERATION, GROWTH, TURNING, LEAVING]] = 0.4, 1.0, 0.1, 0.8, 1.5
+    return mover
+
+
 def _foretold_and_driven(rng):
     """How far apart the robot is after 0.8 s beside a mover that sets off at it or speeds up, as
     the planner foretells it and as the filter lets it go [m]."""
@@ -281,7 +302,7 @@ def _foretold_and_driven(rng):
     ax, ay, u = math.cos(heads), math.sin(heads), rng.uniform(0.0, 0.8)
     start, before = Pose(0.0, 0.0, 0.0), Twist(float(rng.choice([0.0, 0.5, 1.0])), 0.0)
     requested = Twist(float(rng.choice([-1.0, 0.5, 1.0])), rng.uniform(-1.0, 1.0))
-    movers = np.array([[x, y, u * ax, u * ay, 0.4, 1.0, 0.1, ax, ay, 0.8, 2.0, 1.5, 0.0]])
+    movers = _relevant(x, y, u * ax, u * ay, ax, ay, 2.0)
     obstacles, reach = surroundings(np.empty((0, 6))), circumscribed_radius(ON.outline)
     e, way = EvasionParams(speed=1.0), course(through(WAY, 0.8), 0, True, ON.pace)
     context = context_at(
@@ -343,7 +364,7 @@ def test_a_mover_that_sets_off_to_another_side_is_soon_predicted_so():
         history[: len(seen)], history[len(seen) :] = seen, math.nan
         x, y = x + 0.1 * vx, y + 0.1 * vy
     movers, _ = relevant_movers(obstacles, seen, Pose(1.0, 3.0, 0.0), 0.46, ON.limits, e, 1.0)
-    ahead = trajectories(movers, 0.46, e)[:, 0, :2]
+    ahead = trajectories(movers, 0.46, e)[:, 0, [PX, PY]]
     dx, dy = ahead[15] - ahead[0]
     assert dx == pytest.approx(0.0, abs=0.1)
     assert dy == pytest.approx(0.35 * 1.5 + 0.5 * 1.5 * 1.5, abs=0.2)
@@ -434,7 +455,7 @@ def test_a_mover_of_uncertain_velocity_is_not_taken_to_run():
             seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
             history[: len(seen)] = seen
         movers, _ = relevant_movers(obstacles, seen, Pose(0.0, 0.0, 0.0), 0.46, ON.limits, e, 1.0)
-        return trajectories(movers, 0.46, e)[0, 0, 6]
+        return trajectories(movers, 0.46, e)[0, 0, FAR]
 
     assert far(3.5) == far(1.0) == far(1.0, 0.5)
     assert far(0.5) < far(1.0)
@@ -449,7 +470,7 @@ def _risk_distance(speeds, off, wary=1.0):
         seen = updated_history(history, obstacles.discs, obstacles.velocity_error, 0.1)
         history[: len(seen)], x = seen, x + 0.1 * v
     movers, _ = relevant_movers(obstacles, seen, Pose(x, 1.0, 0.0), 0.46, ON.limits, e, wary)
-    return trajectories(movers, 0.46, e)[0, 0, 6]
+    return trajectories(movers, 0.46, e)[0, 0, FAR]
 
 
 REST = [0.6] * 20 + [0.3, 0.05, 0.05]
@@ -488,7 +509,7 @@ def test_a_robot_that_evades_for_long_is_less_wary():
 
 @pytest.mark.parametrize("v", [0.0, 0.01, 0.5, 2.0])
 def test_an_overlap_has_a_risk_like_any_other(v):
-    movers = np.array([[0.3, 0.0, v, 0.0, 0.4, 1.0, 0.1, 0.0, 0.0, 0.8, 2.0 * v, 1.5, 0.0]])
+    movers = _relevant(0.3, 0.0, v, 0.0, 0.0, 0.0, 2.0 * v)
     here, course_ = Pose(0.0, 0.0, 0.0), course(through(WAY, 0.8), 0, True, ON.pace)
     obstacles, reach, e = (
         surroundings(np.empty((0, 6))),
@@ -508,9 +529,9 @@ def _cost_of_standing(aside: float) -> float:
     here, way, e = Pose(0.0, 0.0, 0.0), course(through(WAY, 0.8), 0, True, ON.pace), EvasionParams()
     obstacles, reach = surroundings(np.empty((0, 6))), circumscribed_radius(ON.outline)
     for start in np.arange(1.0, 3.0, 0.02):
-        movers = np.array([[start, aside, -0.8, 0.0, 0.4, 1.0, 0.1, 0.0, 0.0, 0.8, 1.6, 1.5, 0.0]])
+        movers = _relevant(start, aside, -0.8, 0.0, 0.0, 0.0, 1.6)
         ahead = trajectories(movers, reach, e)
-        at = [disc_clearance(here, ON.outline, x, y, 0.4) for x, y in ahead[:, 0, :2]]
+        at = [disc_clearance(here, ON.outline, x, y, 0.4) for x, y in ahead[:, 0, [PX, PY]]]
         if np.argmax(np.array(at) <= 0.0) == 10:
             context = context_at(
                 ahead, movers, obstacles, here, way, CourseClock(), ON.outline, reach, ON.limits, e

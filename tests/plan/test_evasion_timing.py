@@ -11,7 +11,13 @@ from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.pilot import Pilot
 from cohelm.plan.evasion.evade import is_due
-from cohelm.plan.evasion.movers import acceleration, empty_mover_history, updated_history
+from cohelm.plan.evasion.movers import (
+    COUNT,
+    WALKED,
+    acceleration,
+    empty_mover_history,
+    updated_history,
+)
 from cohelm.plan.evasion.params import EvasionParams
 from tests.pilot.drives import DT, SETTINGS
 
@@ -77,9 +83,9 @@ def test_who_was_somewhere_else_a_while_ago_is_not_taken_to_have_been_here():
         updated_history(history, walker.discs, np.zeros(1), since)[0]
         for since in (0.1, 3.0, math.inf)
     ]
-    velocities = [row[7] for row in counts]
+    velocities = [row[COUNT] for row in counts]
     assert velocities == [2.0, 1.0, 1.0]
-    assert np.isfinite(counts[2][4])
+    assert np.isfinite(counts[2][WALKED])
 
 
 def test_after_the_operator_has_led_movers_are_evaluated_at_once():

@@ -21,14 +21,17 @@ _FIRST_PIECE = 1.0  # duration of the first piece of a motion [s]
 _STEP = 0.5  # of the coarse rollout for lower bounds [s]
 _BOUND_SLACK = 0.25  # error of that rollout [m]
 
+V, OMEGA, AFTER, THEN, TURNS = range(5)
+"""Columns of motions: v and omega of the first piece and of the second [m/s, rad/s], and when that
+begins [s]; named as in `Evasion`."""
+
 
 @jit
 def candidates(
     last: Evasion, since: float, limits: Limits, e: EvasionParams
 ) -> tuple[Floats, Ints]:
-    """(n, 5): v and omega of the first piece and of the second, and when that begins [s]; the
-    current motion, `since` [s] after it was chosen, comes first. And (n,), the first motion that
-    begins with the same piece."""
+    """Motions (n, 5), columns from `V` on; the current one, `since` [s] after it was chosen, comes
+    first. And (n,), the first motion that begins with the same piece."""
     speed, turn = min(e.speed, limits.speed), min(e.yaw_rate, limits.yaw_rate)
     motions = np.empty((len(_SPEEDS) * len(_TURNINGS) * 3 + 1, 5))
     firsts = np.zeros(len(motions), dtype=np.int64)
@@ -54,14 +57,16 @@ def candidates(
 def _set_row(
     motions: Floats, n: int, v: float, omega: float, after: float, then: float, turns: float
 ) -> None:
-    motions[n, 0], motions[n, 1] = v, omega
-    motions[n, 2], motions[n, 3], motions[n, 4] = after, then, turns
+    motions[n, V], motions[n, OMEGA] = v, omega
+    motions[n, AFTER], motions[n, THEN], motions[n, TURNS] = after, then, turns
 
 
 @jit_no_refcount
-def first_twist(row: Floats) -> Twist:
+def first_twist(motion: Floats) -> Twist:
     """The twist that a motion begins with."""
-    return Twist(row[0], row[1]) if row[4] > 0.0 else Twist(row[2], row[3])
+    if motion[TURNS] > 0.0:
+        return Twist(motion[V], motion[OMEGA])
+    return Twist(motion[AFTER], motion[THEN])
 
 
 @jit
@@ -69,7 +74,7 @@ def extra_costs(motions: Floats, keeps: bool, e: EvasionParams) -> Floats:
     """Cost of each motion beside remaining path and risk: turning, backing, hysteresis [m]."""
     costs = np.empty(len(motions))
     for i in range(len(motions)):
-        costs[i] = _extra_cost(motions[i, 0], motions[i, 1])
+        costs[i] = _extra_cost(motions[i, V], motions[i, OMEGA])
     if keeps:
         costs[0] -= e.hysteresis
     return costs
@@ -92,8 +97,9 @@ def lower_bounds(
     for i in range(len(motions)):
         m = motions[i]
         if firsts[i] == i:
-            state = _unhindered(pose, twist, Twist(m[0], m[1]), m[4], limits)
-        end = _unhindered(state[0], state[1], Twist(m[2], m[3]), e.horizon - m[4], limits)[0]
+            state = _unhindered(pose, twist, Twist(m[V], m[OMEGA]), m[TURNS], limits)
+        second, left = Twist(m[AFTER], m[THEN]), e.horizon - m[TURNS]
+        end, _ = _unhindered(state[0], state[1], second, left, limits)
         bounds[i] = path_left(context, end) - _BOUND_SLACK
     if keeps:
         bounds[0] = -math.inf

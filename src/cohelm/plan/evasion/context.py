@@ -24,19 +24,20 @@ from cohelm.robot.limits import Limits
 
 _FARTHEST = 6.0  # static obstacles farther away than this are ignored [m]
 
+_X, _Y, _LEFT = range(3)
+"""Columns of the path ahead: a point, and the remaining length of the path from there [m]."""
+
 
 class EvasionContext(NamedTuple):
     """What candidate motions are evaluated against."""
 
     ahead: Floats
-    """(k, m, 7), the predicted movers; see `risk.trajectories`."""
+    """(k, m, 7), the predicted movers, columns from `risk.PX` on."""
     movers: Floats
-    """(m, 13): x, y, vx, vy, radius, max_acceleration, growth rate of the position uncertainty,
-    estimated acceleration ax, ay and its duration, speed that it may reach, time that the robot
-    takes to get out of its way, and velocity_error."""
+    """(m, 13), columns from `movers.MX` on."""
     field: StaticDistances
     path: Floats
-    """(k, 3): x, y, remaining length of the path from there [m]."""
+    """(k, 3), columns from `_X` on."""
     outline: Floats
     edge_points: Floats
     """(e, 2), points along the outline, body frame [m]."""
@@ -78,16 +79,16 @@ def _sampled_path(course: Course, clock: CourseClock) -> Floats:
     poses = course.poses
     first, end = window(course, clock.tau, 8.0)
     n = (end - 1 - first) // 4 + 1
-    path = np.empty((n + 1, 3))
+    path = np.empty((n + 1, _LEFT + 1))
     k = 0
     for i in range(first, end, 4):
-        path[k, 0], path[k, 1] = poses[i, 0], poses[i, 1]
+        path[k, _X], path[k, _Y] = poses[i, 0], poses[i, 1]
         k += 1
-    path[k, 0], path[k, 1] = poses[end - 1, 0], poses[end - 1, 1]
-    path[k, 2] = 0.0
+    path[k, _X], path[k, _Y] = poses[end - 1, 0], poses[end - 1, 1]
+    path[k, _LEFT] = 0.0
     for i in range(k - 1, -1, -1):
-        path[i, 2] = path[i + 1, 2] + math.hypot(
-            path[i + 1, 0] - path[i, 0], path[i + 1, 1] - path[i, 1]
+        path[i, _LEFT] = path[i + 1, _LEFT] + math.hypot(
+            path[i + 1, _X] - path[i, _X], path[i + 1, _Y] - path[i, _Y]
         )
     return path[: k + 1]
 
@@ -122,8 +123,8 @@ def path_left(context: EvasionContext, pose: Pose) -> float:
     least = math.inf
     path = context.path
     for i in range(len(path) - 1, -1, -1):
-        if path[i, 2] >= least:
+        if path[i, _LEFT] >= least:
             break
-        dx, dy = path[i, 0] - pose.x, path[i, 1] - pose.y
-        least = min(least, path[i, 2] + 1.2 * math.sqrt(dx * dx + dy * dy))
+        dx, dy = path[i, _X] - pose.x, path[i, _Y] - pose.y
+        least = min(least, path[i, _LEFT] + 1.2 * math.sqrt(dx * dx + dy * dy))
     return least

@@ -25,7 +25,17 @@ from cohelm.law.guard.rules import Rules
 from cohelm.law.guard.step import circumscribed_radius
 from cohelm.law.track import track
 from cohelm.plan.course import Course
-from cohelm.plan.evasion.candidates import candidates, extra_costs, first_twist, lower_bounds
+from cohelm.plan.evasion.candidates import (
+    AFTER,
+    OMEGA,
+    THEN,
+    TURNS,
+    V,
+    candidates,
+    extra_costs,
+    first_twist,
+    lower_bounds,
+)
 from cohelm.plan.evasion.context import EvasionContext, context_at
 from cohelm.plan.evasion.movers import relevant_movers, updated_history
 from cohelm.plan.evasion.params import LONG, PATIENT, STEP, Evasion, EvasionParams
@@ -132,7 +142,8 @@ def _cheapest(
     extras = extra_costs(motions, last.on, e)
     bounds = lower_bounds(context, pose, twist, motions, firsts, last.on, limits, e) + extras
     for i in range(len(motions)):
-        if (begins(motions[i, 0], motions[i, 1]) | begins(motions[i, 2], 0.0)) & barred:
+        kinds = begins(motions[i, V], motions[i, OMEGA]) | begins(motions[i, AFTER], 0.0)
+        if kinds & barred:
             bounds[i] = math.inf
     costs = _costs(context, pose, twist, motions, firsts, extras, bounds, limits, e, 0.0)
     chosen = int(np.argmin(costs))
@@ -140,9 +151,10 @@ def _cheapest(
         # Hardly ever; so the next best ones are computed only now.
         costs = _costs(context, pose, twist, motions, firsts, extras, bounds, limits, e, _COST_GAP)
         chosen = _cheapest_certified(costs, motions, pose, twist, context, obstacles, limits, rules)
-    command, row = first_twist(motions[chosen]), motions[chosen]
+    motion = motions[chosen]
+    command = first_twist(motion)
     return Evasion(
-        True, command.v, command.omega, row[3], row[4], row[2], 0.0, fresh,
+        True, command.v, command.omega, motion[THEN], motion[TURNS], motion[AFTER], 0.0, fresh,
         min(last.lasted + min(since, e.period), LONG),
     )  # fmt: skip
 
@@ -170,11 +182,11 @@ def _costs(
             break
         if not computed[k]:
             first_motions[k] = roll_out_piece(
-                context, start, Twist(m[0], m[1]), m[4], limits, e, cost_limit
+                context, start, Twist(m[V], m[OMEGA]), m[TURNS], limits, e, cost_limit
             )
             computed[k] = True
         costs[i] = (
-            motion_cost(context, first_motions[k], Twist(m[2], m[3]), limits, e, cost_limit)
+            motion_cost(context, first_motions[k], Twist(m[AFTER], m[THEN]), limits, e, cost_limit)
             + extras[i]
         )
         best = min(best, costs[i])

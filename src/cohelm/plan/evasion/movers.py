@@ -30,25 +30,33 @@ _TOP_SPEED_FACTOR = 2.0  # of the largest observed speed: speed that a mover may
 _DETECTION_TIME = 0.3  # until one that sets off is detected, of known velocity: three scans [s]
 _MASKED = 4.0  # times as long as its velocity is within the bound of its error: longer by so much
 
-_HX, _HY, _TOP, _SINCE, _WALKED, _RESTED, _ERROR, _COUNT, _HVX = range(9)
-_HVY = _HVX + _SAMPLES
-_HT = _HVY + _SAMPLES
+HX, HY, TOP, SINCE, WALKED, RESTED, ERROR, COUNT, HVX = range(9)
+HVY = HVX + _SAMPLES
+HT = HVY + _SAMPLES
+"""Columns of the history: position [m], largest speed so far [m/s], time since it was last faster
+than `_WALKING_SPEED`, for how long it has been in all, time since it rested after that [s], bound
+of its velocity's error [m/s], and how many velocities follow. These are of the last evaluations,
+newest first, `_SAMPLES` columns each of vx and vy [m/s], and of their ages [s]."""
+
+MX, MY, MVX, MVY, M_RADIUS, MAX_ACCELERATION, GROWTH = range(7)
+AX, AY, TURNING, TOP_SPEED, LEAVING, VELOCITY_ERROR = range(7, 13)
+"""Columns of relevant movers: position [m], velocity [m/s], radius [m], max_acceleration [m/s^2],
+growth rate of the position uncertainty [m/s], estimated acceleration [m/s^2] and its duration [s],
+speed that it may reach [m/s], time that the robot takes to get out of its way [s], and
+velocity_error [m/s]."""
 
 
 def empty_mover_history() -> Floats:
-    """History of movers, for `evade`: (64, 27), a row for each mover at the last evaluation, then
-    NaN: x, y, largest speed so far, time since it was last faster than `_WALKING_SPEED`, for how
-    long it has been in all, time since it rested after that, the bound of its velocity's error,
-    how many velocities follow, and the velocities at the last evaluations, newest first: six vx,
-    six vy, and six ages [s]."""
-    return np.full((_MAX_MOVERS, _HT + _SAMPLES), math.nan)
+    """History of movers, for `evade`: (64, 27), columns from `HX` on, a row for each mover at the
+    last evaluation, then NaN."""
+    return np.full((_MAX_MOVERS, HT + _SAMPLES), math.nan)
 
 
 @jit
 def updated_history(
     history: Floats, discs: Floats, velocity_error: Floats, since: float
 ) -> Floats:  # fmt: skip
-    """The moving ones of discs (n, 6) with their past, columns as in `empty_mover_history`.
+    """The moving ones of discs (n, 6) with their past, columns from `HX` on.
 
     velocity_error: (n,), bounds, as the discs were seen [m/s]. since: time since the last
     evaluation; infinite: there was none [s].
@@ -61,30 +69,30 @@ def updated_history(
         if n == len(out) or not speed > 0.0:  # nor for NaN
             continue
         row, walks = out[n], speed > _WALKING_SPEED
-        row[_HX], row[_HY], row[_TOP], row[_COUNT] = d[X], d[Y], speed, 1.0
-        row[_RESTED] = math.inf
-        row[_SINCE], row[_WALKED] = (0.0, first) if walks else (math.inf, 0.0)
-        row[_HVX], row[_HVY], row[_ERROR], row[_HT] = d[VX], d[VY], velocity_error[i], 0.0
+        row[HX], row[HY], row[TOP], row[COUNT] = d[X], d[Y], speed, 1.0
+        row[RESTED] = math.inf
+        row[SINCE], row[WALKED] = (0.0, first) if walks else (math.inf, 0.0)
+        row[HVX], row[HVY], row[ERROR], row[HT] = d[VX], d[VY], velocity_error[i], 0.0
         best, match = _GATE, -1
         for j in range(len(history)):
             far = math.hypot(
-                history[j, _HX] + since * history[j, _HVX] - d[X],
-                history[j, _HY] + since * history[j, _HVY] - d[Y],
+                history[j, HX] + since * history[j, HVX] - d[X],
+                history[j, HY] + since * history[j, HVY] - d[Y],
             )
             if far < best:
                 best, match = far, j
         if match >= 0:
             before = history[match]
-            kept = min(int(before[_COUNT]), _SAMPLES - 1)
-            row[_HVX + 1 : _HVX + 1 + kept] = before[_HVX : _HVX + kept]
-            row[_HVY + 1 : _HVY + 1 + kept] = before[_HVY : _HVY + kept]
-            row[_HT + 1 : _HT + 1 + kept] = before[_HT : _HT + kept] + since
-            row[_COUNT] = kept + 1.0
-            row[_TOP] = max(speed, before[_TOP])
-            row[_SINCE] = min(row[_SINCE], before[_SINCE] + since)
-            row[_WALKED] += before[_WALKED]
-            rests = speed < _RESTS and before[_WALKED] > _MIN_WALKING_TIME
-            row[_RESTED] = 0.0 if rests else before[_RESTED] + since
+            kept = min(int(before[COUNT]), _SAMPLES - 1)
+            row[HVX + 1 : HVX + 1 + kept] = before[HVX : HVX + kept]
+            row[HVY + 1 : HVY + 1 + kept] = before[HVY : HVY + kept]
+            row[HT + 1 : HT + 1 + kept] = before[HT : HT + kept] + since
+            row[COUNT] = kept + 1.0
+            row[TOP] = max(speed, before[TOP])
+            row[SINCE] = min(row[SINCE], before[SINCE] + since)
+            row[WALKED] += before[WALKED]
+            rests = speed < _RESTS and before[WALKED] > _MIN_WALKING_TIME
+            row[RESTED] = 0.0 if rests else before[RESTED] + since
         n += 1
     return out[:n]
 
@@ -101,22 +109,22 @@ def acceleration(past: Floats, most: float) -> tuple[float, float]:
     past: a row of the history; the bound of its velocity's error counts as three standard
     deviations. most: its max_acceleration [m/s^2].
     """
-    sigma, ax, ay = _DEVIATION * past[_ERROR], 0.0, 0.0
-    for n in range(2, int(past[_COUNT]) + 1):
+    sigma, ax, ay = _DEVIATION * past[ERROR], 0.0, 0.0
+    for n in range(2, int(past[COUNT]) + 1):
         mean_x, mean_y, slope_x, slope_y, spread = 0.0, 0.0, 0.0, 0.0, 0.0
         middle = 0.0
         for k in range(n):
-            middle += past[_HT + k] / n
+            middle += past[HT + k] / n
         for k in range(n):
-            vx, vy = past[_HVX + k], past[_HVY + k]
-            t = middle - past[_HT + k]  # from the middle of the stretch
+            vx, vy = past[HVX + k], past[HVY + k]
+            t = middle - past[HT + k]  # from the middle of the stretch
             mean_x, mean_y, spread = mean_x + vx / n, mean_y + vy / n, spread + t * t
             slope_x, slope_y = slope_x + t * vx, slope_y + t * vy
         slope_x, slope_y = slope_x / spread, slope_y / spread
         for k in range(n):
-            t = middle - past[_HT + k]
-            off_x = past[_HVX + k] - mean_x - t * slope_x
-            off_y = past[_HVY + k] - mean_y - t * slope_y
+            t = middle - past[HT + k]
+            off_x = past[HVX + k] - mean_x - t * slope_x
+            off_y = past[HVY + k] - mean_y - t * slope_y
             if n > 2 and math.hypot(off_x, off_y) > _FITS * sigma:
                 return _at_most(ax, ay, most)
         noise = 2.0 * sigma * sigma / spread  # mean square of the slope of noise
@@ -139,12 +147,12 @@ def relevant_movers(
     obstacles: Surroundings, history: Floats, pose: Pose, reach: float, limits: Limits,
     e: EvasionParams, wary: float,
 ) -> tuple[Floats, int]:  # fmt: skip
-    """(m, 13), columns as in `EvasionContext.movers`: discs that matter within the horizon; and how
-    many of them, the first ones, move or did recently. The others may set off.
+    """(m, 13), columns from `MX` on: discs that matter within the horizon; and how many of them,
+    the first ones, move or did recently. The others may set off.
 
     wary: share of the time for which noise masks that one sets off which counts, in [0, 1].
     """
-    out = np.empty((2 * len(obstacles.discs), 13))
+    out = np.empty((2 * len(obstacles.discs), VELOCITY_ERROR + 1))
     n = _write(out, 0, True, obstacles, history, pose, reach, limits, e, wary)
     return out[: _write(out, n, False, obstacles, history, pose, reach, limits, e, wary)], n
 
@@ -166,10 +174,10 @@ def _write(
         top_speed, recently, turning, stops = 0.0, speed > _SLOW, e.turning, False
         if speed > 0.0:
             if k < len(history):
-                walker = history[k, _WALKED] > _MIN_WALKING_TIME
-                stops = history[k, _RESTED] < _STOPS
-                top_speed = history[k, _TOP] if walker else 0.0
-                recently = recently or (walker and history[k, _SINCE] < _RECENT)
+                walker = history[k, WALKED] > _MIN_WALKING_TIME
+                stops = history[k, RESTED] < _STOPS
+                top_speed = history[k, TOP] if walker else 0.0
+                recently = recently or (walker and history[k, SINCE] < _RECENT)
                 ax, ay = acceleration(history[k], most)
             k += 1
         if is_static(obstacles, i):
@@ -190,26 +198,26 @@ def _write(
             else:
                 back = min(speed / e.turning - braking, 0.0) / speed
                 ax, ay = ax - back * vx, ay - back * vy
-        out[n, 0], out[n, 1], out[n, 2], out[n, 3] = d[X], d[Y], vx, vy
-        out[n, 4], out[n, 5], out[n, 12] = (
-            d[RADIUS], most, obstacles.velocity_error[i],
-        )  # fmt: skip
-        out[n, 6] = e.standing_growth
+        out[n, MX], out[n, MY], out[n, MVX], out[n, MVY] = d[X], d[Y], vx, vy
+        out[n, M_RADIUS], out[n, MAX_ACCELERATION] = d[RADIUS], most
+        out[n, VELOCITY_ERROR] = obstacles.velocity_error[i]
+        out[n, GROWTH] = e.standing_growth
         if moving:
-            out[n, 6] = min(e.moving_growth + e.growth_per_speed * speed, e.most_growth)
-        out[n, 7], out[n, 8], out[n, 9], out[n, 10] = ax, ay, turning, _TOP_SPEED_FACTOR * top_speed
+            out[n, GROWTH] = min(e.moving_growth + e.growth_per_speed * speed, e.most_growth)
+        out[n, AX], out[n, AY], out[n, TURNING] = ax, ay, turning
+        out[n, TOP_SPEED] = _TOP_SPEED_FACTOR * top_speed
         set_off_acceleration = min(most, e.sets_off_acceleration)
         distance = reach + d[RADIUS] + 0.5 * set_off_acceleration * stopping_time * stopping_time
         masked = obstacles.velocity_error[i] / max(set_off_acceleration, 1e-3)
         detected = _DETECTION_TIME + (wary * _MASKED * masked if stops else 0.0)
         leaving = distance / max(robot_speed, 1e-3) + 0.5 * stopping_time
-        out[n, 11] = min(detected + leaving, e.horizon)
+        out[n, LEAVING] = min(detected + leaving, e.horizon)
         n += 1
         if e.pass_right > 0.0 and far < math.inf:
             out[n] = out[n - 1]
             away = math.hypot(d[X] - pose.x, d[Y] - pose.y)
             share = e.pass_right / max(away, 1e-9)
-            out[n, 0] -= share * (d[Y] - pose.y)
-            out[n, 1] += share * (d[X] - pose.x)
+            out[n, MX] -= share * (d[Y] - pose.y)
+            out[n, MY] += share * (d[X] - pose.x)
             n += 1
     return n

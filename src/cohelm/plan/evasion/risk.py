@@ -12,6 +12,21 @@ from cohelm.law.guard.bounds import brake_steps, coasting
 from cohelm.law.guard.contact import point_clearance
 from cohelm.law.guard.surroundings import position_bound
 from cohelm.plan.evasion.context import EvasionContext
+from cohelm.plan.evasion.movers import (
+    AX,
+    AY,
+    GROWTH,
+    LEAVING,
+    M_RADIUS,
+    MAX_ACCELERATION,
+    MVX,
+    MVY,
+    MX,
+    MY,
+    TOP_SPEED,
+    TURNING,
+    VELOCITY_ERROR,
+)
 from cohelm.plan.evasion.params import STEP, EvasionParams
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
@@ -19,34 +34,40 @@ from cohelm.robot.limits import Limits
 _ROUNDING = 1e-9  # bound of rounding errors [m]
 _TWO_OVER_PI = 2.0 / math.pi
 
+PX, PY, PVX, PVY, STOPS, NEAR, FAR = range(7)
+"""Columns of predicted movers: position [m], velocity [m/s], time to stop with its max_acceleration
+[s], clearance below which it causes risk [m], and distance from the robot's origin beyond which it
+causes none [m]."""
+
 
 @jit
 def trajectories(movers: Floats, reach: float, e: EvasionParams) -> Floats:
-    """(k, m, 7): the movers after 0, 1, ... steps, past the horizon: x, y, velocity, time to stop
-    with its max_acceleration [s], clearance below which it causes risk [m], and distance from the
-    robot's origin beyond which it causes none [m]."""
+    """(k, m, 7), columns from `PX` on: the movers after 0, 1, ... steps, past the horizon. movers:
+    (m, 13), columns from `movers.MX` on."""
     n = int(e.horizon / STEP) + 3
-    ahead = np.empty((n, len(movers), 7))
+    ahead = np.empty((n, len(movers), FAR + 1))
     t = 0.0
     for k in range(n):
         for i in range(len(movers)):
             m, prediction = movers[i], ahead[k, i]
-            until = min(t, m[9])
+            vx, vy, ax, ay = m[MVX], m[MVY], m[AX], m[AY]
+            until = min(t, m[TURNING])
             acceleration_time = until * (t - 0.5 * until)
-            prediction[0] = m[0] + m[2] * t + m[7] * acceleration_time
-            prediction[1] = m[1] + m[3] * t + m[8] * acceleration_time
-            prediction[2], prediction[3] = m[2] + m[7] * until, m[3] + m[8] * until
-            may_set_off = m[5] > 0.0 and m[10] > 0.0 and e.sets_off_weight > 0.0 < e.risk_weight
-            prediction[4] = (
-                math.hypot(prediction[2], prediction[3]) / min(m[5], e.sets_off_acceleration)
+            prediction[PX] = m[MX] + vx * t + ax * acceleration_time
+            prediction[PY] = m[MY] + vy * t + ay * acceleration_time
+            prediction[PVX], prediction[PVY] = vx + ax * until, vy + ay * until
+            may_set_off = m[MAX_ACCELERATION] > 0.0 and m[TOP_SPEED] > 0.0
+            may_set_off = may_set_off and e.sets_off_weight > 0.0 < e.risk_weight
+            prediction[STOPS] = (
+                math.hypot(prediction[PVX], prediction[PVY])
+                / min(m[MAX_ACCELERATION], e.sets_off_acceleration)
                 if may_set_off
                 else math.inf
             )
-            prediction[5] = e.clearance + m[6] * t
-            far = prediction[5] + e.ahead * math.hypot(m[2], m[3])
-            prediction[6] = (
-                max(far, _reachable_distance(m, prediction[4], 1.0, e)) + reach + m[4] + _ROUNDING
-            )
+            prediction[NEAR] = e.clearance + m[GROWTH] * t
+            far = prediction[NEAR] + e.ahead * math.hypot(vx, vy)
+            far = max(far, _reachable_distance(m, prediction[STOPS], 1.0, e))
+            prediction[FAR] = far + reach + m[M_RADIUS] + _ROUNDING
         t += STEP
     return ahead
 
@@ -64,10 +85,11 @@ def clearance_at(
     smallest = cap
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     for i in range(len(movers_then)):
-        dx = movers_then[i, 0] + movers_then[i, 2] * since - pose.x
-        dy = movers_then[i, 1] + movers_then[i, 3] * since - pose.y
-        r = movers[i, 4] + position_bound(movers[i, 12], movers[i, 5], since)
-        r += growth * movers[i, 6] * t
+        dx = movers_then[i, PX] + movers_then[i, PVX] * since - pose.x
+        dy = movers_then[i, PY] + movers_then[i, PVY] * since - pose.y
+        r = movers[i, M_RADIUS]
+        r += position_bound(movers[i, VELOCITY_ERROR], movers[i, MAX_ACCELERATION], since)
+        r += growth * movers[i, GROWTH] * t
         far = smallest + reach + r
         if dx * dx + dy * dy < far * far:
             smallest = min(
@@ -95,14 +117,14 @@ def _reachable_distance(mover: Floats, stops: float, turns: float, e: EvasionPar
     """Distance that a mover could cover, if it turned on the robot, before the robot is away [m].
 
     stops: time until the mover has stopped first [s]. The robot leaves forward or backward, after
-    turning by up to a radian from a mover ahead or behind. The mover's speed is bounded (column
-    10); one that is not known to walk covers nothing.
+    turning by up to a radian from a mover ahead or behind. The mover's speed is bounded by
+    TOP_SPEED; one that is not known to walk covers nothing.
     """
-    time_left = mover[11] + turns / e.yaw_rate - stops
+    time_left = mover[LEAVING] + turns / e.yaw_rate - stops
     if not time_left > 0.0:
         return 0.0
-    max_acceleration = min(mover[5], e.sets_off_acceleration)
-    top_speed = min(mover[10], max_acceleration * time_left)
+    max_acceleration = min(mover[MAX_ACCELERATION], e.sets_off_acceleration)
+    top_speed = min(mover[TOP_SPEED], max_acceleration * time_left)
     return top_speed * time_left - 0.5 * top_speed * top_speed / max_acceleration
 
 
@@ -121,15 +143,16 @@ def risk_at(context: EvasionContext, pose: Pose, k: int, e: EvasionParams) -> tu
     # each view of an array counts references, so none is made in the loop
     ahead, movers, outline, reach = context.ahead, context.movers, context.outline, context.reach
     for i in range(len(movers)):
-        dx, dy = ahead[k, i, 0] - pose.x, ahead[k, i, 1] - pose.y
-        if not dx * dx + dy * dy < ahead[k, i, 6] * ahead[k, i, 6]:  # nor for NaN
+        dx, dy = ahead[k, i, PX] - pose.x, ahead[k, i, PY] - pose.y
+        if not dx * dx + dy * dy < ahead[k, i, FAR] * ahead[k, i, FAR]:  # nor for NaN
             continue
-        near, r, vx, vy = ahead[k, i, 5], movers[i, 4], movers[i, 2], movers[i, 3]
+        near, r = ahead[k, i, NEAR], movers[i, M_RADIUS]
+        vx, vy = movers[i, MVX], movers[i, MVY]
         clearance = point_clearance(outline, c * dx + s * dy, -s * dx + c * dy) - r
         smallest = min(smallest, clearance)
         away = max(math.hypot(dx, dy), 1e-9)
         beside = abs(c * dy - s * dx) / away
-        reachable = _reachable_distance(movers[i], ahead[k, i, 4], 1.0 - beside, e)
+        reachable = _reachable_distance(movers[i], ahead[k, i, STOPS], 1.0 - beside, e)
         if reachable > 0.0 and clearance < reachable:
             share = 1.0 - max(clearance, 0.0) / reachable
             width = min((reach + r) / away, 1.0)
