@@ -61,15 +61,11 @@ def context_at(
     field = distance_field_around(
         obstacles, pose, min(speed * e.horizon, _FARTHEST) + reach + 2.0 * CELL
     )
-    context = EvasionContext(
-        ahead, movers, field, _sampled_path(course, clock), outline, edge_points, reach,
-        inscribed_radius, 0.0,
-    )  # fmt: skip
-    clearance_now = _static_clearance(context, pose)
+    clearance_now = _static_clearance(field, edge_points, pose)
     static_clearance = min(e.static_clearance + CELL, clearance_now - 0.25 * CELL)
     return EvasionContext(
-        ahead, movers, field, context.path, outline, edge_points, reach, inscribed_radius,
-        static_clearance,
+        ahead, movers, field, _sampled_path(course, clock), outline, edge_points, reach,
+        inscribed_radius, static_clearance,
     )  # fmt: skip
 
 
@@ -94,11 +90,10 @@ def _sampled_path(course: Course, clock: CourseClock) -> Floats:
 
 
 @jit_inline
-def _static_clearance(context: EvasionContext, pose: Pose) -> float:
+def _static_clearance(field: StaticDistances, edge_points: Floats, pose: Pose) -> float:
     """Clearance of the outline to static obstacles, by the grid, capped at 1 m."""
     least = 1.0
     c, s = math.cos(pose.psi), math.sin(pose.psi)
-    edge_points, field = context.edge_points, context.field
     for i in range(len(edge_points)):
         ex, ey = edge_points[i, 0], edge_points[i, 1]
         least = min(least, distance_at(field, pose.x + c * ex - s * ey, pose.y + s * ex + c * ey))
@@ -113,7 +108,7 @@ def blocked(context: EvasionContext, pose: Pose) -> bool:
         return False
     return (
         middle < 0.9 * context.inscribed_radius
-        or _static_clearance(context, pose) < context.static_clearance
+        or _static_clearance(context.field, context.edge_points, pose) < context.static_clearance
     )
 
 
