@@ -28,11 +28,11 @@ begins [s]; named as in `Evasion`."""
 
 @jit
 def candidates(
-    last: Evasion, since: float, limits: Limits, e: EvasionParams
+    last: Evasion, since: float, limits: Limits, params: EvasionParams
 ) -> tuple[Floats, Ints]:
     """Motions (n, 5), columns from `V` on; the current one, `since` [s] after it was chosen, comes
     first. And (n,), the first motion that begins with the same piece."""
-    speed, turn = min(e.speed, limits.speed), min(e.yaw_rate, limits.yaw_rate)
+    speed, turn = min(params.speed, limits.speed), min(params.yaw_rate, limits.yaw_rate)
     motions = np.empty((len(_SPEEDS) * len(_TURNINGS) * 3 + 1, 5))
     firsts = np.zeros(len(motions), dtype=np.int64)
     n = 0
@@ -70,13 +70,13 @@ def first_twist(motion: Floats) -> Twist:
 
 
 @jit
-def extra_costs(motions: Floats, keeps: bool, e: EvasionParams) -> Floats:
+def extra_costs(motions: Floats, keeps: bool, params: EvasionParams) -> Floats:
     """Cost of each motion beside remaining path and risk: turning, backing, hysteresis [m]."""
     costs = np.empty(len(motions))
     for i in range(len(motions)):
         costs[i] = _extra_cost(motions[i, V], motions[i, OMEGA])
     if keeps:
-        costs[0] -= e.hysteresis
+        costs[0] -= params.hysteresis
     return costs
 
 
@@ -89,7 +89,7 @@ def _extra_cost(v: float, omega: float) -> float:
 @jit
 def lower_bounds(
     context: EvasionContext, pose: Pose, twist: Twist, motions: Floats, firsts: Ints, keeps: bool,
-    limits: Limits, e: EvasionParams,
+    limits: Limits, params: EvasionParams,
 ) -> Floats:  # fmt: skip
     """Lower bound of each motion's cost, with nothing in its way [m]; -inf for the current motion,
     so that it is evaluated first."""
@@ -98,7 +98,7 @@ def lower_bounds(
         m = motions[i]
         if firsts[i] == i:
             state = _unhindered(pose, twist, Twist(m[V], m[OMEGA]), m[TURNS], limits)
-        second, left = Twist(m[AFTER], m[THEN]), e.horizon - m[TURNS]
+        second, left = Twist(m[AFTER], m[THEN]), params.horizon - m[TURNS]
         end, _ = _unhindered(state[0], state[1], second, left, limits)
         bounds[i] = path_left(context, end) - _BOUND_SLACK
     if keeps:

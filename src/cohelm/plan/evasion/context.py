@@ -50,19 +50,19 @@ class EvasionContext(NamedTuple):
 @jit
 def context_at(
     ahead: Floats, movers: Floats, obstacles: Surroundings, pose: Pose, course: Course,
-    clock: CourseClock, outline: Floats, reach: float, limits: Limits, e: EvasionParams,
+    clock: CourseClock, outline: Floats, reach: float, limits: Limits, params: EvasionParams,
 ) -> EvasionContext:  # fmt: skip
     """The context of a robot at this pose."""
     edge_points = outline_points(outline)
     inscribed_radius = math.inf
     for i in range(len(edge_points)):
         inscribed_radius = min(inscribed_radius, math.hypot(edge_points[i, 0], edge_points[i, 1]))
-    speed = min(e.speed, limits.speed)
+    speed = min(params.speed, limits.speed)
     field = distance_field_around(
-        obstacles, pose, min(speed * e.horizon, _FARTHEST) + reach + 2.0 * CELL
+        obstacles, pose, min(speed * params.horizon, _FARTHEST) + reach + 2.0 * CELL
     )
     clearance_now = _static_clearance(field, edge_points, pose)
-    static_clearance = min(e.static_clearance + CELL, clearance_now - 0.25 * CELL)
+    static_clearance = min(params.static_clearance + CELL, clearance_now - 0.25 * CELL)
     return EvasionContext(
         ahead, movers, field, _sampled_path(course, clock), outline, edge_points, reach,
         inscribed_radius, static_clearance,

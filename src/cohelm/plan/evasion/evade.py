@@ -55,7 +55,7 @@ _COST_GAP = 0.4  # a motion worse than the best by this is not among the cheapes
 def evade(
     last: Evasion, pose: Pose, twist: Twist, obstacles: Surroundings, course: Course,
     clock: CourseClock, outline: Floats, limits: Limits, gains: Gains, rules: Rules,
-    pace: PaceParams, e: EvasionParams, history: Floats, velocity_error: Floats, barred: int,
+    pace: PaceParams, params: EvasionParams, history: Floats, velocity_error: Floats, barred: int,
     fresh: bool,
 ) -> Evasion:  # fmt: skip
     """The evasion until the next evaluation.
@@ -66,7 +66,7 @@ def evade(
     `plan.recovery`. fresh: whether a new scan has updated the movers since the step before.
     """
     since = last.since + rules.dt
-    if not is_due(since, fresh, last.fresh, e.period, rules.dt):
+    if not is_due(since, fresh, last.fresh, params.period, rules.dt):
         return Evasion(
             last.on, last.v, last.omega, last.then, last.turns, last.after, since, last.fresh,
             last.lasted,
@@ -76,22 +76,33 @@ def evade(
     history[: len(updated)] = updated
     history[len(updated) :] = math.nan
     wary = min((LONG - last.lasted) / (LONG - PATIENT), 1.0)
-    movers, count = relevant_movers(obstacles, updated, pose, reach, limits, e, wary)
-    ahead = trajectories(movers, reach, e)
+    movers, count = relevant_movers(obstacles, updated, pose, reach, limits, params, wary)
+    ahead = trajectories(movers, reach, params)
     moving, moving_ahead = movers[:count], ahead[:, :count]
     if count == 0 or _path_is_clear(
-        moving_ahead, moving, pose, twist, course, clock, outline, reach, limits, gains, pace, e,
+        moving_ahead, moving, pose, twist, course, clock, outline, reach, limits, gains, pace,
+        params,
     ):  # fmt: skip
         lasted = max(last.lasted - since, 0.0)
-        return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, fresh, lasted)
-    context = context_at(ahead, movers, obstacles, pose, course, clock, outline, reach, limits, e)
-    return _cheapest(last, context, pose, twist, obstacles, limits, rules, e, barred, since, fresh)
+        return _off(0.0, fresh, lasted)
+    context = context_at(
+        ahead, movers, obstacles, pose, course, clock, outline, reach, limits, params
+    )
+    return _cheapest(
+        last, context, pose, twist, obstacles, limits, rules, params, barred, since, fresh
+    )
 
 
 @jit_no_refcount
 def not_evading(last: Evasion, dt: float) -> Evasion:
     """None, a control step after the last one: the operator leads, or it is switched off."""
-    return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, last.since + dt, last.fresh, 0.0)
+    return _off(last.since + dt, last.fresh, 0.0)
+
+
+@jit_no_refcount
+def _off(since: float, fresh: bool, lasted: float) -> Evasion:
+    """No evasion, as `NO_EVASION`."""
+    return Evasion(False, 0.0, 0.0, 0.0, 0.0, 0.0, since, fresh, lasted)
 
 
 @jit_no_refcount
@@ -111,17 +122,18 @@ def is_due(since: float, fresh: bool, after_scan: bool, period: float, dt: float
 @jit_no_refcount
 def _path_is_clear(
     ahead: Floats, movers: Floats, pose: Pose, twist: Twist, course: Course, clock: CourseClock,
-    outline: Floats, reach: float, limits: Limits, gains: Gains, pace: PaceParams, e: EvasionParams,
+    outline: Floats, reach: float, limits: Limits, gains: Gains, pace: PaceParams,
+    params: EvasionParams,
 ) -> bool:  # fmt: skip
     """Whether following the path keeps clear of all movers within the horizon."""
     t, k = 0.0, 0
-    while t < e.horizon:
+    while t < params.horizon:
         clearance = clearance_at(ahead[k], movers, outline, reach, pose, t, 9.0, 1.0, 0.0)
-        if clearance < e.social_clearance:
+        if clearance < params.social_clearance:
             return False
-        if t <= e.certified_for:
-            slack = spare_at(ahead[k], movers, outline, reach, pose, twist, t, limits, e)
-            if slack <= e.static_clearance:
+        if t <= params.certified_for:
+            slack = spare_at(ahead[k], movers, outline, reach, pose, twist, t, limits, params)
+            if slack <= params.static_clearance:
                 return False
         clock = govern(clock, pose, course.reference, course.paced, False, pace, STEP)
         nominal = track(pose, governed(course.reference, clock, pose, pace), gains)
@@ -134,35 +146,37 @@ def _path_is_clear(
 @jit
 def _cheapest(
     last: Evasion, context: EvasionContext, pose: Pose, twist: Twist, obstacles: Surroundings,
-    limits: Limits, rules: Rules, e: EvasionParams, barred: int, since: float, fresh: bool,
+    limits: Limits, rules: Rules, params: EvasionParams, barred: int, since: float, fresh: bool,
 ) -> Evasion:  # fmt: skip
     """The cheapest motion whose first step the filter passes, without barred ones. since: time
     since the last evaluation [s]. fresh: whether this one has a new scan."""
-    motions, firsts = candidates(last, since, limits, e)
-    extras = extra_costs(motions, last.on, e)
-    bounds = lower_bounds(context, pose, twist, motions, firsts, last.on, limits, e) + extras
+    motions, firsts = candidates(last, since, limits, params)
+    extras = extra_costs(motions, last.on, params)
+    bounds = lower_bounds(context, pose, twist, motions, firsts, last.on, limits, params) + extras
     for i in range(len(motions)):
         kinds = begins(motions[i, V], motions[i, OMEGA]) | begins(motions[i, AFTER], 0.0)
         if kinds & barred:
             bounds[i] = math.inf
-    costs = _costs(context, pose, twist, motions, firsts, extras, bounds, limits, e, 0.0)
+    costs = _costs(context, pose, twist, motions, firsts, extras, bounds, limits, params, 0.0)
     chosen = int(np.argmin(costs))
     if not _certified(motions[chosen], pose, twist, context, obstacles, limits, rules):
         # Hardly ever; so the next best ones are computed only now.
-        costs = _costs(context, pose, twist, motions, firsts, extras, bounds, limits, e, _COST_GAP)
+        costs = _costs(
+            context, pose, twist, motions, firsts, extras, bounds, limits, params, _COST_GAP
+        )
         chosen = _cheapest_certified(costs, motions, pose, twist, context, obstacles, limits, rules)
     motion = motions[chosen]
     command = first_twist(motion)
     return Evasion(
         True, command.v, command.omega, motion[THEN], motion[TURNS], motion[AFTER], 0.0, fresh,
-        min(last.lasted + min(since, e.period), LONG),
+        min(last.lasted + min(since, params.period), LONG),
     )  # fmt: skip
 
 
 @jit
 def _costs(
     context: EvasionContext, pose: Pose, twist: Twist, motions: Floats, firsts: Ints,
-    extras: Floats, bounds: Floats, limits: Limits, e: EvasionParams, gap: float,
+    extras: Floats, bounds: Floats, limits: Limits, params: EvasionParams, gap: float,
 ) -> Floats:  # fmt: skip
     """The cost of each motion that is at most `gap` worse than the best, others perhaps inf [m].
 
@@ -182,11 +196,13 @@ def _costs(
             break
         if not computed[k]:
             first_motions[k] = roll_out_piece(
-                context, start, Twist(m[V], m[OMEGA]), m[TURNS], limits, e, cost_limit
+                context, start, Twist(m[V], m[OMEGA]), m[TURNS], limits, params, cost_limit
             )
             computed[k] = True
         costs[i] = (
-            motion_cost(context, first_motions[k], Twist(m[AFTER], m[THEN]), limits, e, cost_limit)
+            motion_cost(
+                context, first_motions[k], Twist(m[AFTER], m[THEN]), limits, params, cost_limit
+            )
             + extras[i]
         )
         best = min(best, costs[i])

@@ -145,7 +145,7 @@ def _at_most(ax: float, ay: float, most: float) -> tuple[float, float]:
 @jit
 def relevant_movers(
     obstacles: Surroundings, history: Floats, pose: Pose, reach: float, limits: Limits,
-    e: EvasionParams, wary: float,
+    params: EvasionParams, wary: float,
 ) -> tuple[Floats, int]:  # fmt: skip
     """(m, 13), columns from `MX` on: discs that matter within the horizon; and how many of them,
     the first ones, move or did recently. The others may set off.
@@ -153,25 +153,25 @@ def relevant_movers(
     wary: share of the time for which noise masks that one sets off which counts, in [0, 1].
     """
     out = np.empty((2 * len(obstacles.discs), VELOCITY_ERROR + 1))
-    n = _write(out, 0, True, obstacles, history, pose, reach, limits, e, wary)
-    return out[: _write(out, n, False, obstacles, history, pose, reach, limits, e, wary)], n
+    n = _write(out, 0, True, obstacles, history, pose, reach, limits, params, wary)
+    return out[: _write(out, n, False, obstacles, history, pose, reach, limits, params, wary)], n
 
 
 @jit
 def _write(
     out: Floats, n: int, moving: bool, obstacles: Surroundings, history: Floats, pose: Pose,
-    reach: float, limits: Limits, e: EvasionParams, wary: float,
+    reach: float, limits: Limits, params: EvasionParams, wary: float,
 ) -> int:  # fmt: skip
     """Write the moving discs, or the others, from row n on; returns one past the last row."""
     k = 0
-    robot_speed = min(e.speed, limits.speed)
+    robot_speed = min(params.speed, limits.speed)
     stopping_time = brake_steps(Twist(robot_speed, 0.0), limits, STEP) * STEP
     for i in range(len(obstacles.discs)):
         d = obstacles.discs[i]
         vx, vy = d[VX], d[VY]
         most = obstacles.max_acceleration[i]
         speed, ax, ay = math.hypot(vx, vy), 0.0, 0.0
-        top_speed, recently, turning, stops = 0.0, speed > _SLOW, e.turning, False
+        top_speed, recently, turning, stops = 0.0, speed > _SLOW, params.turning, False
         if speed > 0.0:
             if k < len(history):
                 walker = history[k, WALKED] > _MIN_WALKING_TIME
@@ -185,7 +185,7 @@ def _write(
         if recently != moving:
             continue
         far = math.hypot(d[X] - pose.x, d[Y] - pose.y) - d[RADIUS] - reach
-        if not far < (speed + e.speed) * e.horizon + e.social_clearance:
+        if not far < (speed + params.speed) * params.horizon + params.social_clearance:
             continue
         if speed > 0.0:  # a braking mover stops; it does not reverse
             braking = -(ax * vx + ay * vy) / speed
@@ -196,27 +196,29 @@ def _write(
             elif -braking > threshold:  # an accelerating one continues up to its top speed
                 turning = max((_TOP_SPEED_FACTOR * top_speed - speed) / -braking, turning)
             else:
-                back = min(speed / e.turning - braking, 0.0) / speed
+                back = min(speed / params.turning - braking, 0.0) / speed
                 ax, ay = ax - back * vx, ay - back * vy
         out[n, MX], out[n, MY], out[n, MVX], out[n, MVY] = d[X], d[Y], vx, vy
         out[n, M_RADIUS], out[n, MAX_ACCELERATION] = d[RADIUS], most
         out[n, VELOCITY_ERROR] = obstacles.velocity_error[i]
-        out[n, GROWTH] = e.standing_growth
+        out[n, GROWTH] = params.standing_growth
         if moving:
-            out[n, GROWTH] = min(e.moving_growth + e.growth_per_speed * speed, e.most_growth)
+            out[n, GROWTH] = min(
+                params.moving_growth + params.growth_per_speed * speed, params.most_growth
+            )
         out[n, AX], out[n, AY], out[n, TURNING] = ax, ay, turning
         out[n, TOP_SPEED] = _TOP_SPEED_FACTOR * top_speed
-        set_off_acceleration = min(most, e.sets_off_acceleration)
+        set_off_acceleration = min(most, params.sets_off_acceleration)
         distance = reach + d[RADIUS] + 0.5 * set_off_acceleration * stopping_time * stopping_time
         masked = obstacles.velocity_error[i] / max(set_off_acceleration, 1e-3)
         detected = _DETECTION_TIME + (wary * _MASKED * masked if stops else 0.0)
         leaving = distance / max(robot_speed, 1e-3) + 0.5 * stopping_time
-        out[n, LEAVING] = min(detected + leaving, e.horizon)
+        out[n, LEAVING] = min(detected + leaving, params.horizon)
         n += 1
-        if e.pass_right > 0.0 and far < math.inf:
+        if params.pass_right > 0.0 and far < math.inf:
             out[n] = out[n - 1]
             away = math.hypot(d[X] - pose.x, d[Y] - pose.y)
-            share = e.pass_right / max(away, 1e-9)
+            share = params.pass_right / max(away, 1e-9)
             out[n, MX] -= share * (d[Y] - pose.y)
             out[n, MY] += share * (d[X] - pose.x)
             n += 1

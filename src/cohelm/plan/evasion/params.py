@@ -98,7 +98,7 @@ _WIDE = 0.5  # radius of a wide mover [m]
 _COMES_NEAR = 0.75  # how far one comes that sets off, without its counting less [m]
 
 
-def adapted(e: EvasionParams, outline: Floats, limits: Limits) -> EvasionParams:
+def adapted(params: EvasionParams, outline: Floats, limits: Limits) -> EvasionParams:
     """The parameters for a robot: its horizon, and how much movers that may set off count.
 
     The farther a wide mover comes that sets off at the robot while the robot leaves its way, the
@@ -107,12 +107,12 @@ def adapted(e: EvasionParams, outline: Floats, limits: Limits) -> EvasionParams:
     """
     (speed, _), (push, _) = speeds(limits), ramps(limits)
     leaving = _time_from_rest(_out_of_way(outline), speed, push)
-    comes = 0.5 * e.sets_off_acceleration * leaving * leaving
-    weight = e.sets_off_weight * (_COMES_NEAR / max(comes, _COMES_NEAR)) ** 3
-    return e._replace(horizon=horizon(outline, limits, e), sets_off_weight=weight)
+    comes = 0.5 * params.sets_off_acceleration * leaving * leaving
+    weight = params.sets_off_weight * (_COMES_NEAR / max(comes, _COMES_NEAR)) ** 3
+    return params._replace(horizon=horizon(outline, limits, params), sets_off_weight=weight)
 
 
-def horizon(outline: Floats, limits: Limits, e: EvasionParams) -> float:
+def horizon(outline: Floats, limits: Limits, params: EvasionParams) -> float:
     """The prediction horizon with which a robot can leave the way of a wide mover [s].
 
     A quarter turn from rest, then straight on by its own reach, the mover's radius and the
@@ -120,8 +120,10 @@ def horizon(outline: Floats, limits: Limits, e: EvasionParams) -> float:
     it can only choose the latest. outline: (k, 2) [m].
     """
     (speed, yaw_rate), (push, spin) = speeds(limits), ramps(limits)
-    turning = _time_from_rest(0.5 * math.pi, min(e.yaw_rate, yaw_rate), spin)
-    leaving = _time_from_rest(_out_of_way(outline) + e.clearance, min(e.speed, speed), push)
+    turning = _time_from_rest(0.5 * math.pi, min(params.yaw_rate, yaw_rate), spin)
+    leaving = _time_from_rest(
+        _out_of_way(outline) + params.clearance, min(params.speed, speed), push
+    )
     return min(max(turning + leaving, _SHORTEST), _LONGEST)
 
 

@@ -35,7 +35,7 @@ class PredictedMotion(NamedTuple):
 @jit_no_refcount
 def roll_out_piece(
     context: EvasionContext, motion: PredictedMotion, command: Twist, until: float, limits: Limits,
-    e: EvasionParams, max_risk: float,
+    params: EvasionParams, max_risk: float,
 ) -> PredictedMotion:  # fmt: skip
     """The motion continued with a commanded twist until `until`; it ends with a contact, where it
     is blocked, or where its risk exceeds `max_risk`."""
@@ -46,29 +46,29 @@ def roll_out_piece(
         twist = achievable(command, before, limits, STEP)
         pose = arc(here, twist, STEP)
         t, k = t + STEP, k + 1
-        if t <= e.certified_for:
+        if t <= params.certified_for:
             slack = spare_at(
                 context.ahead[k], context.movers, context.outline, context.reach, pose, twist, t,
-                limits, e,
+                limits, params,
             )  # fmt: skip
-            slack -= e.static_clearance
+            slack -= params.static_clearance
             if slack <= 0.0:  # the filter brakes here
                 twist = braked(before, limits, STEP)
                 pose = arc(here, twist, STEP)
         if blocked(context, pose):  # it stops before and waits there
             return PredictedMotion(
-                here, twist, t, risk, waiting_cost(context, here, t - STEP, risk, e) + 0.5
+                here, twist, t, risk, waiting_cost(context, here, t - STEP, risk, params) + 0.5
             )
-        risk_rate, clearance = risk_at(context, pose, k, e)
-        risk += e.risk_weight * STEP * risk_rate
+        risk_rate, clearance = risk_at(context, pose, k, params)
+        risk += params.risk_weight * STEP * risk_rate
         if clearance <= 0.0:
-            cost = _contact_cost(context, pose, twist, k, e) + 10.0 * abs(twist.v) + risk
+            cost = _contact_cost(context, pose, twist, k, params) + 10.0 * abs(twist.v) + risk
             return PredictedMotion(pose, twist, t, risk, cost + 0.05 * path_left(context, pose))
-        if t <= e.certified_for:
-            required = e.slack + e.slack_growth * t
+        if t <= params.certified_for:
+            required = params.slack + params.slack_growth * t
             if slack < required:
                 lacking = 1.0 - max(slack, 0.0) / required
-                risk += e.risk_weight * STEP * lacking * lacking
+                risk += params.risk_weight * STEP * lacking * lacking
         if risk > max_risk:
             return PredictedMotion(pose, twist, t, risk, math.inf)
     return PredictedMotion(pose, twist, t, risk, -1.0)
@@ -76,22 +76,22 @@ def roll_out_piece(
 
 @jit_no_refcount
 def waiting_cost(
-    context: EvasionContext, pose: Pose, since: float, risk: float, e: EvasionParams
+    context: EvasionContext, pose: Pose, since: float, risk: float, params: EvasionParams
 ) -> float:
     """The cost of standing from `since` on [m]."""
     t, k = since, int(since / STEP + 0.5)
-    while t < e.horizon:
+    while t < params.horizon:
         t, k = t + STEP, k + 1
-        risk_rate, clearance = risk_at(context, pose, k, e)
-        risk += e.risk_weight * STEP * risk_rate
+        risk_rate, clearance = risk_at(context, pose, k, params)
+        risk += params.risk_weight * STEP * risk_rate
         if clearance <= 0.0:
-            return _contact_cost(context, pose, Twist(0.0, 0.0), k, e) + risk
+            return _contact_cost(context, pose, Twist(0.0, 0.0), k, params) + risk
     return path_left(context, pose) + risk
 
 
 @jit_no_refcount
 def _contact_cost(
-    context: EvasionContext, pose: Pose, twist: Twist, k: int, e: EvasionParams
+    context: EvasionContext, pose: Pose, twist: Twist, k: int, params: EvasionParams
 ) -> float:
     """The cost of a contact that begins after k steps, if the twist is held and the mover goes on
     [m]: of a graze half as much for its time as of a deep one.
@@ -110,20 +110,20 @@ def _contact_cost(
             break
         deepest = overlap
         pose = arc(pose, twist, STEP)
-    left = e.horizon - k * STEP
-    share = 0.5 + 0.5 * min(deepest / e.clearance, 1.0)
+    left = params.horizon - k * STEP
+    share = 0.5 + 0.5 * min(deepest / params.clearance, 1.0)
     return _CONTACT_COST * (left * share + 2.0 * STEP)
 
 
 @jit_no_refcount
 def motion_cost(
     context: EvasionContext, motion: PredictedMotion, command: Twist, limits: Limits,
-    e: EvasionParams, max_risk: float
+    params: EvasionParams, max_risk: float
 ) -> float:  # fmt: skip
     """The cost of a motion continued with a commanded twist to the horizon [m]."""
     if motion.cost >= 0.0:
         return motion.cost
     if motion.risk > max_risk:
         return math.inf
-    motion = roll_out_piece(context, motion, command, e.horizon, limits, e, max_risk)
+    motion = roll_out_piece(context, motion, command, params.horizon, limits, params, max_risk)
     return motion.cost if motion.cost >= 0.0 else motion.risk + path_left(context, motion.pose)

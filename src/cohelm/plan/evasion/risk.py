@@ -41,10 +41,10 @@ causes none [m]."""
 
 
 @jit
-def trajectories(movers: Floats, reach: float, e: EvasionParams) -> Floats:
+def trajectories(movers: Floats, reach: float, params: EvasionParams) -> Floats:
     """(k, m, 7), columns from `PX` on: the movers after 0, 1, ... steps, past the horizon. movers:
     (m, 13), columns from `movers.MX` on."""
-    n = int(e.horizon / STEP) + 3
+    n = int(params.horizon / STEP) + 3
     ahead = np.empty((n, len(movers), FAR + 1))
     t = 0.0
     for k in range(n):
@@ -57,16 +57,16 @@ def trajectories(movers: Floats, reach: float, e: EvasionParams) -> Floats:
             prediction[PY] = m[MY] + vy * t + ay * acceleration_time
             prediction[PVX], prediction[PVY] = vx + ax * until, vy + ay * until
             may_set_off = m[MAX_ACCELERATION] > 0.0 and m[TOP_SPEED] > 0.0
-            may_set_off = may_set_off and e.sets_off_weight > 0.0 < e.risk_weight
+            may_set_off = may_set_off and params.sets_off_weight > 0.0 < params.risk_weight
             prediction[STOPS] = (
                 math.hypot(prediction[PVX], prediction[PVY])
-                / min(m[MAX_ACCELERATION], e.sets_off_acceleration)
+                / min(m[MAX_ACCELERATION], params.sets_off_acceleration)
                 if may_set_off
                 else math.inf
             )
-            prediction[NEAR] = e.clearance + m[GROWTH] * t
-            far = prediction[NEAR] + e.ahead * math.hypot(vx, vy)
-            far = max(far, _reachable_distance(m, prediction[STOPS], 1.0, e))
+            prediction[NEAR] = params.clearance + m[GROWTH] * t
+            far = prediction[NEAR] + params.ahead * math.hypot(vx, vy)
+            far = max(far, _reachable_distance(m, prediction[STOPS], 1.0, params))
             prediction[FAR] = far + reach + m[M_RADIUS] + _ROUNDING
         t += STEP
     return ahead
@@ -101,44 +101,46 @@ def clearance_at(
 @jit_inline
 def spare_at(
     movers_then: Floats, movers: Floats, outline: Floats, reach: float, pose: Pose, twist: Twist,
-    t: float, limits: Limits, e: EvasionParams,
+    t: float, limits: Limits, params: EvasionParams,
 ) -> float:  # fmt: skip
     """Clearance left to the movers after a stop from there, by the filter's assumptions [m]."""
     braking_time = brake_steps(twist, limits, STEP) * STEP
     there = arc(pose, twist, coasting(twist, limits, STEP))
-    growth = e.certified_growth
+    growth = params.certified_growth
     return clearance_at(
         movers_then, movers, outline, reach, there, t + braking_time, 1.0, growth, braking_time
     )
 
 
 @jit_inline
-def _reachable_distance(mover: Floats, stops: float, turns: float, e: EvasionParams) -> float:
+def _reachable_distance(mover: Floats, stops: float, turns: float, params: EvasionParams) -> float:
     """Distance that a mover could cover, if it turned on the robot, before the robot is away [m].
 
     stops: time until the mover has stopped first [s]. The robot leaves forward or backward, after
     turning by up to a radian from a mover ahead or behind. The mover's speed is bounded by
     TOP_SPEED; one that is not known to walk covers nothing.
     """
-    time_left = mover[LEAVING] + turns / e.yaw_rate - stops
+    time_left = mover[LEAVING] + turns / params.yaw_rate - stops
     if not time_left > 0.0:
         return 0.0
-    max_acceleration = min(mover[MAX_ACCELERATION], e.sets_off_acceleration)
+    max_acceleration = min(mover[MAX_ACCELERATION], params.sets_off_acceleration)
     top_speed = min(mover[TOP_SPEED], max_acceleration * time_left)
     return top_speed * time_left - 0.5 * top_speed * top_speed / max_acceleration
 
 
 @jit_inline
-def risk_at(context: EvasionContext, pose: Pose, k: int, e: EvasionParams) -> tuple[float, float]:
+def risk_at(
+    context: EvasionContext, pose: Pose, k: int, params: EvasionParams
+) -> tuple[float, float]:
     """Risk rate of being there after k steps, and the smallest clearance to the movers.
 
-    Each mover adds (1 - clearance / d)^2 below d, `e.clearance` plus the position uncertainty by
-    then; of standing ones only the nearest, as they may be points of one object. A known walker
+    Each mover adds (1 - clearance / d)^2 below d, `params.clearance` plus the position uncertainty
+    by then; of standing ones only the nearest, as they may be points of one object. A known walker
     adds risk where it is nearer than `_reachable_distance`, in proportion to the angle that the
     robot fills as seen from it: it may set off in any direction.
     """
     risk, static_risk, smallest = 0.0, 0.0, 9.0
-    weight = e.sets_off_weight / e.risk_weight if e.risk_weight > 0.0 else 0.0
+    weight = params.sets_off_weight / params.risk_weight if params.risk_weight > 0.0 else 0.0
     c, s = math.cos(pose.psi), math.sin(pose.psi)
     # each view of an array counts references, so none is made in the loop
     ahead, movers, outline, reach = context.ahead, context.movers, context.outline, context.reach
@@ -152,14 +154,14 @@ def risk_at(context: EvasionContext, pose: Pose, k: int, e: EvasionParams) -> tu
         smallest = min(smallest, clearance)
         away = max(math.hypot(dx, dy), 1e-9)
         beside = abs(c * dy - s * dx) / away
-        reachable = _reachable_distance(movers[i], ahead[k, i, STOPS], 1.0 - beside, e)
+        reachable = _reachable_distance(movers[i], ahead[k, i, STOPS], 1.0 - beside, params)
         if reachable > 0.0 and clearance < reachable:
             share = 1.0 - max(clearance, 0.0) / reachable
             width = min((reach + r) / away, 1.0)
             risk += weight * share * share * math.asin(width) * _TWO_OVER_PI
-        if e.ahead > 0.0:  # in front of a mover it is worse than behind it
-            dx += vx * e.ahead
-            dy += vy * e.ahead
+        if params.ahead > 0.0:  # in front of a mover it is worse than behind it
+            dx += vx * params.ahead
+            dy += vy * params.ahead
             far = near + reach + r
             if dx * dx + dy * dy < far * far:
                 clearance = min(
