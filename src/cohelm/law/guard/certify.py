@@ -37,6 +37,19 @@ class Manoeuvre(NamedTuple):
     """When the robot stands [s]."""
 
 
+class MovingDisc(NamedTuple):
+    """A disc that moves, or may: position [m] and velocity [m/s] now, in the world frame, radius
+    [m], and what it may be off its course by: max_acceleration [m/s^2], velocity_error [m/s]."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    radius: float
+    max_acceleration: float
+    velocity_error: float
+
+
 @jit_no_refcount
 def manoeuvre(pose: Pose, twist: Twist, limits: Limits, dt: float, reach: float) -> Manoeuvre:
     """The manoeuvre that certifies a command. reach: the outline's farthest corner [m]."""
@@ -66,19 +79,17 @@ def blocking_obstacle(
     discs = obstacles.discs.shape[0]
     for i in range(discs):
         x, y, radius = obstacles.discs[i, X], obstacles.discs[i, Y], obstacles.discs[i, RADIUS]
-        vx, vy = obstacles.discs[i, VX], obstacles.discs[i, VY]
-        max_acceleration, velocity_error = (
-            obstacles.max_acceleration[i],
-            obstacles.velocity_error[i],
-        )
         if is_static(obstacles, i):
             dx, dy = x - m.pose.x, y - m.pose.y
             near = dx * dx + dy * dy < (far + radius) * (far + radius)
             if near and not _clears_static(m, outline, x, y, x, y, radius, hard_margin):
                 return i
-        elif not _clears_mover(
-            m, outline, reach, x, y, vx, vy, radius, max_acceleration, velocity_error, hard_margin
-        ):
+            continue
+        mover = MovingDisc(
+            x, y, obstacles.discs[i, VX], obstacles.discs[i, VY], radius,
+            obstacles.max_acceleration[i], obstacles.velocity_error[i],
+        )  # fmt: skip
+        if not _clears_mover(m, outline, reach, mover, hard_margin):
             return i
     for i in range(obstacles.segments.shape[0]):
         ax, ay = obstacles.segments[i, 0], obstacles.segments[i, 1]
@@ -145,34 +156,29 @@ def _travelled(m: Manoeuvre, t: float) -> float:
 
 @jit_no_refcount
 def _clears_mover(
-    m: Manoeuvre, outline: Floats, reach: float, x0: float, y0: float, vx: float, vy: float,
-    radius: float, max_acceleration: float, velocity_error: float, hard_margin: float,
-) -> bool:  # fmt: skip
+    m: Manoeuvre, outline: Floats, reach: float, mover: MovingDisc, hard_margin: float
+) -> bool:
     """A moving disc, until the robot stands: it is within velocity_error t + max_acceleration
     t^2 / 2 of its course.
 
     The moments at which the next command may come in while it is nearer than hard_margin are
     checked too, so that only a robot that stood finds one as near: see `_moves_away`."""
-    closing = (
-        m.max_speed + math.sqrt(vx * vx + vy * vy) + velocity_error + max_acceleration * m.stop
-    )
-    dx, dy = x0 - m.pose.x, y0 - m.pose.y
-    g = math.sqrt(dx * dx + dy * dy) - reach - radius
+    speed = math.sqrt(mover.vx * mover.vx + mover.vy * mover.vy)
+    closing = m.max_speed + speed + mover.velocity_error + mover.max_acceleration * m.stop
+    dx, dy = mover.x - m.pose.x, mover.y - m.pose.y
+    g = math.sqrt(dx * dx + dy * dy) - reach - mover.radius
     if closing * m.stop <= g - hard_margin:
         return True
     if g < hard_margin:  # the circle around the outline is too coarse
-        g = _clearance_at(m.pose, outline, x0, y0, x0, y0) - radius
+        g = _clearance_at(m.pose, outline, mover.x, mover.y, mover.x, mover.y) - mover.radius
     if g < hard_margin:
         if g < 0.5625 * hard_margin:  # the floor of `_clears_static`
             return False
-        return _moves_away(
-            m, outline, x0, y0, vx, vy, radius, max_acceleration, velocity_error, hard_margin, g,
-            closing,
-        )  # fmt: skip
+        return _moves_away(m, outline, mover, hard_margin, g, closing)
     t = 0.0
     for _ in range(_MAX_CHECKS):
-        grown = radius + position_bound(velocity_error, max_acceleration, t)
-        x, y = x0 + vx * t, y0 + vy * t
+        grown = mover.radius + position_bound(mover.velocity_error, mover.max_acceleration, t)
+        x, y = mover.x + mover.vx * t, mover.y + mover.vy * t
         pose = arc(m.pose, m.twist, _travelled(m, t))
         dx, dy = x - pose.x, y - pose.y
         g = math.sqrt(dx * dx + dy * dy) - reach - grown
@@ -190,8 +196,7 @@ def _clears_mover(
 
 @jit_no_refcount
 def _moves_away(
-    m: Manoeuvre, outline: Floats, x0: float, y0: float, vx: float, vy: float, radius: float,
-    max_acceleration: float, velocity_error: float, hard_margin: float, allowed: float,
+    m: Manoeuvre, outline: Floats, mover: MovingDisc, hard_margin: float, allowed: float,
     closing: float,
 ) -> bool:  # fmt: skip
     """Whether a moving disc whose clearance `allowed` is below hard_margin comes no nearer at any
@@ -203,9 +208,7 @@ def _moves_away(
     end = max(m.stop - m.dt, m.dt)  # in the last step of braking it stands
     t, k = 0.0, 1
     for _ in range(_MAX_CHECKS):
-        g = _grown_clearance(
-            m, outline, x0, y0, vx, vy, radius, max_acceleration, velocity_error, t
-        )
+        g = _grown_clearance(m, outline, mover, t)
         if g < allowed - 1e-12:
             return False
         if t >= end:
@@ -217,18 +220,12 @@ def _moves_away(
 
 
 @jit_no_refcount
-def _grown_clearance(
-    m: Manoeuvre, outline: Floats, x0: float, y0: float, vx: float, vy: float, radius: float,
-    max_acceleration: float, velocity_error: float, t: float,
-) -> float:  # fmt: skip
+def _grown_clearance(m: Manoeuvre, outline: Floats, mover: MovingDisc, t: float) -> float:
     """Lower bound of the clearance to a moving disc at time t of the manoeuvre [m]."""
     pose = arc(m.pose, m.twist, _travelled(m, t))
-    x, y = x0 + vx * t, y0 + vy * t
-    return (
-        _clearance_at(pose, outline, x, y, x, y)
-        - radius
-        - position_bound(velocity_error, max_acceleration, t)
-    )
+    x, y = mover.x + mover.vx * t, mover.y + mover.vy * t
+    off = position_bound(mover.velocity_error, mover.max_acceleration, t)
+    return _clearance_at(pose, outline, x, y, x, y) - mover.radius - off
 
 
 @jit_no_refcount
