@@ -77,7 +77,7 @@ def room_without_walkers(seed: int, number: int) -> Setup:
 
 def pressed(setup: Setup, rng: np.random.Generator) -> tuple[Pose, float]:
     """A tight spot that the operator has driven into, under the filter, and its clearance."""
-    dt, limits, reach = setup.dt, setup.limits, float(np.hypot(*setup.outline.T).max())
+    dt, limits, reach = setup.dt, setup.limits, setup.reach
     obstacles = surroundings(setup.obstacles.discs, None, setup.obstacles.walls)
     rules = Rules(dt=dt)
     while True:

@@ -7,7 +7,7 @@ import pytest
 
 from cohelm.core.types import CENTRED, Pose, Twist, disc
 from cohelm.law.govern import CourseClock
-from cohelm.law.guard.step import circumscribed_radius, guard
+from cohelm.law.guard.step import guard
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import through
 from cohelm.pilot.behavior import EVADING, LED
@@ -37,7 +37,7 @@ from cohelm.plan.evasion.params import LONG, EvasionParams, adapted, horizon
 from cohelm.plan.evasion.predicted_motion import PredictedMotion, roll_out_piece, waiting_cost
 from cohelm.plan.evasion.risk import FAR, PX, PY, risk_at, trajectories
 from cohelm.robot.achievable import achievable
-from cohelm.robot.clearance import disc_clearance
+from cohelm.robot.clearance import circumscribed_radius, disc_clearance
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import SHIPPED

@@ -13,7 +13,6 @@ from cohelm.core.types import CENTRED, Desired, Floats, Pose, Stick, Twist
 from cohelm.law.gains import Gains
 from cohelm.law.govern import Profile, reversed_twist, turned
 from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
-from cohelm.law.guard.step import circumscribed_radius
 from cohelm.law.guard.surroundings import surroundings
 from cohelm.law.reference import Reference, through
 from cohelm.loop.planning import Planning
@@ -27,6 +26,7 @@ from cohelm.plan.course import row_on_route
 from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.zones import UNZONED, Zoned, Zones
 from cohelm.robot.achievable import achievable
+from cohelm.robot.clearance import circumscribed_radius
 from cohelm.robot.keep.process import GatedRobot
 
 BY_HAND_YAW_RATE = 1.0

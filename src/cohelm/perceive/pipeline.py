@@ -34,6 +34,7 @@ from cohelm.perceive.space.unobserved import UnobservedFloor, UnobservedSpace
 from cohelm.perceive.track.params import TrackerParams
 from cohelm.perceive.track.tracker import discs_at, movers_out_of_view
 from cohelm.robot.achievable import stopping_distance
+from cohelm.robot.footprint import farthest_corner
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import AHEAD, Odometry, Readings, Scan, untouched
 from cohelm.robot.sensors import Lidar, LidarModel
@@ -306,13 +307,13 @@ class Perception:
 
 def _around(params: TrackerParams, outline: Floats) -> TrackerParams:
     """Parameters with which what appears around a large robot counts as around a small one."""
-    near = max(params.dynamic.near, float(np.hypot(*outline.T).max()) + _APPEARS)
+    near = max(params.dynamic.near, farthest_corner(outline) + _APPEARS)
     return params._replace(dynamic=params.dynamic._replace(near=near))
 
 
 def _reach(outline: Floats, lidar: Lidar) -> float:
     """From a LiDAR to beyond the turning circle of the outline, with a margin [m]."""
-    return math.hypot(lidar.mount.x, lidar.mount.y) + float(np.hypot(*outline.T).max()) + _MARGIN
+    return math.hypot(lidar.mount.x, lidar.mount.y) + farthest_corner(outline) + _MARGIN
 
 
 def warm_up(model: RobotModel, mapped: bool) -> None:

@@ -15,6 +15,7 @@ from cohelm.pilot.step import MOVES, START
 from cohelm.plan.course import course, route
 from cohelm.plan.distance_field import distance_field, inscribed_radius
 from cohelm.plan.path_planner import through_gap
+from cohelm.robot.footprint import farthest_corner
 
 _LENGTH = 12.0  # of the route that is planned on [m]
 
@@ -26,7 +27,7 @@ def warm_up_planner(planner: Planner) -> None:
     stands in the way, that takes longer than a plan may, and the robot stands there meanwhile.
     """
     settings, params = planner.settings, planner.replan_params
-    reach = float(np.hypot(*settings.outline.T).max())
+    reach = farthest_corner(settings.outline)
     line = np.array([[0.0, 0.0], [0.5 * _LENGTH, 0.0], [_LENGTH, 0.0]])
     planner = planner._replace(route=route(through(line, planner.route.reference.speed)))
     start, turned = Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 2.0 * params.turned)

@@ -38,6 +38,7 @@ from cohelm.plan.recovery import (
     turn_to,
 )
 from cohelm.plan.recovery_search import search_recovery
+from cohelm.robot.footprint import farthest_corner
 
 _AHEAD = 0.3  # heading error up to which the path lies ahead [rad]
 _SPACING = 0.05  # of points on walls [m]
@@ -338,7 +339,7 @@ class Planner(NamedTuple):
         wall its tail has no room to turn. So what is looked at is the predicted drive.
         """
         s, pose = self.settings, task.pose
-        reach = float(np.hypot(s.outline[:, 0], s.outline[:, 1]).max())
+        reach = farthest_corner(s.outline)
         least = s.rules.soft_margin
         now = float(swept_clearances(points, s.outline, np.array([pose]))[0]) - 1e-6
         clear = clear_distance(

@@ -10,7 +10,7 @@ import numpy as np
 from cohelm.core.jit import jit, jit_no_refcount
 from cohelm.core.types import Floats
 from cohelm.plan.distance_transform import NONE, nearest_occupied
-from cohelm.robot.clearance import point_gap
+from cohelm.robot.clearance import circumscribed_radius, point_gap
 
 _TOGETHER = 8  # so many poses of a path share their search for near points
 
@@ -107,9 +107,7 @@ def swept_clearances(points: Floats, outline: Floats, poses: Floats) -> Floats:
 
     0 where a point is inside or touched, inf without points.
     """
-    reach = 0.0
-    for k in range(len(outline)):
-        reach = max(reach, math.hypot(outline[k, 0], outline[k, 1]))
+    reach = circumscribed_radius(outline)
     clearances = np.empty(len(poses))
     for first in range(0, len(poses), _TOGETHER):
         part = poses[first : first + _TOGETHER]

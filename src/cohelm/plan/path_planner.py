@@ -20,6 +20,7 @@ from cohelm.plan.distance_field import (
 from cohelm.plan.distance_transform import nearest_occupied
 from cohelm.plan.elastic_band import band, distances, pull, spread, tangents
 from cohelm.plan.heap import pop, push
+from cohelm.robot.footprint import farthest_corner
 
 _LEAVE = 0.4  # radius within which a start in a tight place may be left [m]
 _BLOCKED_RADIUS = 0.1  # radius blocked around a pose in collision before the next try [m]
@@ -96,7 +97,7 @@ def plan_path(
     """
     aim = here + _outward(line[here:], horizon)
     min_clearance = inscribed_radius(outline) + path_params.clearance
-    turning_clearance = float(np.hypot(outline[:, 0], outline[:, 1]).max()) + path_params.clearance
+    turning_clearance = farthest_corner(outline) + path_params.clearance
     for border in (path_params.border, 3.0 * path_params.border)[: 2 if farther else 1]:
         span = np.vstack((line[here:], [pose[:2]]))
         low, high = span.min(axis=0) - border, span.max(axis=0) + border
@@ -174,7 +175,7 @@ def through_gap(
     does not fit. While any part of it is between the nearest obstacles left and right of the path,
     it goes along their perpendicular bisector instead.
     """
-    reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
+    reach = farthest_corner(outline)
     beyond = 2.0 * path_params.spacing
     before, after = float(outline[:, 0].max()) + beyond, float(-outline[:, 0].min()) + beyond
     along = distances(line)

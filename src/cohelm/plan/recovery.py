@@ -11,6 +11,7 @@ from cohelm.core.jit import jit
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.plan.distance_field import swept_clearances
 from cohelm.robot.clearance import point_gap
+from cohelm.robot.footprint import farthest_corner
 from cohelm.robot.kinematics import arc
 
 _SPACING = 0.02  # of checked poses, along the travel of the outline's farthest corner [m]
@@ -81,7 +82,7 @@ def back_off(
 
     Its clearance is at least `params.least`, or what it is now.
     """
-    reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
+    reach = farthest_corner(outline)
     clearance_now = float(swept_clearances(points, outline, np.array([pose]))[0]) - 1e-6
     clearance = min(params.least, clearance_now)
     for sign in (-1.0, 1.0):
@@ -112,7 +113,7 @@ def recovery_move(
     Flush along a wall, the robot can not turn away, on the spot or sharply, without a corner coming
     nearer: then a gentle arc leads off, with a clearance of at least `params.least`.
     """
-    reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
+    reach = farthest_corner(outline)
     far = params.back + params.forward + 2.0 * reach
     off = points - np.array(pose[:2])
     near = points[np.hypot(off[:, 0], off[:, 1]) < far]

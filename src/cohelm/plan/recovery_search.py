@@ -12,6 +12,7 @@ from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.plan.distance_field import swept_clearances
 from cohelm.plan.heap import pop, push
 from cohelm.plan.recovery import GAIN, RecoveryMove, RecoveryParams, is_clear, kind, turns, within
+from cohelm.robot.footprint import farthest_corner
 from cohelm.robot.kinematics import arc
 
 _STEP = 0.04  # along an arc [m]
@@ -36,7 +37,7 @@ def search_recovery(
     points: (p, 2), dense enough for such a clearance [m]. outline: (k, 2), convex,
     counter-clockwise. refused: kinds of moves not to begin with.
     """
-    reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
+    reach = farthest_corner(outline)
     near = within(points, pose, _RADIUS + 2.0 * reach)
     clearance_now = float(swept_clearances(near, outline, np.array([pose]))[0])
     least = min(params.least, clearance_now - 1e-6)

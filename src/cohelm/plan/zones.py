@@ -16,6 +16,7 @@ from cohelm.core.frames import between, placed
 from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Floats, Pose
 from cohelm.robot.achievable import stopping_distance
+from cohelm.robot.footprint import farthest_corner
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import LONGEST_DELAY
 
@@ -114,7 +115,7 @@ class Fence:
         """Use another outline from now on."""
         self._samples = covering(outline, CELL)
         self._pose: Pose | None = None
-        reach = float(np.hypot(*outline.T).max())
+        reach = farthest_corner(outline)
         most = math.hypot(*self.zones.depth.values.shape) * self.zones.depth.resolution
         self._far = max(FAR, min(reach + self._stopping, most)) + _MOVED
         self._here: Pose | None = None

@@ -9,8 +9,18 @@ from __future__ import annotations
 import math
 
 from cohelm.core.facing import facing
-from cohelm.core.jit import jit_inline
+from cohelm.core.jit import jit_inline, jit_no_refcount
 from cohelm.core.types import Floats, Pose
+
+
+@jit_no_refcount
+def circumscribed_radius(outline: Floats) -> float:
+    """Distance from the body origin to the outline's farthest corner [m], as
+    `footprint.farthest_corner`."""
+    square = 0.0
+    for i in range(outline.shape[0]):
+        square = max(square, outline[i, 0] * outline[i, 0] + outline[i, 1] * outline[i, 1])
+    return math.sqrt(square)
 
 
 @jit_inline

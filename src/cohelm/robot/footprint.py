@@ -65,6 +65,12 @@ def convex_outline(corners: ArrayLike) -> Floats:
     )
 
 
+def farthest_corner(outline: Floats) -> float:
+    """Distance from the body origin to the outline's farthest corner [m]; compiled code has
+    `clearance.circumscribed_radius`."""
+    return float(np.hypot(outline[:, 0], outline[:, 1]).max())
+
+
 def outside(points: Floats, outline: Floats) -> NDArray[np.bool_]:
     """Which points (p, 2) are outside of an outline, by more than a micrometre [m]."""
     edges = np.roll(outline, -1, axis=0) - outline

@@ -14,7 +14,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.schema import Schema, first_fault
 from cohelm.core.types import Floats
 from cohelm.robot.contacts import CliffModel, ContactModel
-from cohelm.robot.footprint import chord, convex_outline, outside
+from cohelm.robot.footprint import chord, convex_outline, farthest_corner, outside
 from cohelm.robot.limits import LARGEST, Limits, checked_limits, ramps, speeds, unlimited
 from cohelm.robot.sensors import CameraModel, LidarModel, OdometryModel, of_sensor
 
@@ -286,7 +286,7 @@ class RobotModel(Schema):
     @property
     def reach(self) -> float:
         """Distance from the body origin to the farthest corner [m]."""
-        return float(np.hypot(*self.outline.T).max())
+        return farthest_corner(self.outline)
 
     def bounds(self, *, enforced: bool = True) -> Limits:
         """The limits as numbers; without `enforced` those of an ideal unicycle."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Floats
-from cohelm.robot.footprint import convex_outline
+from cohelm.robot.footprint import convex_outline, farthest_corner
 from cohelm.robot.model import RobotModel
 from cohelm.ros.mismatch import POLYGON
 from cohelm.ros.port import LATCHED, SENSOR, Received, Transport
@@ -86,7 +86,7 @@ class FootprintTopic:
                 "the outline does not contain the middle of the axle: give it in the frame of the "
                 "base"
             )
-        far = float(np.hypot(made[:, 0], made[:, 1]).max())
+        far = farthest_corner(made)
         if far > 2.0 * reach:
             raise CohelmError(
                 f"the outline reaches {far:.2f} m from the base, more than twice the "

@@ -20,6 +20,7 @@ from cohelm.law.gains import Gains
 from cohelm.law.guard.rules import Rules
 from cohelm.law.guard.step import guard
 from cohelm.robot.achievable import achievable
+from cohelm.robot.clearance import circumscribed_radius
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 from cohelm.sim.judge import FAR, least_clearance
@@ -77,9 +78,7 @@ def rollout(
     dt = rules.dt
     n = len(scene.discs)
     m = n + len(scene.points)
-    reach = 0.0
-    for i in range(len(outline)):
-        reach = max(reach, math.hypot(outline[i, 0], outline[i, 1]))
+    reach = circumscribed_radius(outline)
     now, after, between = np.zeros((m, 6)), np.zeros((m, 6)), np.zeros((m, 6))
     for i in range(n):
         now[i] = scene.discs[i]

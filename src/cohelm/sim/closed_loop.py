@@ -27,6 +27,7 @@ from cohelm.plan.course import Course, course, nearly_done, route
 from cohelm.plan.evasion.movers import empty_mover_history
 from cohelm.plan.zones import Zoned
 from cohelm.robot.achievable import stopping_distance
+from cohelm.robot.footprint import farthest_corner
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.sim.grid import Grid
 from cohelm.sim.lidar import noise_seed, scan
@@ -164,7 +165,7 @@ def near_walls(walls: Floats, pose: Pose, settings: Settings, reaction: float) -
     reaction: from one stretch to the next, with the delay [s]."""
     if len(walls) <= _FEW:
         return walls
-    reach = float(np.hypot(*settings.outline.T).max())
+    reach = farthest_corner(settings.outline)
     stopping = stopping_distance(settings.limits, reaction)
     near = max(_NEAR, reach + stopping) if math.isfinite(stopping) else _NEAR
     low = np.minimum(walls[:, :2], walls[:, 2:]) - near

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cohelm.core.jit import jit, jit_inline
 from cohelm.core.types import RADIUS, Floats, Pose, Twist, X, Y
-from cohelm.robot.clearance import disc_clearance, segment_clearance
+from cohelm.robot.clearance import circumscribed_radius, disc_clearance, segment_clearance
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 from cohelm.sim.world import outline_clearance
@@ -120,10 +120,8 @@ def judge(
     """
     clearance, clearance_moving, at = seen.clearance, seen.clearance_moving, seen.at
     moving, standing, over, touching = seen.moving, seen.standing, seen.excess, seen.touching
-    before, first, reach = seen.before, seen.first, 0.0
+    before, first, reach = seen.before, seen.first, circumscribed_radius(outline)
     departing, touched = seen.departing, seen.touched
-    for i in range(len(outline)):
-        reach = max(reach, math.hypot(outline[i, 0], outline[i, 1]))
     between = np.empty((discs.shape[1], discs.shape[2]))
     for k in range(len(rows) - 1):
         row = rows[k]

@@ -21,6 +21,7 @@ from cohelm.pilot.step import Settings
 from cohelm.plan.evasion.params import HURRY, EvasionParams, adapted
 from cohelm.plan.path_planner import PathParams
 from cohelm.plan.zones import UNZONED, Zones
+from cohelm.robot.footprint import farthest_corner
 from cohelm.robot.limits import Limits
 from cohelm.robot.model import RobotModel
 from cohelm.robot.sensors import LidarModel
@@ -122,7 +123,7 @@ class Setup:
     @property
     def reach(self) -> float:
         """Distance from the body's origin to the outline's farthest corner [m]."""
-        return float(np.hypot(*self.outline.T).max())
+        return farthest_corner(self.outline)
 
     def blank(self, n: int) -> Trace:
         """A trace of n steps, to be written into."""

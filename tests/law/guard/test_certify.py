@@ -8,8 +8,8 @@ from cohelm.core.obstacles import Surroundings
 from cohelm.core.types import Pose, Twist
 from cohelm.law.guard.bounds import brake_steps, braked, coasting
 from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
-from cohelm.law.guard.step import circumscribed_radius
 from cohelm.law.guard.surroundings import surroundings
+from cohelm.robot.clearance import circumscribed_radius
 from tests.law.guard.scenes import (
     SALLY,
     SALLY_LIMITS,

@@ -14,9 +14,10 @@ from cohelm.law.guard.approach import approach, approach_rows, max_rows
 from cohelm.law.guard.bounds import brake_steps, coasting, wheel_rows
 from cohelm.law.guard.certify import _near, _travelled, manoeuvre
 from cohelm.law.guard.project import NO_OBSTACLE
-from cohelm.law.guard.step import NOTHING, circumscribed_radius
+from cohelm.law.guard.step import NOTHING
 from cohelm.law.guard.surroundings import is_static, surroundings
 from cohelm.law.verdict import INVALID, UNTOUCHED
+from cohelm.robot.clearance import circumscribed_radius
 from cohelm.robot.limits import Limits, unlimited
 from tests.law.guard.scenes import (
     HERE,

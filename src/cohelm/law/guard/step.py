@@ -18,6 +18,7 @@ from cohelm.law.guard.project import project
 from cohelm.law.guard.rules import Rules
 from cohelm.law.verdict import BRAKING, INVALID, SHAPED, STANDING, UNTOUCHED
 from cohelm.robot.achievable import achievable
+from cohelm.robot.clearance import circumscribed_radius
 from cohelm.robot.limits import Limits
 
 NOTHING = -1
@@ -130,12 +131,3 @@ def _accepted(
 def _metric_distance(a: Twist, b: Twist, steer_weight: float) -> float:
     dv, domega = a.v - b.v, (a.omega - b.omega) * steer_weight
     return math.sqrt(dv * dv + domega * domega)
-
-
-@jit_no_refcount
-def circumscribed_radius(outline: Floats) -> float:
-    """Distance from the body origin to the outline's farthest corner [m]."""
-    square = 0.0
-    for i in range(outline.shape[0]):
-        square = max(square, outline[i, 0] * outline[i, 0] + outline[i, 1] * outline[i, 1])
-    return math.sqrt(square)

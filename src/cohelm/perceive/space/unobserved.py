@@ -29,7 +29,8 @@ from cohelm.perceive.space.assumed import (
 from cohelm.perceive.space.cell_window import CELL, NEVER, SIDE, cell, holds, nowhere
 from cohelm.perceive.space.free_space_memory import NEAR
 from cohelm.perceive.track.departed import HVX, HVY, HX, HY, REACH, UNSEEN
-from cohelm.robot.clearance import disc_clearance
+from cohelm.robot.clearance import circumscribed_radius, disc_clearance
+from cohelm.robot.footprint import farthest_corner
 from cohelm.robot.sensors import Lidar, vouched_floor
 
 KEPT = 2.7
@@ -104,9 +105,7 @@ def assumed_free(cells: ObservedCells, pose: Pose, outline: Floats, radius: floa
     """With the ground within a radius of a robot's origin assumed free [m]. That which it stands on
     is observed."""
     which, occupied, assumed = cells.which.copy(), cells.occupied.copy(), cells.assumed.copy()
-    side, reach = len(which), radius
-    for k in range(len(outline)):
-        reach = max(reach, math.hypot(outline[k, 0], outline[k, 1]))
+    side, reach = len(which), max(radius, circumscribed_radius(outline))
     low_x, low_y = cell(pose.x - reach), cell(pose.y - reach)
     wide = math.ceil(2.0 * reach / CELL) + 1
     for i in range(low_x, low_x + wide):
@@ -379,7 +378,7 @@ class _Ground:
     def reshape(self, outline: Floats) -> None:
         """Use another outline from the next sweep on."""
         self._outline = outline
-        reach = float(np.hypot(*outline.T).max())
+        reach = farthest_corner(outline)
         circle = max(reach + ASSUMED_FREE, self._least)
         self._extent = extent(self._lidars, reach, circle, self._stopping)
         if self._cells is not None:
@@ -459,7 +458,7 @@ class UnobservedFloor(_Ground):
     def __init__(self, outline: Floats, floor_lidars: Sequence[Lidar], stopping: float) -> None:
         """outline: (k, 2) of the robot [m]. floor_lidars: the sensors that see the floor. stopping:
         distance in which it stops from full speed [m]."""
-        least = float(np.hypot(*outline.T).max()) + ASSUMED_FREE
+        least = farthest_corner(outline) + ASSUMED_FREE
         free = max(vouched_floor(lidar, outline, least) for lidar in floor_lidars)
         super().__init__(outline, floor_lidars, stopping, free)
 

@@ -22,7 +22,6 @@ from cohelm.law.gains import Gains
 from cohelm.law.govern import CourseClock, PaceParams, govern, governed
 from cohelm.law.guard.certify import CLEAR, blocking_obstacle, manoeuvre
 from cohelm.law.guard.rules import Rules
-from cohelm.law.guard.step import circumscribed_radius
 from cohelm.law.track import track
 from cohelm.plan.course import Course
 from cohelm.plan.evasion.candidates import (
@@ -43,6 +42,7 @@ from cohelm.plan.evasion.predicted_motion import PredictedMotion, motion_cost, r
 from cohelm.plan.evasion.risk import clearance_at, spare_at, trajectories
 from cohelm.plan.recovery import begins
 from cohelm.robot.achievable import achievable
+from cohelm.robot.clearance import circumscribed_radius
 from cohelm.robot.kinematics import arc
 from cohelm.robot.limits import Limits
 

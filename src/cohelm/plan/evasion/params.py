@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from cohelm.core.types import Floats
+from cohelm.robot.footprint import farthest_corner
 from cohelm.robot.limits import Limits, ramps, speeds
 
 STEP = 0.1  # of the rollout of a motion [s]
@@ -129,7 +128,7 @@ def horizon(outline: Floats, limits: Limits, params: EvasionParams) -> float:
 
 def _out_of_way(outline: Floats) -> float:
     """How far a robot goes to leave the way of a wide mover [m]."""
-    return float(np.hypot(*outline.T).max()) + _WIDE
+    return farthest_corner(outline) + _WIDE
 
 
 def _time_from_rest(distance: float, speed: float, acceleration: float) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cohelm.core.jit import jit
 from cohelm.core.trace import Trace
 from cohelm.core.types import RADIUS, Floats, Pose, X, Y
-from cohelm.robot.clearance import disc_clearance
+from cohelm.robot.clearance import circumscribed_radius, disc_clearance
 from cohelm.scenario.worlds.barn import score
 from cohelm.sim.heights import fallen
 from cohelm.sim.judge import FAR, Judged, clearance_to, judge
@@ -226,9 +226,7 @@ def approached(
 ) -> Proximity:  # fmt: skip
     """Continue over further rows. rows: (n,) of dtype `core.row.ROW`, discs: (n, m, 6), moving:
     (m,)."""
-    closest, near, reach = seen.closest, seen.near, 0.0
-    for i in range(len(outline)):
-        reach = max(reach, np.hypot(outline[i, 0], outline[i, 1]))
+    closest, near, reach = seen.closest, seen.near, circumscribed_radius(outline)
     for k in range(len(rows)):
         pose = Pose(rows[k].x, rows[k].y, rows[k].psi)
         least = FAR
