@@ -55,6 +55,24 @@ def test_an_interrupt_inside_numba_is_delayed_and_never_lost(file):
         pytest.fail("it was lost")
 
 
+def test_an_interrupt_in_a_finalizer_is_delayed_and_not_lost_with_its_exception():
+    """As in llvmlite's, at any moment of a collection of garbage."""
+    done = []
+
+    class Freed:
+        def __del__(self) -> None:
+            frames_of(__file__)["busy"](0.1)
+            done.append(True)
+
+    def freed() -> None:
+        Freed()
+        time.sleep(5.0)
+
+    with pytest.raises(KeyboardInterrupt):
+        freed()
+    assert done
+
+
 def test_numbas_compiler_is_interrupted_at_once_but_for_what_llvm_calls_back():
     compiler: dict = {}
     source = "def run(passes):\n    passes()\ndef _raw_object_cache_notify(passes):\n    passes()"

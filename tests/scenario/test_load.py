@@ -76,9 +76,10 @@ def test_a_wrong_key_or_value_is_reported_with_its_line_and_the_allowed_values(w
     assert said in refusal(GOOD.replace(was, becomes, 1))
 
 
-@pytest.mark.parametrize("typed", ["０.４", "1２"])
-def test_a_number_in_digits_of_another_script_is_not_to_be_written_as_it_is(typed):
+@pytest.mark.parametrize("typed", ["０.４", "1２", "'0x10'", "'1_000'", "'1,000'"])
+def test_no_number_is_proposed_that_may_be_another_one(typed):
     said = refusal(GOOD.replace("0.4", typed, 1))
+    typed = typed.strip("'")
     assert f"must be a number in m/s, without the unit, got '{typed}'" in said
     assert "write" not in said
 

@@ -45,7 +45,9 @@ class _Command(typer.core.TyperCommand):
             given = ctx.get_parameter_source(one.name).name != "DEFAULT"
             name = one.opts[0] if one.param_type_name == "option" else one.metavar
             if given and one.name not in _MAY_BE_EMPTY and (value == "" or "" in _several(value)):
-                raise CohelmError(f"{name} is empty: name one, or leave it out")
+                raise CohelmError(
+                    f"{name} is empty: name one" + ", or leave it out" * (not one.required)
+                )
             if given and isinstance(value, str | Path) and "\n" in str(value):
                 raise CohelmError(f"{name} has a line break in it: take that out")
         return rest
@@ -287,6 +289,7 @@ def common(
 
 
 _MOMENT = 0.003  # [s]
+_LOSES = ("_raw_object_cache", "__del__")  # functions in which an exception is lost
 _COMPILER = "/numba/core/compiler_machinery.py"
 
 
@@ -324,11 +327,11 @@ def interrupted(_: int, frame: FrameType | None) -> None:
 def _inside(frame: FrameType) -> bool:
     """Whether this code runs while numba makes an answer: its own, that of named tuples, which is
     made from text, or this one's. Its compiler may be interrupted, which is at it for a minute, but
-    for what LLVM calls back, where an exception is lost."""
+    for what LLVM calls back. There and in finalizers an exception is lost."""
     file, compiles = frame.f_code.co_filename, False
     above: FrameType | None = frame
     while above is not None:
-        if above.f_code.co_name.startswith("_raw_object_cache"):
+        if above.f_code.co_name.startswith(_LOSES):
             return True
         compiles = compiles or above.f_code.co_filename.endswith(_COMPILER)
         above = above.f_back

@@ -20,7 +20,9 @@ UNITS = {
     "per_s": "1/s", "per_rad": "1/rad",
 }  # fmt: skip
 """What a key is in, by its end; nothing else is in degrees. The longest end counts."""
-_NUMBER = re.compile(r"^\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)(?!\d)")
+_NUMBER = re.compile(
+    r"^\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)(?![\d_,.'xX])"
+)  # not of 1,000, 1_000 or 0x10
 JsonSchema = dict[str, Any]
 
 
