@@ -64,13 +64,15 @@ def test_what_a_drive_is_given_is_looked_at_before_it_drives(given, said):
     ("given", "mode"),
     [
         ({}, Mode.HOLD), ({"joystick": True}, Mode.MANUAL), ({"goals": True}, Mode.AUTOMATIC),
-        ({"mode": "automatic"}, Mode.AUTOMATIC),
+        ({"mode": "shared"}, Mode.SHARED), ({"mode": "automatic", "goals": True}, Mode.AUTOMATIC),
     ],
 )  # fmt: skip
 def test_a_real_robot_follows_no_route_that_nobody_named(given, mode):
     """The default site's route leads anywhere in the real world."""
     unnamed, named = own_robot(carts.Cart, model="sally"), own_robot(carts.Cart, SITE)
     assert mode_and_stick(unnamed, **({"mode": ""} | given))[0] is mode
+    with pytest.raises(cohelm.CohelmError, match="there is none: name a site"):
+        mode_and_stick(unnamed, "automatic")
     assert mode_and_stick(named, "")[0] is Mode.AUTOMATIC
     assert mode_and_stick(simulated("lab-guard"), "")[0] is Mode.AUTOMATIC
 

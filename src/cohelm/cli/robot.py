@@ -273,10 +273,10 @@ def _without_site(made: OwnRobot, mode: Mode | None) -> str:
     from cohelm.link.messages import Mode
 
     if mode is not Mode.HOLD:
-        return f"no --scenario: its site is {plain(made.scenario.name)}, which has no map"
+        return f"no --scenario: its site is {plain(made.scenario.name)}, without map and route"
     return (
         "no --scenario: it stands, and follows no route. Name its site, or what leads it: "
-        "--listen, --goals-from, --joy or --mode automatic"
+        "--listen, --goals-from or --joy"
     )
 
 

@@ -12,6 +12,7 @@ from cohelm.core.errors import CohelmError, naming
 from cohelm.core.files import as_path
 from cohelm.core.plugins import plugin
 from cohelm.core.types import Pose
+from cohelm.law.reference import Reference
 from cohelm.perceive.localize.localization_map import LocalizationMap
 from cohelm.robot.adapter import AdaptedMaker, Make, RobotAdapter
 from cohelm.robot.base import Robot
@@ -30,6 +31,7 @@ SITE = "lab-guard"
 """Where a simulated robot is driven if no site is named..."""
 OWN_SITE = "open"
 """... and a real one: without map, as that of a shipped scenario would be wrong."""
+_ROUTE = "reference.waypoints_m"
 
 
 def site_of(name: str | Path | None, unnamed: str, changes: list[str] | None) -> Scenario:
@@ -55,6 +57,11 @@ class _AtSite:
         """Its first pose."""
         return self.scenario.first_pose()
 
+    @property
+    def route(self) -> Reference | None:
+        """The site's route; None: it has none."""
+        return self.scenario.reference.spline()
+
     def delay(self, period: float) -> float:
         """From a command to its effect, as the guard must predict it [s]; see docs/loop.md."""
         return self.model.delay_s
@@ -66,11 +73,16 @@ class OwnRobot(_AtSite):
 
     make: Make
     site_named: bool = True
-    """Whether the user chose that site. Else the robot does not set off on its route by itself, see
-    `operate.mode_and_stick`."""
+    """Whether the user chose that site. Else the robot has no route until one is drawn or sent:
+    the site's own leads anywhere in the real world."""
     real_time: bool = True
     """Whether time passes by itself."""
     kind: str = "own"
+
+    @property
+    def route(self) -> Reference | None:
+        """The route of a site that was named."""
+        return super().route if self.site_named else None
 
     def maker(self) -> AdaptedMaker:
         """Makes the robot, in another process too."""
@@ -89,11 +101,13 @@ def own_robot(
 
     robot: its class, `package:Class`, an entry point of `cohelm.robots`, or a robot that can be
     pickled. site: a scenario; its map, route, law and stick are used; by default `OWN_SITE`,
-    where it does not set off by itself. model: the robot, a shipped name or its YAML file; by
+    without a route. model: the robot, a shipped name or its YAML file; by
     default the robot's own, or the site's.
 
     Raises CohelmError for a robot or a site that can not be used.
     """
+    if site is None and any(one.strip().startswith(_ROUTE) for one in changes or ()):
+        raise CohelmError(f"--set {_ROUTE} changes the route of a site: name it with --scenario")
     make: Make = plugin(GROUP, robot) if isinstance(robot, str) else robot
     if isinstance(make, type) and not issubclass(make, Robot):  # pyright: ignore
         raise CohelmError(f"{make.__name__} is no subclass of cohelm.Robot")

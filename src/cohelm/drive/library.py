@@ -35,10 +35,11 @@ def drive(
     made in a process of its own, so a script needs `if __name__ == "__main__":`. site: a scenario;
     its walls are the map, its route and law are followed, its obstacles are not simulated. model:
     the robot's YAML file. mode: hold, automatic, shared or manual; by default automatic, so that it
-    sets off, or shared where the site has a stick; hold if no site is given. rate: periods a
-    second, 10 to 500 [Hz]. seconds: end after so many. arrive: end when the route is done. record:
-    into this MCAP file. listen: HOST[:PORT], paired stations drive it, and it stands until one
-    does. carry_on: whether the controller drives on alone when a stick in use vanishes.
+    sets off, or shared where the site has a stick; without a site there is no route, and it is
+    hold. rate: periods a second, 10 to 500 [Hz]. seconds: end after so many. arrive: end when the
+    route is done. record: into this MCAP file. listen: HOST[:PORT], paired stations drive it, and
+    it stands until one does. carry_on: whether the controller drives on alone when a stick in use
+    vanishes.
 
     A robot whose `real_time` is False is driven in its own time, in this process.
 

@@ -100,6 +100,7 @@ class OnTopics:
             session, (self,), self._jobs.checking, self._jobs.paths,
             lambda _: supervisor.resume(_FIRST),
         )  # fmt: skip
+        supervisor.awaits_route = True
         supervisor.pause(_FIRST, f"waiting for a goal or path on {' or '.join(self._goals.ways)}")
 
     def attend(self, session: Session) -> None:

@@ -209,20 +209,25 @@ def mode_and_stick(
     """The mode to drive in, and the scenario's stick. Raises CohelmError for an unknown mode.
 
     mode: the user's choice; empty: shared with a stick, else automatic. But a real robot whose site
-    is not named follows no route: it holds, or is steered by the joystick alone. joystick: whether
+    is not named has no route: it holds, or is steered by the joystick alone. joystick: whether
     one on a topic steers. goals: whether it waits for goals instead of following the site's route.
+    Raises CohelmError for automatic mode without either.
     """
     present = not isinstance(made.scenario.stick, (StickNone, StickOperator))
     stick = ScenarioStick(build.setup(made.scenario).recorded_stick if present else None)
-    if not mode and isinstance(made, OwnRobot) and not (made.site_named or goals):
+    lead = goals or made.route is not None
+    if not mode and not lead:
         return (Mode.MANUAL if joystick else Mode.HOLD), stick
     if not mode:
         return (Mode.SHARED if present or joystick else Mode.AUTOMATIC), stick
     try:
-        return Mode[mode.upper()], stick
+        chosen = Mode[mode.upper()]
     except KeyError as error:
         names = ", ".join(m.name.lower() for m in Mode)
         raise CohelmError(f"--mode: there is no mode {mode!r}; there are {names}") from error
+    if chosen == Mode.AUTOMATIC and not lead:
+        raise CohelmError("automatic mode follows a route, and there is none: name a site")
+    return chosen, stick
 
 
 _SIGNALS = {

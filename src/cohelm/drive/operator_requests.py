@@ -70,7 +70,7 @@ class OperatorRequests:
         publisher.publish(docks_message(session.loop.supervisor.docking.docks))
         self._zones, self._outline = session.zone_maps, session.loop.outline
         self._map = () if session.known is None else (map_message(session.known),)
-        self._lines = reference_lines(robot.scenario.reference.spline())
+        self._lines = reference_lines(robot.route)
         self._show()
 
     def turn(self, loop: Loop) -> None:

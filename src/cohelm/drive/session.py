@@ -181,9 +181,11 @@ class Session:
             if known is not None:
                 self.loop.log.show(recordable(map_message(known)))
                 self._outline_check = OutlineCheck(self.loop, known)
-            for line in (*self.zone_maps, *reference_lines(robot.scenario.reference.spline())):
+            for line in (*self.zone_maps, *reference_lines(robot.route)):
                 self.loop.log.show(line)
             self._warm_up()
+            if robot.route is None:
+                self.driver.drop_route()
             if real_time:
                 self._priority_raised, self.scheduling = True, raise_priority()
         except BaseException:

@@ -94,8 +94,12 @@ def detour(course: Course | None) -> Polyline:
     return Polyline(LineKind.DETOUR, points.astype(np.float32))
 
 
-def reference_lines(reference: Reference) -> tuple[Polyline, Polyline]:
-    """The reference as a line, and its waypoints."""
+def reference_lines(reference: Reference | None) -> tuple[Polyline, Polyline]:
+    """The reference as a line, and its waypoints; without one, no points, which clears an earlier
+    robot's on a station."""
+    if reference is None:
+        none = np.empty((0, 2), dtype=np.float32)
+        return Polyline(LineKind.REFERENCE, none), Polyline(LineKind.WAYPOINTS, none)
     at = [desired(reference, float(t), False) for t in reference.knots]
     points = np.array([(d.x, d.y) for d in at], dtype=np.float32)
     line = poses_along(reference, _STEP)[:, :2].astype(np.float32)

@@ -233,6 +233,11 @@ class Driver:
     def _pilots(self) -> tuple[Pilot, ...]:
         return (self._stick_only, self._by_hand, *((self.pilot,) if self.pilot else ()))
 
+    def drop_route(self) -> None:
+        """Follow no route from now on: the one so far was only there to compile with."""
+        self.close()
+        self.pilot = self._planning = None
+
     def close(self) -> None:
         """End the planner."""
         if self._planning is not None:

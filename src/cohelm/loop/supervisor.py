@@ -34,7 +34,11 @@ _GATE = {
     Mode.SHARED: GateMode.SHARED, Mode.MANUAL: GateMode.SHARED,
 }  # fmt: skip
 PLANNED = (Mode.AUTOMATIC, Mode.SHARED)
-"""Modes that follow a route, and so need plans."""
+"""Modes that follow a route where there is one, and so need plans."""
+NO_ROUTE = (
+    "there is no route: draw one with Edit route on the page, or name a site that has one with "
+    "--scenario"
+)
 _MODES = frozenset(int(mode) for mode in Mode)
 _LOCAL = -1
 """The client number of local requests; clients of the link have numbers from 1."""
@@ -62,6 +66,8 @@ class Supervisor:
         """What is wrong with this period's readings; empty: nothing..."""
         self.seen: Seen | None = None
         """... and what perception makes of them."""
+        self.awaits_route = False
+        """Whether it may wait in automatic mode for its first route."""
         self._operator_chose = False  # the mode, so commands must keep coming
         self._pauses: dict[str, str] = {}
         self._dropout = Dropout()
@@ -96,8 +102,8 @@ class Supervisor:
         client that chooses; 0: the robot, or the one who started it."""
         if mode != Mode.HOLD and self.problem:
             return self.problem
-        if mode in PLANNED and self.driver.pilot is None:
-            return "there is no route to follow"
+        if mode == Mode.AUTOMATIC and self.driver.pilot is None and not self.awaits_route:
+            return NO_ROUTE
         refusal = self.gated.drive(_GATE[mode])
         if not refusal:
             self._end_docking(Ended(f"mode {mode.name}"))
