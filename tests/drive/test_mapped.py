@@ -6,6 +6,7 @@ import pytest
 from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose
 from cohelm.drive.factory import mapped
+from cohelm.drive.operate import DriveOptions, map_and_zones, robot_factory
 from cohelm.perceive.localize.localization_map import free_at
 from cohelm.scenario.worlds.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, write_map
 
@@ -29,3 +30,32 @@ def test_a_map_without_walls_is_refused_by_its_name(tmp_path):
     write_map(tmp_path, OccupancyMap(NOWHERE, 0.05, Pose(0.0, 0.0, 0.0)))
     with pytest.raises(CohelmError, match=r"map\.yaml: the map has no occupied cell"):
         mapped(tmp_path / "map.yaml", START)
+
+
+BENT = "name: office\nreference: {speed_mps: 0.5, waypoints_m: [[0, 0], [2, 0.6], [6, -1.5]]}\n"
+OFF = "start: {x_m: 1, y_m: 2, heading_rad: 0.5}\n"
+OWN = "tests.api.carts:Cart"
+
+
+@pytest.mark.parametrize(
+    ("driver", "start", "from_start", "turned"),
+    [
+        (OWN, "", True, False), (OWN, OFF, True, True), (OWN, "", False, False),
+        (None, "", True, True),
+    ],
+)  # fmt: skip
+def test_a_map_of_the_first_drive_waypoints_and_a_real_robot_are_in_one_frame(
+    tmp_path, driver, start, from_start, turned
+):
+    """Its start is not the heading of the route's spline, 0.35 rad here."""
+    cells = np.full((20, 40), OCCUPIED, dtype=np.int8)
+    cells[5:15, 5:35] = FREE
+    write_map(tmp_path, OccupancyMap(cells, 0.05, Pose(-1.0, -0.5, 0.0), from_start))
+    (tmp_path / "office.yaml").write_text(BENT + start)
+    chart, site = tmp_path / "map.yaml", str(tmp_path / "office.yaml")
+    options = DriveOptions("sally", site, "kinematic", True, None, [], driver, chart=chart)
+    made = robot_factory(options)
+    known = map_and_zones(options, made)[0]
+    assert (known.origin != pytest.approx((-1.0, -0.5, 0.0))) == turned
+    if driver is not None and from_start:
+        assert made.start == pytest.approx((1.0, 2.0, 0.5) if start else (0.0, 0.0, 0.0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +19,8 @@ from cohelm.robot.base import Robot
 from cohelm.robot.model import RobotModel
 from cohelm.robot.port import RobotPort
 from cohelm.scenario import load
-from cohelm.scenario.model import Scenario
-from cohelm.scenario.worlds.maps import read_map
+from cohelm.scenario.model import Scenario, Start
+from cohelm.scenario.worlds.maps import is_from_start, read_map
 from cohelm.sim.grid import NO_GRID
 from cohelm.sim.maker import Kind, SimulatedMaker
 from cohelm.sim.twin.settings import TwinModel, lag
@@ -83,6 +83,15 @@ class OwnRobot(_AtSite):
     def route(self) -> Reference | None:
         """The route of a site that was named."""
         return super().route if self.site_named else None
+
+    def on(self, chart: Path) -> OwnRobot:
+        """The same on a map. On one that `cohelm map` made of a drive it starts where that drive
+        did, in that frame, unless the site has a `start`: nothing is simulated that would stand on
+        the route's first pose. Raises CohelmError for a map that can not be read."""
+        if self.scenario.start is not None or not is_from_start(chart):
+            return self
+        here = self.scenario.model_copy(update={"start": Start(x_m=0.0, y_m=0.0, heading_rad=0.0)})
+        return replace(self, scenario=here)
 
     def maker(self) -> AdaptedMaker:
         """Makes the robot, in another process too."""

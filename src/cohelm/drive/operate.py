@@ -102,8 +102,10 @@ def robot_factory(options: DriveOptions) -> RobotFactory:
                 f"with {option} nothing is simulated: leave out --twin, --fast and --seed"
             )
         if options.driver is not None:
-            return own_robot(options.driver, site, model, changes)
-        return _on_ros2(options.ros2 or Ros2Config(), site, model, changes)
+            own = own_robot(options.driver, site, model, changes)
+        else:
+            own = _on_ros2(options.ros2 or Ros2Config(), site, model, changes)
+        return own if options.chart is None else own.on(options.chart)
     if model is not None:
         changes.append(f"robot={model if model in SHIPPED else Path(model).absolute()}")
     return simulated(
@@ -157,7 +159,7 @@ def masks_on_topics(options: DriveOptions, made: RobotFactory) -> tuple[FilterMa
 
 def _on_ros2(
     where: Ros2Config, site: str | None, model: str | None, changes: list[str]
-) -> RobotFactory:
+) -> OwnRobot:
     """A ROS 2 robot, as it is found; raises CohelmError with all that does not fit."""
     from cohelm.ros.camera import choose
     from cohelm.ros.connection import connection

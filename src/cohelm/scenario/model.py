@@ -186,7 +186,8 @@ class Scenario(Schema):
     """A robot that comes with the package (sally, turtlebot4 and others), the path of a YAML file
     relative to this one, or the robot's description itself."""
     start: Start | None = None
-    """Where the robot starts; by default on the reference's first pose."""
+    """Where the robot starts; by default on the reference's first pose, and a real robot at
+    (0, 0, 0) of a `--map` that `cohelm map` made."""
     reference: ReferenceModel
     """What to follow."""
     law: Law = Law()

@@ -164,14 +164,20 @@ def read_map(path: Path | str) -> OccupancyMap:
     return _read(path)[1]
 
 
-def _read(path: Path | str) -> tuple[_Description, OccupancyMap]:
+def is_from_start(path: Path | str) -> bool:
+    """Whether a map's frame is the pose at which its robot began, see `OccupancyMap.from_start`.
+    Raises CohelmError where its YAML file is missing or makes no sense."""
+    return _described(path).cohelm_frame == "start"
+
+
+def _described(path: Path | str) -> _Description:
     try:
         raw = yaml.safe_load(contents(path, "a map_server YAML file"))
         if not isinstance(raw, dict) or not {"image", "resolution"} & raw.keys():
             raise CohelmError(
                 f"{path}: has no keys such as image and resolution: give a map_server YAML file"
             )
-        about = _Description.model_validate(raw)
+        return _Description.model_validate(raw)
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         if Path(path).suffix.lower() in PICTURES:
             raise CohelmError(
@@ -184,6 +190,10 @@ def _read(path: Path | str) -> tuple[_Description, OccupancyMap]:
         raise CohelmError(f"{path}{where}: is not YAML: give a map_server YAML file") from error
     except ValidationError as error:
         raise faults(path, error) from error
+
+
+def _read(path: Path | str) -> tuple[_Description, OccupancyMap]:
+    about = _described(path)
     lightness, opaque = _pixels(Path(path).parent / about.image, str(path))
     p = lightness if about.negate else 1.0 - lightness
     low, high = about.free_thresh, about.occupied_thresh
