@@ -19,7 +19,7 @@ from cohelm.study import mapping
 SOUND = {
     "scenario": "lab-guard", "robot": "Sally", "kind": "kinematic", "rate_hz": 50.0,
     "mode": "STOPPED", "reason": "the drive is over", "faulted": False, "arrived": True,
-    "not_begun": None, "docking": None, "docked": None,
+    "not_begun": None, "route": None, "docking": None, "docked": None,
     "least_clearance_moving_m": 0.1234567, "lost_share": 0.02, "lost": False, "periods": 2000,
     "overruns": 0, "within_2ms": 0.9991, "late_median": 1e-5, "late_99": 2e-5, "late_999": 2e-5,
     "late_worst": 0.0123, "took_median": 0.002, "took_99": 0.004, "took_worst": 0.009,

@@ -350,6 +350,8 @@ def rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         ("ended", f"{summary['mode'].lower()}: {summary['reason']}"),
         ("the route is done", "yes" if summary["arrived"] else "no"),
     ]
+    if summary["route"]:
+        found.append(("the route", summary["route"]))
     if summary["docking"]:
         found.append(("docking", summary["docking"]))
     if clearance is not None:

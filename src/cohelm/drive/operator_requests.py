@@ -16,6 +16,7 @@ from cohelm.drive.progress_watch import ProgressWatch
 from cohelm.drive.record_switch import Make, RecordSwitch
 from cohelm.drive.recorder import Recording
 from cohelm.drive.rerouting import PathRequests, Rerouting, checker_of
+from cohelm.drive.route_check import RouteCheck
 from cohelm.drive.session import Session
 from cohelm.drive.shown import NO_ZONES, detour, docks_message, map_message, reference_lines
 from cohelm.drive.station_publisher import StationPublisher
@@ -55,6 +56,7 @@ class OperatorRequests:
         self._rerouting = Rerouting(
             session, sources, self._jobs.checking, self._jobs.paths, self._on_adopted
         )
+        self._route_check = RouteCheck(session, self._jobs.checking)
         self._records = RecordSwitch(
             session, publisher, records, self._jobs.records, lambda: self._drawn, self._jobs.make
         )
@@ -75,6 +77,7 @@ class OperatorRequests:
 
     def turn(self, loop: Loop) -> None:
         """Between two periods."""
+        self._route_check.turn(loop)
         self._rerouting.turn(loop)
         self._records.turn(loop)
         self._progress.turn(loop)

@@ -39,7 +39,7 @@ class CheckedPath(NamedTuple):
     """The path as it would be followed; None: refused."""
     why: str
     worst: int
-    """The waypoint at fault, from 0; 65535: none."""
+    """The waypoint at fault, from 0; 65535: none. Of a goal 0 only if it can not be reached."""
 
 
 class PathChecker(NamedTuple):
@@ -111,9 +111,10 @@ class PathChecker(NamedTuple):
                 return CheckedPath(None, f"the goal {at} is in a wall, or too near to one", 0)
         far = math.hypot(goal.x - robot.x, goal.y - robot.y)
         if far < _AT_GOAL:
-            return CheckedPath(None, f"the robot is at {at} already", 0)
+            return CheckedPath(None, f"the robot is at {at} already", NONE)
         if far > _MAX_LENGTH:
-            return CheckedPath(None, f"the goal {at} is more than {_MAX_LENGTH:.0f} m away", 0)
+            why = f"the goal {at} is more than {_MAX_LENGTH:.0f} m away"
+            return CheckedPath(None, why, NONE)
         share = np.linspace(0.0, 1.0, math.ceil(far / _DENSE) + 1)[:, None]
         line: Floats = (1.0 - share) * np.array([robot[:2]]) + share * point
         fenced = np.vstack((self.known, _border(self.bounds)))
@@ -134,6 +135,7 @@ class PathChecker(NamedTuple):
                 result = self._along(kept, robot)
                 if result.reference is not None:
                     return result
+                result = result._replace(worst=NONE)  # there is a path, but no curve along it
         return result
 
     def _on_map(self, point: Floats) -> bool:

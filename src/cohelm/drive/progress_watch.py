@@ -48,6 +48,7 @@ def _follows(loop: Loop) -> bool:
         supervisor.may_drive
         and (supervisor.mode == Mode.AUTOMATIC or _released(loop))
         and not supervisor.docking.on
+        and not supervisor.unfollowed
         and seen is not None
         and not seen.lost
         and not loop.driver.arrived

@@ -137,8 +137,10 @@ class Session:
         self._ends = False
         self._slow_since = math.inf
         """Since when it crawls [s]."""
-        self._not_begun = ""
-        """Why the requested mode was never entered."""
+        self.not_begun = ""
+        """Why the robot never drove in the requested mode."""
+        self.route = ""
+        """What the check of its first route found; empty: nothing."""
         self._recorded = -math.inf
         self._periods = self._lost = 0
         self._whole = True
@@ -221,7 +223,7 @@ class Session:
                 if late and refusal and dock:
                     supervisor.docking.finish(Ended(refusal))
                 elif late:
-                    self._not_begun = refusal
+                    self.not_begun = refusal
                 if over or late or not refusal:
                     wanted = Mode.HOLD
             self._update_pictures()
@@ -235,7 +237,7 @@ class Session:
             raise_thread_priorities()
         self.loop.run(chosen, self.plan.robot.real_time)
         if wanted != Mode.HOLD and not dock:  # it ended before that was tried for long enough
-            self._not_begun = refusal
+            self.not_begun = refusal
 
     def _update_pictures(self) -> None:
         """Have frames drawn and encoded while they are used, and pass on what is encoded. Takes no
@@ -292,6 +294,8 @@ class Session:
         loop, gate, seen = self.loop, self.loop.gated.gate, self.loop.seen
         lost = seen is not None and seen.lost and loop.has_map and f"lost: {seen.reason}"
         why = gate.reason or loop.supervisor.problem or loop.supervisor.paused or lost
+        if loop.supervisor.mode != Mode.MANUAL:
+            why = why or loop.supervisor.unreachable
         crawls = self._crawls(seen)
         if not why and driving(gate.mode) and seen and (standing(seen.twist) or crawls):
             why = loop.log.why(loop.supervisor.mode) or _obstacle(loop.decision)
@@ -336,7 +340,8 @@ class Session:
             "mode": gate.mode.name,
             "reason": gate.reason,
             "faulted": gate.mode == GateMode.FAULTED,
-            "not_begun": self._not_begun or None,
+            "not_begun": self.not_begun or None,
+            "route": self.route or None,
             "arrived": loop.driver.arrived,
             "docking": loop.supervisor.docking.last.why or None,
             "docked": loop.supervisor.docking.last.arrived if self._to_dock else None,

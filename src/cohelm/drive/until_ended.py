@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from cohelm.core.errors import CohelmError
 from cohelm.drive.operate import End, ScenarioStick
+from cohelm.drive.route_check import checked_route, to_check
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.teleop_server import TeleopConfig, serve
 from cohelm.link import keys
 from cohelm.link.messages import Mode
 from cohelm.link.udp import PORT, address
 from cohelm.loop.loop import Loop
+from cohelm.loop.supervisor import PLANNED
 
 if TYPE_CHECKING:
     from cohelm.drive.on_topics import OnTopics
@@ -40,14 +42,18 @@ def drive_here(
     with Session(plan, operator, None if topics is None else topics.camera) as session:
         stop.handle_signals()
         clock = session.loop.gated.now
-        with begun(session):
+        with begun(session), ExitStack() as stack:
             if topics is not None:
                 topics.attend(session)
                 topics.begin(session)
             operator.watches(clock)
+            leads = mode in PLANNED and not number and to_check(session)
+            route_check = stack.enter_context(checked_route(session)) if leads else None
             end = clock() + (math.inf if seconds is None else seconds)
 
             def until(loop: Loop) -> bool:
+                if route_check is not None:
+                    route_check.turn(loop)
                 if topics is not None:
                     topics.turn(loop)
                 if reset is not None:

@@ -135,6 +135,7 @@ class Loop:
         """Use another driver from now on; the previous one is not closed."""
         driver.zones = self.driver.zones  # they may have changed meanwhile
         driver.reshape(self._shape.outline)
+        self.supervisor.checking_route, self.supervisor.unreachable = False, ""
         self.driver = self.supervisor.driver = self._reporter.driver = driver
 
     def period(self) -> None:

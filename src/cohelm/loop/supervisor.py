@@ -39,6 +39,7 @@ NO_ROUTE = (
     "there is no route: draw one with Edit route on the page, or name a site that has one with "
     "--scenario"
 )
+_CHECKING = "the route is being checked on the map"
 _MODES = frozenset(int(mode) for mode in Mode)
 _LOCAL = -1
 """The client number of local requests; clients of the link have numbers from 1."""
@@ -68,6 +69,10 @@ class Supervisor:
         """... and what perception makes of them."""
         self.awaits_route = False
         """Whether it may wait in automatic mode for its first route."""
+        self.checking_route = False
+        """Whether its first route is still being checked on the map..."""
+        self.unreachable = ""
+        """... and why the goal of its route can not be reached; empty: nothing of that is known."""
         self._operator_chose = False  # the mode, so commands must keep coming
         self._pauses: dict[str, str] = {}
         self._dropout = Dropout()
@@ -104,6 +109,8 @@ class Supervisor:
             return self.problem
         if mode == Mode.AUTOMATIC and self.driver.pilot is None and not self.awaits_route:
             return NO_ROUTE
+        if mode == Mode.AUTOMATIC and self.unreachable:
+            return self.unreachable
         refusal = self.gated.drive(_GATE[mode])
         if not refusal:
             self._end_docking(Ended(f"mode {mode.name}"))
@@ -170,9 +177,16 @@ class Supervisor:
         """Why it is paused in a driving mode; empty: it is not."""
         return next(iter(self._pauses.values()), "")
 
+    @property
+    def unfollowed(self) -> str:
+        """Why the route is not followed; empty: it is, or there is none."""
+        return self.unreachable or (_CHECKING if self.checking_route else "")
+
     def status_words(self, refusal: str, cap: Cap) -> StatusWords:
         """The texts of a status. refusal: why the gate changed the command."""
         why, stopped = refusal or self.paused, self.gated.gate.reason
+        if self.mode in PLANNED and not self.docking.on:
+            why = why or self.unfollowed
         driver = self.stick_state.received
         return StatusWords(
             driver.driver, driver.name, self.mode, stopped, why, *cap, self.alarms.worst()
@@ -192,7 +206,7 @@ class Supervisor:
         stick = self.stick_state.stick if by_stick else CENTRED
         if self.mode == Mode.MANUAL:
             return driver.by_hand(now, seen, stick, gently=False)
-        if seen.lost or driver.pilot is None:
+        if seen.lost or driver.pilot is None or self.unfollowed:
             return driver.by_hand(now, seen, stick, gently=True)
         return driver.follow(now, seen, stick)
 
