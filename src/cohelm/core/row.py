@@ -21,7 +21,7 @@ FIELDS = (
     ("sigma", "f8", "[m] standard deviation of the position"),
     ("share", "f8", "share of the beams that agree with the map, in [0, 1]"),
     ("lost", "?", "whether localization is lost"),
-    ("measured_v", "f8", "[m/s] by odometry"),
+    ("measured_v", "f8", "[m/s] by odometry; NaN while that is missing, old or no number"),
     ("measured_omega", "f8", "[rad/s]"),
     ("x_d", "f8", "[m] desired pose (7), in the map"),
     ("y_d", "f8", "[m]"),
@@ -70,7 +70,7 @@ FIELDS = (
     (
         "clearance_seen",
         "f8",
-        "[m] to what is seen; in a run, to what the filter looked at; inf: nothing",
+        "[m] to what is seen; in a run, to what the filter looked at; inf: nothing; NaN: not known",
     ),
     ("change", "f8", "[m/s] distance of the command from the blend, in the guard's metric"),
     ("clearance", "f8", "[m] of the real outline to the nearest disc or wall; NaN in a drive"),

@@ -163,7 +163,11 @@ class Loop:
             passed = self._settle_outline(seen, decision, passed)
         self._late, self._took = late, gated.now() - began
         self._raise_alarms(seen)
-        report = PeriodReport(now, readings, seen, supervisor.stick_state, decision, passed.applied)
+        watchdog = self._sensor_watchdog
+        report = PeriodReport(
+            now, readings, seen, supervisor.stick_state, decision, passed.applied,
+            watchdog.measures, watchdog.sees,
+        )  # fmt: skip
         words = supervisor.status_words(passed.reason, self.cap)
         self._reporter.report(report, self._loop_fields(seen), words, self.timing.recent)
         self._keep_time(now)
@@ -218,7 +222,8 @@ class Loop:
         gate, problem = self.gated.gate, self.supervisor.problem
         if problem or readings.odometry is None:
             self.driver.record_applied(STANDING)
-            return Passed(gate.applied, gate.reason or problem)
+            applied = STANDING if latched(gate.mode) else gate.applied  # which sends a stop
+            return Passed(applied, gate.reason or problem)
         self._number += 1
         passed = self.gated.propose(Proposal(self._number, readings.odometry.stamp, safe))
         self.driver.record_applied(STANDING if latched(self.gated.gate.mode) else passed.applied)

@@ -47,15 +47,19 @@ class SensorWatchdog:
         self._checked = [-1] * len(self._sensors)
         self._newest: dict[str, tuple[float, float]] = {}
         """Of each sensor, the stamp of its newest reading, and when it was new [s]."""
+        self.measures = self.sees = False
+        """Whether the newest odometry is valid, and whether the newest scans are, too."""
 
     def problem(self, now: float, readings: Readings) -> str:
         """What is wrong with the newest readings, as a sentence; empty: nothing."""
         problem = self._odometry(now, readings.odometry)
+        self.measures, self.sees = not problem, False
         for i, name in enumerate(self._sensors):
             if problem:
                 return problem
             problem_ = self._scan(now, readings.of_lidar(name) if i else readings.scan, i)
             problem = of_sensor(name, problem_) if problem_ else ""
+        self.sees = not problem
         if not problem and self._contacts:
             newest = {one.sensor: one for one in readings.contacts}
             each = (overdue(one, newest.get(one.name), now) for one in self._contacts)

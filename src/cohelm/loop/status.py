@@ -62,6 +62,7 @@ _IN_ROW = [
 """Fields that a status has as the row has them: name, type, and what it is made of."""
 
 
+_UNKNOWN = Twist(math.nan, math.nan)
 _NONE_DECIDED = ("nominal_v", "nominal_omega", "safe_v", "safe_omega")
 """Numbers of a decision that are 0 where nothing was decided."""
 
@@ -76,6 +77,10 @@ class PeriodReport(NamedTuple):
     stick_state: StickState
     decision: Decision | None
     applied: Twist
+    measures: bool
+    """Whether the odometry is valid; else the twist of `seen` is an old one..."""
+    sees: bool
+    """... and whether the scans are, too; else its obstacles only grow by what they may do."""
 
 
 def period_fields(r: PeriodReport) -> dict[str, Any]:
@@ -86,10 +91,11 @@ def period_fields(r: PeriodReport) -> dict[str, Any]:
     if d is not None:
         fields = named(d) | {f"{name}_d": part for name, part in d.desired._asdict().items()}
     at = (math.nan, math.nan) if d is None else limiting(d, seen)
+    measured = seen.twist if r.measures else _UNKNOWN
     return fields | {
         "t": r.now, "x": seen.pose.x, "y": seen.pose.y, "psi": seen.pose.psi,
         "sigma": sigma(seen.covariance), "share": seen.share, "lost": seen.lost,
-        "measured_v": seen.twist.v, "measured_omega": seen.twist.omega,
+        "measured_v": measured.v, "measured_omega": measured.omega,
         "limiting_x": at[0], "limiting_y": at[1],
         "stick_x": stick_state.stick.x, "stick_psi": stick_state.stick.psi,
         "stick_age": stick_state.received.age,
@@ -201,6 +207,7 @@ def _localised(lost: bool, sigma: float, has_map: bool) -> Localised:
 
 _MAX_STATUS_RATE = 50.0  # statuses a second, at most
 _MAX_DISCS = 40  # shown, at most
+_NO_DISCS: Floats = np.empty((0, 6))
 
 
 class Reporter:
@@ -229,10 +236,11 @@ class Reporter:
         loop_fields: what the loop adds to the row. words: without `held`. late: worst recent
         lateness [s].
         """
-        self._show_scans(report.readings, report.seen)
+        self._show_scans(report)
+        clearance = self.driver.clearance(report.seen) if report.sees else math.nan
         row = self._log.period({
             **period_fields(report), "progress": self._progress(), "dropped": self._log.dropped,
-            "clearance_seen": self.driver.clearance(report.seen), **loop_fields,
+            "clearance_seen": clearance, **loop_fields,
         })  # fmt: skip
         if report.now - self._last_status < 1.0 / _MAX_STATUS_RATE - 0.25 * self._period:
             return
@@ -245,14 +253,16 @@ class Reporter:
         timing = made.timing._replace(late=late)
         self._operator.send_status(made._replace(recording=self._log.open, timing=timing))
 
-    def _show_scans(self, readings: Readings, seen: Seen) -> None:
+    def _show_scans(self, report: PeriodReport) -> None:
+        readings, seen = report.readings, report.seen
         new = self._log.readings(readings)
         for scan in new:
             which, lidar = self._lidars.get("" if scan is readings.scan else scan.sensor, (0, None))
             if lidar is not None:
                 self._operator.show(*scan_parts(scan, lidar, seen.pose, which))
         if new and new[0] is readings.scan:
-            discs = Discs(new[0].number, _nearest(seen.obstacles.discs, seen.pose))
+            known = seen.obstacles.discs if report.sees else _NO_DISCS
+            discs = Discs(new[0].number, _nearest(known, seen.pose))
             self._operator.show(discs)
             self._log.show(discs)
 

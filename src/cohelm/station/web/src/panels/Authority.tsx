@@ -125,7 +125,8 @@ function drawDial(canvas: HTMLCanvasElement): void {
   const seen = points(s.scans.value)
   const bodies = s.discs.value.map((d): [number, number, number] => [d[0], d[1], d[4]])
   const pose = state?.pose ?? null
-  const all = pose === null || robot === null
+  const unknown = state?.clearance_seen == null // then what was seen last may be old
+  const all = pose === null || robot === null || unknown
     ? new Array<number>(SECTORS).fill(Infinity)
     : clearances(pose, robot.outline, seen, bodies)
   for (const [i, clearance] of all.entries()) {
