@@ -11,6 +11,7 @@ import pytest
 import cohelm
 from cohelm.robot.adapter import AdaptedMaker, RobotAdapter
 from cohelm.robot.contacts import ContactModel
+from cohelm.robot.gate.gate import Proposal
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
 from cohelm.robot.port import Health
 
@@ -281,6 +282,55 @@ def test_a_driver_that_needs_more_than_its_model_is_told_what_it_gets(make, said
 def test_a_driver_may_take_more_than_its_model_that_has_defaults():
     for make in (lambda model, port="": Cart(), lambda *_, **__: Cart(), Cart, lambda: Cart()):
         assert AdaptedMaker(make, SALLY)().model == SALLY
+
+
+class Failing(Cart):
+    """Each of its calls fails; read in two ways."""
+
+    reads = 0
+
+    def read(self):
+        self.reads += 1
+        if self.reads % 2:
+            raise OSError(f"no device, for the {self.reads}th time")
+        return {}["a"]
+
+    def send(self, twist):
+        raise RuntimeError("send it is")
+
+    def stop(self):
+        raise RuntimeError("stop it is")
+
+    def close(self):
+        raise RuntimeError("close it is")
+
+
+def test_where_a_driver_fails_is_logged_and_printed_once_for_each_kind_and_place(capfd):
+    """The sentence alone does not say in which line of the driver."""
+    events = []
+    gated = LocalGatedRobot(
+        RobotAdapter(Failing()), rules(SALLY, 0.02), events.append, watched_by=()
+    )
+    for number in range(20):
+        gated.read()
+        gated.propose(Proposal(number, gated.now(), cohelm.Twist(0.1, 0.0)))
+    gated.close()
+    texts = [event.text for event in events if "Traceback" in event.text]
+    assert len(texts) == 4
+    for call, line in (
+        ("read", 'raise OSError(f"no device'), ("read", 'return {}["a"]'), ("stop", '"stop it is"'),
+        ("close", '"close it is"'),
+    ):  # fmt: skip
+        found = [one for one in texts if one.startswith(f"{call} of the") and line in one]
+        assert len(found) == 1, (call, texts)
+        assert "adapter.py" not in found[0]
+        assert "test_robot.py" in found[0]
+    deadline, printed = time.monotonic() + 5.0, ""
+    while printed.count("Traceback") < 4 and time.monotonic() < deadline:
+        time.sleep(0.01)
+        printed += capfd.readouterr().err
+    assert printed.count("Traceback") == 4
+    assert "no device, for the 1th time" in printed
 
 
 class Careless(Cart):

@@ -1,14 +1,19 @@
-"""What is shown and recorded while the readings are wrong: nothing that is not."""
+"""What is shown, recorded and printed while the readings are wrong: nothing that is not."""
 
 import math
+import time
+from types import SimpleNamespace
 
 import pytest
 
 from cohelm.core.types import Stick, Twist
+from cohelm.drive.recorder import Log
 from cohelm.drive.session import Session, SessionConfig
+from cohelm.drive.teleop_server import StopLines
 from cohelm.link.messages import Discs, Mode
 from cohelm.link.operator import Scripted
-from cohelm.robot.gate.modes import latched
+from cohelm.robot.gate.modes import GateMode, latched
+from cohelm.robot.keep.record_pipe import Event
 from tests.drive.faults import failing
 
 STILL, UNKNOWN = Twist(0.0, 0.0), None
@@ -61,3 +66,30 @@ def test_after_a_fault_no_motion_and_no_clearance_is_shown_that_is_not_there(fau
     assert watching.discs is not None
     if fault.startswith("odometry"):  # scans still come
         assert len(watching.discs.rows) == 0
+
+
+def test_a_robot_that_stations_drive_prints_each_stop_once(caplog):
+    """Whoever looked at the terminal of `cohelm drive` saw nothing of any fault."""
+    lines = StopLines()
+    idle, fault = (GateMode.IDLE, ""), (GateMode.FAULTED, "the robot reports: read failed: OSError")
+    stop = (GateMode.STOPPED, "stop by anna (1)")
+    said = []
+    for mode, reason in (idle, fault, fault, idle, fault, (GateMode.SHARED, ""), stop, stop):
+        lines.turn(
+            SimpleNamespace(gated=SimpleNamespace(gate=SimpleNamespace(mode=mode, reason=reason)))
+        )
+        time.sleep(0.05)  # a thread prints
+        said = [record.getMessage() for record in caplog.records]
+    assert said == [f"stopped: {reason}" for _, reason in (fault, fault, stop)]
+
+
+def test_the_log_has_the_lines_of_a_traceback_below_each_other(tmp_path):
+    log = Log(tmp_path / "drive.mcap")
+    log(Event(1.0, "gate", "read failed:\nTraceback\n  here", True))
+    log(Event(2.0, "gate", "next"))
+    log.close()
+    lines = (tmp_path / "drive.log").read_text().splitlines()
+    assert lines[0] == "     1.000 ! gate: read failed:"
+    assert [line.strip() for line in lines[1:3]] == ["Traceback", "here"]
+    assert all(line.startswith(" " * 13) for line in lines[1:3])
+    assert lines[3].endswith("gate: next")

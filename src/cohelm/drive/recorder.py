@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 _RESERVE = 1 << 16  # bytes kept for the log
 _MODE = 0o640  # the log names drivers and addresses
+_NEXT_LINE = "\n" + 13 * " "
 _FLUSH = 0.5  # from one time the file is made good to the next [s]
 
 
@@ -107,7 +108,8 @@ def _make(path: Path) -> None:
 
 
 class Log:
-    """The log of events; still written when the disk is full."""
+    """The log of events, a line for each, and more for a traceback; still written when the disk is
+    full."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._reserve = path.with_suffix(".log"), path.with_suffix(".reserve")
@@ -120,7 +122,8 @@ class Log:
     def __call__(self, event: Event) -> None:
         """Write the event at once."""
         mark = "!" if event.serious else " "
-        text = f"{event.stamp:10.3f} {mark} {event.who}: {event.text}\n".encode()
+        lines = event.text.replace("\n", _NEXT_LINE)
+        text = f"{event.stamp:10.3f} {mark} {event.who}: {lines}\n".encode(errors="replace")
         try:
             os.write(self._file, text)
         except OSError:

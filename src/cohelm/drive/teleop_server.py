@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from cohelm.link.operator import STALE
 from cohelm.link.robot_bulk import both_ends
 from cohelm.loop.driver import by_hand
 from cohelm.loop.loop import Loop
+from cohelm.robot.gate.modes import GateMode, latched
 
 if TYPE_CHECKING:
     from cohelm.drive.on_topics import OnTopics
@@ -33,6 +35,26 @@ class TeleopConfig:
     """0: a free one."""
     records: Path = Path("out/records")
     """Folder of the records that operators start, and may fetch."""
+
+
+class StopLines:
+    """Prints each stop once, on a terminal without a line of the drive's state."""
+
+    def __init__(self) -> None:
+        self._last = (GateMode.IDLE, "")
+
+    def turn(self, loop: Loop) -> None:
+        """After each period; a thread prints, as a terminal may not take it."""
+        gate = loop.gated.gate
+        now = (gate.mode, gate.reason) if latched(gate.mode) else (GateMode.IDLE, "")
+        if now == self._last:
+            return
+        self._last = now
+        if now[1]:
+            line = f"stopped: {now[1]}"
+            threading.Thread(
+                target=_log.warning, args=("%s", line), name="stop line", daemon=True
+            ).start()
 
 
 def serve(
@@ -77,11 +99,12 @@ def serve(
             )
             try:
                 ready(end.address)
-                reason = ""
+                reason, stops = "", StopLines()
 
                 def until(loop: Loop) -> bool:
                     nonlocal reason
                     requests.turn(loop)
+                    stops.turn(loop)
                     if topics is not None:
                         topics.turn(loop)
                     reason = over()

@@ -10,7 +10,10 @@ import inspect
 import math
 import os
 import pickle
+import sys
 import threading
+import traceback
+from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple, cast
 
@@ -35,6 +38,7 @@ _SAME = 0.005  # stamps of one reading, read twice with its age, differ by less 
 _AGAIN = 0.1  # a stop is repeated after this time, in case one was lost [s]
 _LOOK = 0.05  # period of the watchdog [s]
 _MOST, _LONGEST = 16, 400  # faults at a time, and letters of each
+_MOST_TRACEBACKS, _LONGEST_TRACEBACK = 50, 6000  # of a drive, and letters of one: its end
 _HANGS = 0.1  # a call that takes longer is not waited for before stopping [s]
 
 
@@ -67,6 +71,8 @@ class RobotAdapter:
         self._commanded = self._stopped = -math.inf
         self._moves = False
         self._failed: dict[str, str] = {}
+        self._raised: set[tuple[object, ...]] = set()
+        self._tracebacks: deque[tuple[str, BaseException]] = deque()
         self._closed = threading.Event()
         self._pid = os.getpid()
         if robot.real_time:
@@ -106,7 +112,7 @@ class RobotAdapter:
                 given = given._replace(outline=self._outline(given.outline))
                 self._newest = _newest(given, self._newest)
             except BaseException as error:
-                self._failed["read"] = _said("read", error)
+                self._fails("read", error)
             self._alone()
         health = self._newest.health or Health(self._robot.now(), math.nan, ())
         faults, self._failed = (*health.faults, *self._failed.values())[:_MOST], {}
@@ -125,7 +131,7 @@ class RobotAdapter:
             try:
                 self._robot.send(possible)
             except BaseException as error:
-                self._failed["send"] = _said("send", error)
+                self._fails("send", error)
             self._alone()
             self._moves = True  # a stop while it hung came before it
         return possible
@@ -144,8 +150,32 @@ class RobotAdapter:
             self._moves = True
             self._brake()
             self._closed.set()
-            with contextlib.suppress(BaseException):
+            try:
                 self._robot.close()
+            except BaseException as error:
+                self._fails("close", error)
+
+    def traceback(self) -> str:
+        """As in `port.Traced`; also printed on stderr, by a thread: a terminal may not take it."""
+        if not self._tracebacks:
+            return ""
+        call, error = self._tracebacks.popleft()
+        text = _traceback(call, error)
+        threading.Thread(target=_print, args=(text,), name="traceback", daemon=True).start()
+        return text
+
+    def _fails(self, call: str, error: BaseException) -> None:
+        """An exception in the robot's code becomes a fault; its traceback is kept, once for each
+        kind and place."""
+        self._failed[call] = _said(call, error)
+        at = error.__traceback__
+        while at is not None and at.tb_next is not None:
+            at = at.tb_next
+        where = () if at is None else (at.tb_frame.f_code, at.tb_lineno)
+        kind = (call, type(error), *where)
+        if kind not in self._raised and len(self._raised) < _MOST_TRACEBACKS:
+            self._raised.add(kind)
+            self._tracebacks.append((call, error))
 
     def _outline(self, reported: Floats | None) -> Floats | None:
         """The newest outline, the same array as long as it is the same. CohelmError for none."""
@@ -162,7 +192,7 @@ class RobotAdapter:
             self._robot.stop()
             self._moves, self._stopped = False, now if now < math.inf else -math.inf
         except BaseException as error:
-            self._failed["stop"] = _said("stop", error)
+            self._fails("stop", error)
             with contextlib.suppress(BaseException):
                 self._robot.send(_STILL)  # else the last twist stays until the hardware notices
 
@@ -277,6 +307,24 @@ def _newest(new: Readings, old: Readings) -> Readings:
     both = zip(new, old, strict=True)
     newest = Readings._make(one if one is not None else was for one, was in both)
     return newest._replace(further=tuple(scans.values()), contacts=tuple(contacts.values()))
+
+
+def _traceback(call: str, error: BaseException) -> str:
+    """That of the robot's code, without the line here that called it."""
+    at = error.__traceback__
+    try:
+        lines = traceback.format_exception(type(error), error, at and at.tb_next)
+    except Exception:  # its author's mistake, too
+        lines = traceback.format_tb(at)
+    text = "".join(lines).rstrip()
+    if len(text) > _LONGEST_TRACEBACK:
+        text = f"…{text[-_LONGEST_TRACEBACK:]}"
+    return f"{call} of the robot's driver failed:\n{text}"
+
+
+def _print(text: str) -> None:
+    with contextlib.suppress(Exception):  # the driver may have closed it
+        print(text, file=sys.stderr, flush=True)
 
 
 def _said(method: str, error: BaseException) -> str:

@@ -188,3 +188,12 @@ class DrawnCamera(Protocol):
     def draw_at(self, rate: float) -> None:
         """Draw at most so many pictures a second from now on; 0: none, and none is read [Hz]."""
         ...
+
+
+@runtime_checkable
+class Traced(Protocol):
+    """A robot with code of its user's, whose exceptions become faults."""
+
+    def traceback(self) -> str:
+        """Where the newest exception of another kind or place was raised, once; empty: none."""
+        ...

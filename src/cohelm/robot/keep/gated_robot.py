@@ -16,7 +16,7 @@ from cohelm.robot.keep.record_pipe import Event, RecordLine
 from cohelm.robot.keep.watch import monitors
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Monitor, Restriction, strictest
-from cohelm.robot.port import DrawnCamera, Odometry, Readings, RobotPort
+from cohelm.robot.port import DrawnCamera, Odometry, Readings, RobotPort, Traced
 
 QUIET = 1.0
 """A refusal or limit is logged again once it has been absent for this long [s]."""
@@ -105,6 +105,7 @@ class LocalGatedRobot:
         if self._fault:
             self.fault(self._fault)
         self._check_wait("read", begun)
+        self._log_traceback()
         if self._monitors:
             now, applied = self._robot.now(), self._gate.applied
             stopped = latched(self._gate.mode)
@@ -187,6 +188,13 @@ class LocalGatedRobot:
         """Stop and close the robot."""
         self._called("stop")
         self._robot.close()
+        self._log_traceback()
+
+    def _log_traceback(self) -> None:
+        """Log where the robot's own code failed."""
+        if isinstance(self._robot, Traced) and (text := self._robot.traceback()):
+            seen = self._gate.clock  # the robot's own may fail, too
+            self._publish(Event(seen if math.isfinite(seen) else 0.0, "gate", text, True))
 
     def _strictest(self, restrictions: list[Restriction]) -> Restriction:
         """The strictest restriction; a fault is latched at once."""
