@@ -26,6 +26,8 @@ class Bare:
         """What was requested of it."""
         self.acknowledged: set[int] = set()
         """The numbers of the alarms among it."""
+        self.over = ""
+        """Why its process has ended, where the station knows that."""
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._tell, daemon=True)
         self._thread.start()
@@ -38,7 +40,7 @@ class Bare:
 
     def connect(self, _: str) -> Linked:
         """One more operator's link."""
-        return Linked(self.keys, "127.0.0.1", self.port)
+        return Linked(self.keys, "127.0.0.1", self.port, lambda: self.over)
 
     def die(self) -> None:
         """Away with it."""

@@ -661,7 +661,7 @@ def test_what_a_page_says_is_true_for_who_reads_it(context: BrowserContext, tmp_
             expect(mode_button(who_reads, "Manual")).to_be_disabled()
             for row in ("round trip", "packet loss", "clock offset"):
                 expect(who_reads.get_by_role("row", name=row).first).to_contain_text("–")
-        assert "stops by itself" not in other.get_by_label("Alarms", exact=True).inner_text()
+        assert "must stop by" not in other.get_by_label("Alarms", exact=True).inner_text()
 
 
 SAID = """{
@@ -855,14 +855,17 @@ UPPERMOST = """(one) => {
 }"""
 
 
+ALONE = "must stop by its own time-out: look at it"
+
+
 @pytest.mark.parametrize(
     ("carry_on", "mode", "does"),
     first(
         [
-            (False, Mode.SHARED, "stale. The robot stops by itself."),
+            (False, Mode.SHARED, f"stale. The robot {ALONE}."),
             (True, Mode.SHARED, "stale. The robot drives on alone (--carry-on)."),
             (True, Mode.AUTOMATIC, "stale. The robot drives on alone (--carry-on)."),
-            (True, Mode.MANUAL, "stale. The robot stops by itself."),
+            (True, Mode.MANUAL, f"stale. The robot {ALONE}."),
         ],
         2,
     ),
@@ -880,6 +883,23 @@ def test_without_a_link_the_driver_is_told_what_the_robot_does_now(
         alarms = page.get_by_label("Alarms", exact=True)
         expect(alarms).to_contain_text(f"No link to the robot: the display is {does}")
         expect(alarms.locator(".alarm")).to_have_count(1)
+
+
+def test_of_a_robot_whose_process_has_ended_no_page_says_that_it_stops_or_drives_on(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    """With its gate killed, only the motor controller's own time-out stops it."""
+    ended = f"the robot's process has ended: the gate process has ended; the robot {ALONE}"
+    status = STATUS._replace(mode=Mode.AUTOMATIC)
+    with Bare(tmp_path, status) as robot, served(robot.connect) as server:
+        page = page_of(context, server)
+        outline = np.zeros((3, 2), np.float32)
+        robot.bulk.publish(Hello("sally", outline, 2.0, 1.0, (np.nan,) * 4, True))  # type: ignore[arg-type]
+        expect(page).to_have_title("sally")
+        take(page)
+        robot.over = ended
+        alarms = page.get_by_label("Alarms", exact=True)
+        expect(alarms).to_contain_text(f"the display is stale. Reason: {ended}.")
 
 
 DARK_AT = """([x, y]) => {

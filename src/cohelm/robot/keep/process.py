@@ -34,6 +34,7 @@ from cohelm.robot.port import Frame, Readings, RobotPort, Scan
 _START = 600.0  # time for making the robot, compiling included [s]
 _ANSWER = 2.0  # time for an answer; then the gate process counts as gone [s]
 _LAST = 1.0  # time between its last word and its end [s]
+_ALONE = "the robot must stop by its own time-out: look at it"
 _WATCHDOGS = 10.0  # ... or this many times the watchdog's time, if that is longer
 
 Make = Callable[[], RobotPort]
@@ -195,9 +196,9 @@ class RemoteGatedRobot:
             )
         call = self._memory.called
         why = f"{call} of the robot's driver waits" if call else "this computer is too slow"
-        return CohelmError(f"the gate process does not answer: {why}; the robot stops by itself")
+        return CohelmError(f"the gate process does not answer: {why}; {_ALONE}")
 
-    def _gone(self, then: str = "; the robot stops by itself") -> CohelmError:
+    def _gone(self, then: str = f"; {_ALONE}") -> CohelmError:
         how = how_ended(self._process, _LAST)
         return CohelmError(f"the gate process has ended{how and f' ({how})'}{then}")
 

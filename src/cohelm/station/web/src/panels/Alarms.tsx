@@ -19,12 +19,16 @@ function ago(ms: number): string {
   return ms < 100_000 ? `${Math.round(ms / 1000)} s` : `${Math.round(ms / 60_000)} min`
 }
 
-/** What the robot does without its driver; empty where it has not said that yet. */
-function withoutUs(): string {
-  if (s.robot.value === null) return ''
+const ALONE = 'must stop by its own time-out: look at it'
+/** So the reason begins where nothing drives the robot any more. */
+const ENDED = "the robot's process has ended"
+
+/** What the robot does without its driver; empty where it has not said that yet, or the reason does. */
+function withoutUs(why: string): string {
+  if (s.robot.value === null || why.includes(ALONE)) return ''
   const mode = s.state.value?.mode
-  const on = s.robot.value.carry_on && (mode === 'shared' || mode === 'automatic')
-  return on ? ' The robot drives on alone (--carry-on).' : ' The robot stops by itself.'
+  const on = s.robot.value.carry_on && (mode === 'shared' || mode === 'automatic') && !why.startsWith(ENDED)
+  return on ? ' The robot drives on alone (--carry-on).' : ` The robot ${ALONE}.`
 }
 
 function localAlarms(): ShownAlarm[] {
@@ -37,7 +41,7 @@ function localAlarms(): ShownAlarm[] {
   const c = s.connection.value
   const why = s.link.value === null || s.link.value.why === '' ? '' : ` Reason: ${s.link.value.why}.`
   // on a phone the end is cut: the reason comes last
-  const stale = `the display is stale.${s.who.value?.you_drive === true ? withoutUs() : ''}`
+  const stale = `the display is stale.${s.who.value?.you_drive === true ? withoutUs(s.link.value?.why ?? '') : ''}`
   if (c === 'closed' || c === 'connecting') {
     if (s.welcome.value === null) {
       const said = s.turnedAway.value || 'the station does not answer'
