@@ -236,3 +236,25 @@ def test_a_stop_is_not_reset_while_the_robot_reports_a_fault():
         assert drive.said[1].startswith("/reset: reset")
 
     drive.run(script)
+
+
+def test_a_reset_is_refused_for_the_call_that_still_fails_and_not_for_the_readings_that_age_by_it():
+    drive = Drive()
+
+    def script(loop):
+        yield from range(50)
+        robot = loop.gated._robot
+        sound, kept = robot.read, robot.read()
+        failed = Health(0.0, 0.5, ("read failed: OSError: no device",))
+        robot.read = lambda: kept._replace(health=failed)
+        yield from range(60)
+        drive.asks()
+        yield from range(10)
+        assert drive.said == ["/reset: not reset: read still fails: OSError: no device"]
+        robot.read = sound
+        yield from range(10)
+        drive.asks()
+        yield from range(10)
+        assert drive.said[1].startswith("/reset: reset")
+
+    drive.run(script)

@@ -195,6 +195,8 @@ class Loop:
             self.alarms.off("lost")
         self.seen = seen
         self.supervisor.problem, self.supervisor.seen = problem, seen
+        faults = () if readings.health is None else readings.health.faults
+        self.supervisor.reported = faults[0] if faults else ""
         self.driver.update_twist(seen.twist)
         return seen
 

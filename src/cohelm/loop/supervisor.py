@@ -27,6 +27,7 @@ from cohelm.loop.stick import (
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.step import Decision
 from cohelm.robot.gate.modes import GateMode, driving, latched
+from cohelm.robot.keep.gated_robot import still
 from cohelm.robot.keep.process import GatedRobot
 
 _GATE = {
@@ -65,6 +66,8 @@ class Supervisor:
         self.rights = Authorization()
         self.problem = ""
         """What is wrong with this period's readings; empty: nothing..."""
+        self.reported = ""
+        """... the fault that the robot reports in them; empty: none..."""
         self.seen: Seen | None = None
         """... and what perception makes of them."""
         self.awaits_route = False
@@ -281,7 +284,7 @@ class Supervisor:
             self.rights.record_hold(requested)
             refusal = ""
         elif what == RequestKind.RESET:
-            refusal = self._refusal(requested, driver) or self.problem or self.gated.reset()
+            refusal = self._refusal(requested, driver) or self._broken() or self.gated.reset()
             if not refusal:
                 self._latched = (GateMode.IDLE, "")  # a stop that follows is another one
         elif what == RequestKind.ACKNOWLEDGE:
@@ -297,6 +300,10 @@ class Supervisor:
         for line in self._lines.add(self.gated.now(), text, text):
             self._log.event(line)
         return not refusal, refusal
+
+    def _broken(self) -> str:
+        """What is wrong with the robot: what it reports is the cause of readings that are old."""
+        return still(self.reported) if self.reported else self.problem
 
     def _stop(self, name: str) -> None:
         before = self.gated.gate

@@ -22,6 +22,7 @@ QUIET = 1.0
 """A refusal or limit is logged again once it has been absent for this long [s]."""
 STANDS_V, STANDS_OMEGA = 0.02, 0.03
 """A robot with less measured speed than this stands [m/s, rad/s]."""
+_CALLS = ("read", "send", "stop")
 _FADES = 0.8  # of how long a call took, from one period to the next
 _FARTHEST, _FASTEST = 1e6, 1e3
 """Bounds of plausible odometry: pose [m, rad] and twist [m/s, rad/s]."""
@@ -101,9 +102,9 @@ class LocalGatedRobot:
         begun = self._robot.now()
         readings = _bounded_odometry(self._called("read"))
         faults = () if readings.health is None else readings.health.faults
-        self._fault = f"the robot reports: {faults[0]}" if faults else ""
+        self._fault = faults[0] if faults else ""
         if self._fault:
-            self.fault(self._fault)
+            self.fault(f"the robot reports: {self._fault}")
         self._check_wait("read", begun)
         self._log_traceback()
         if self._monitors:
@@ -152,7 +153,7 @@ class LocalGatedRobot:
         """Clear a stop or fault, into IDLE; not while the robot reports a fault, which would latch
         again at once."""
         if self._fault and latched(self._gate.mode):
-            return self._fault
+            return still(self._fault)
         gate, refusal = gates.reset(self._gate, self._robot.now(), self._rules)
         self._apply(gate)
         return refusal
@@ -271,6 +272,14 @@ class LocalGatedRobot:
             after = odometry.stamp - self._latched_at
             self._publish(Event(odometry.stamp, "gate", f"stands, {after:.2f} s after"))
             self._latched_at = math.nan
+
+
+def still(fault: str) -> str:
+    """Why there is no reset: what a robot reported stays. fault: as it reports it."""
+    call, failed, what = fault.partition(" failed: ")
+    if failed and call in _CALLS:
+        return f"{call} still fails: {what}"
+    return f"the robot reports: {fault}"
 
 
 def standing(twist: Twist) -> bool:
