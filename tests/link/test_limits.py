@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import math
 import socket
 import time
 
@@ -173,6 +174,31 @@ def test_the_lease_is_not_handed_to_a_client_that_fell_silent(robot, raw, monkey
         driver.say(command(next(numbers), session=1))
         time.sleep(0.05)
     assert robot._held == LeaseState(held)
+
+
+def test_of_a_driver_that_is_not_heard_any_more_the_others_are_told(robot, keys, raw, monkeypatch):
+    """A station that was started again read that it drives itself, before it died."""
+    monkeypatch.setattr("cohelm.link.robot_end.TAKEOVER_AFTER", 0.5)
+    driver, numbers = raw(), itertools.count(1)
+
+    def say() -> None:
+        k = next(numbers)
+        driver.say(command(k, Request(k, RequestKind.TAKE, 0, time.monotonic()), session=1))
+        time.sleep(0.05)
+
+    with StationEnd(keys[1], HERE, robot.address[1]) as other:
+
+        def left(*turns) -> float:
+            for turn in (lambda: robot.send_status(STATUS), *turns):
+                turn()
+            told = other.status()
+            return math.nan if told is None else told.message.lease.left
+
+        until(lambda: robot.driver and other.status(), turn=lambda: (say(), left()))
+        for _ in range(5):
+            assert math.isnan(left(say))
+        until(lambda: left() == 0.0)  # the driver is silent now
+        assert robot.driver
 
 
 def test_client_numbers_are_reused_and_new_clients_get_a_status(robot, keys):

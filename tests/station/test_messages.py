@@ -103,6 +103,15 @@ def test_a_driver_whose_page_is_closed_is_said_to_be_so() -> None:
     assert view.who(lease, {3: "operator 2"}, ["operator 2"]).driver == "desk (2)"
 
 
+def test_a_driver_that_the_robot_does_not_hear_is_said_to_be_lost_but_not_to_itself() -> None:
+    lease = STATUS.lease._replace(you=3, driver=2, driver_name="desk")
+    assert not view.who(lease, {}, []).driver_lost
+    assert not view.who(lease._replace(requester=4, left=3.0), {}, []).driver_lost
+    assert view.who(lease._replace(left=0.0), {}, []).driver_lost
+    assert not view.who(lease._replace(left=0.0, you=2), {}, []).driver_lost
+    assert not view.who(lease._replace(left=0.0, driver=0), {}, []).driver_lost
+
+
 LONG = "what an alarm says may take more than the sixty-four bytes of a status, " * 3
 
 

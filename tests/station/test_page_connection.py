@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from cohelm.core.types import Pose
+from cohelm.core.types import CENTRED, Pose
 from cohelm.law.verdict import Verdict
 from cohelm.link.bulk_messages import (
     Checked,
@@ -28,6 +28,8 @@ from cohelm.link.messages import (
     AlarmKind,
     Answer,
     Arming,
+    Command,
+    Device,
     Discs,
     Localised,
     Mode,
@@ -36,6 +38,7 @@ from cohelm.link.messages import (
     Severity,
 )  # fmt: skip
 from cohelm.link.robot_end import RobotEnd
+from cohelm.link.station_end import StationEnd
 from cohelm.station import app
 from cohelm.station.serve import Server
 from tests.few import first
@@ -855,6 +858,7 @@ UPPERMOST = """(one) => {
 }"""
 
 
+REST = Command(CENTRED, False, False, Device.NONE)
 ALONE = "must stop by its own time-out: look at it"
 
 
@@ -883,6 +887,24 @@ def test_without_a_link_the_driver_is_told_what_the_robot_does_now(
         alarms = page.get_by_label("Alarms", exact=True)
         expect(alarms).to_contain_text(f"No link to the robot: the display is {does}")
         expect(alarms.locator(".alarm")).to_have_count(1)
+
+
+def test_the_page_of_a_station_that_was_started_again_takes_over_from_the_one_that_died(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    """It read that its own earlier self drives, and could only request control of that."""
+    with (
+        Bare(tmp_path, STATUS) as robot,
+        served(robot.connect) as server,
+        StationEnd(robot.keys, "127.0.0.1", robot.port, speaks_for=0.5) as dead,
+    ):
+        until(lambda: dead.status(), turn=lambda: dead.steer(REST))
+        dead.ask(RequestKind.TAKE)
+        until(lambda: robot.end.driver, turn=lambda: dead.steer(REST))
+        page = page_of(context, server)  # and the other one says nothing from now on
+        expect(who(page)).to_contain_text("drove; connection lost")
+        expect(who(page).get_by_role("button", name="Request control")).to_have_count(0)
+        take(page)
 
 
 def test_of_a_robot_whose_process_has_ended_no_page_says_that_it_stops_or_drives_on(

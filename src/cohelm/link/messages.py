@@ -237,7 +237,8 @@ class Lease(NamedTuple):
     """Client that requests the lease; 0: none."""
     requester_name: Name
     left: float
-    """Time until it is handed over without an answer [s]; NaN where it is not requested."""
+    """Time until it is handed over without an answer [s]; NaN where it is not requested, and 0
+    where the driver sends nothing: whoever requests it has it at once."""
 
 
 class TimingReport(NamedTuple):

@@ -331,8 +331,7 @@ class RobotEnd(IoThread):
     def _lease_request(self, client: Client, request: Request, now: float) -> None:
         held = self._held
         if request.what is RequestKind.TAKE:
-            driver = self._clients.get(held.driver)
-            silent = driver is None or now - driver.last > TAKEOVER_AFTER
+            silent = self._silent(held.driver, now)
             outcome = lease.take(held, client.number, now, silent)
         elif request.what is RequestKind.GIVE:
             outcome = lease.give(held, client.number, request.value, frozenset(self._clients))
@@ -341,6 +340,11 @@ class RobotEnd(IoThread):
         self.answer(client.number, request.number, outcome.granted, outcome.reason)
         taken = request.what is RequestKind.TAKE
         self._lease(outcome.held, f"requested by {client.name}", taken=taken)
+
+    def _silent(self, driver: int, now: float) -> bool:
+        """Whether the driver is not waited for."""
+        client = self._clients.get(driver)
+        return client is None or now - client.last > TAKEOVER_AFTER
 
     def _before_lease(self, client: Client, made: float, now: float) -> bool:
         """Whether that was before the client could know that it is the driver. made: by its clock
@@ -406,12 +410,13 @@ class RobotEnd(IoThread):
 
     def _completed(self, client: Client, status: Status) -> Status:
         with self._lock:
-            held = self._held
+            held, now = self._held, self.clock()
             path = client.path
+            gone = held.driver != lease.NO_DRIVER and self._silent(held.driver, now)
             return status._replace(
                 lease=Lease(
                     client.number, held.driver, self._clients.name(held.driver), held.requester,
-                    self._clients.name(held.requester), held.until - self.clock(),
+                    self._clients.name(held.requester), 0.0 if gone else held.until - now,
                 ),
                 answers=client.due_answers(),
                 timing=status.timing._replace(

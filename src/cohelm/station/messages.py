@@ -142,6 +142,8 @@ class Who(Schema):
     type: Literal["who"] = "who"
     you_drive: bool
     driver: str | None
+    driver_lost: bool
+    """Whether the robot hears nothing of the driver: nobody drives, and it can be taken over."""
     requester: str | None
     """The operator that requests the lease from the driver."""
     requester_client: int

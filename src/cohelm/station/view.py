@@ -85,6 +85,7 @@ def who(lease: robot.Lease, names: dict[int, str], operators: list[str]) -> page
     return page.Who(
         you_drive=lease.you == lease.driver != 0,
         driver=name(lease.driver, lease.driver_name),
+        driver_lost=lease.left == 0.0 and lease.driver not in (0, lease.you),
         requester=name(lease.requester, lease.requester_name), requester_client=lease.requester,
         you_request=lease.requester == lease.you != 0,
         left_s=None if left is None else math.ceil(max(left, 0.0)), operators=operators,

@@ -24,7 +24,7 @@ export interface Lease {
   /** Client that requests the lease; 0: none. */
   requester: number
   requester_name: string
-  /** Time until it is handed over without an answer [s]; NaN where it is not requested. */
+  /** Time until it is handed over without an answer [s]; NaN where it is not requested, and 0 where the driver sends nothing: whoever requests it has it at once. */
   left: number | null
 }
 
@@ -152,6 +152,8 @@ export interface Who {
   type: 'who'
   you_drive: boolean
   driver: string | null
+  /** Whether the robot hears nothing of the driver: nobody drives, and it can be taken over. */
+  driver_lost: boolean
   /** The operator that requests the lease from the driver. */
   requester: string | null
   requester_client: number

@@ -46,6 +46,8 @@ export const stateAt = signal(0)
 export const clock = signal(0)
 
 export const isReplay = computed(() => welcome.value?.replay_s != null)
+/** Whether nobody drives: the lease is free, or the robot hears nothing of its driver. */
+export const nobodyDrives = computed(() => who.value === null || who.value.driver === null || who.value.driver_lost)
 export const youDrive = computed(() => who.value?.you_drive === true && connection.value === 'open')
 
 /** Whether what is shown is the robot's present state, as far as the station knows. */

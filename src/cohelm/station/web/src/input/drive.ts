@@ -40,8 +40,8 @@ export const notArmedReason = computed(() => {
 export const noEffectReason = computed(() => {
   const state = s.state.value
   if (state === null || !deflected(command.value.stick)) return ''
-  const { driver = null, you_request = false } = s.who.value ?? {}
-  const lease = s.youDrive.value ? '' : driver === null ? 'press Take over first' : you_request ? 'you have requested control, and wait for it' : 'press Request control first'
+  const you_request = s.who.value?.you_request ?? false
+  const lease = s.youDrive.value ? '' : s.nobodyDrives.value ? 'press Take over first' : you_request ? 'you have requested control, and wait for it' : 'press Request control first'
   return needed(lease, state.stopped !== '', state.mode)
 })
 

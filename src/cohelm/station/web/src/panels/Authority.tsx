@@ -75,7 +75,7 @@ function Why() {
 
 function reader(): Reader {
   if (s.isReplay.value || !s.linked.value) return 'nobody'
-  return s.youDrive.value ? 'driver' : s.who.value?.driver == null ? 'anyone' : 'other'
+  return s.youDrive.value ? 'driver' : s.nobodyDrives.value ? 'anyone' : 'other'
 }
 
 function leads(is: boolean): string {

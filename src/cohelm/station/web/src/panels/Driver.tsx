@@ -1,4 +1,5 @@
 // The driver, and the requests to change it.
+import type { Who } from '../messages'
 import { ask } from '../socket'
 import * as s from '../state'
 import { modeName } from './format'
@@ -43,7 +44,7 @@ export function Driver() {
   return (
     <div class="driver" role="group" aria-label="Who drives">
       <span role="status">
-        {!linked ? 'No link' : mine ? <strong>You drive</strong> : who.driver === null ? 'No driver' : `${who.driver} drives`}
+        {!linked ? 'No link' : mine ? <strong>You drive</strong> : who.driver === null ? 'No driver' : driverLine(who)}
         {linked && who.operators.length > 1 && <small> · {who.operators.length} connected</small>}
       </span>
       {/* each with a key: none is made of another, whose focus it would have */}
@@ -56,13 +57,17 @@ export function Driver() {
           <button type="button" onClick={() => ask('refuse')}>Keep</button>
         </span>
       )}
-      {!who.you_drive && who.driver === null && <button key="take" type="button" onClick={() => ask('take')}>Take over</button>}
-      {linked && !who.you_drive && who.driver !== null && !who.you_request && (
+      {!who.you_drive && s.nobodyDrives.value && <button key="take" type="button" onClick={() => ask('take')}>Take over</button>}
+      {linked && !who.you_drive && !s.nobodyDrives.value && !who.you_request && (
         <button key="ask" type="button" onClick={() => ask('take')}>Request control</button>
       )}
       {linked && who.you_request && <span role="status">requested<span aria-hidden="true">{left}</span></span>}
     </div>
   )
+}
+
+function driverLine({ driver, driver_lost }: Who): string {
+  return driver_lost ? `${driver} drove; connection lost` : `${driver} drives`
 }
 
 /** Driver, mode and stop reason of a record; read-only. */

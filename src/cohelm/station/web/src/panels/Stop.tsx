@@ -19,7 +19,7 @@ export function Stop() {
         <div class="stopped">
           <span><b>Stopped:</b> {why}</span>
           {/* why it is grey stands beside it, and is read out with it */}
-          {other && <small id="reset-by">{s.who.value?.driver == null ? 'Take over first' : 'by the driver'}</small>}
+          {other && <small id="reset-by">{s.nobodyDrives.value ? 'Take over first' : 'by the driver'}</small>}
           <button type="button" disabled={!s.mayDrive.value} aria-describedby={other ? 'reset-by' : undefined} onClick={() => ask('reset')}>
             Reset
           </button>
