@@ -1022,3 +1022,20 @@ def test_without_a_link_nothing_is_said_to_help(context: BrowserContext, tmp_pat
         page.evaluate("testPad.deflect(0, 1)")
         page.wait_for_timeout(500)
         expect(alarms.locator(".alarm")).to_have_count(1)
+
+
+def test_in_auto_a_centred_stick_that_the_robot_has_not_received_is_no_alarm(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    """On a busy machine it flickered, of a stick that is not used."""
+    status = STATUS._replace(mode=Mode.AUTOMATIC)  # and its stick is absent
+    with Bare(tmp_path, status) as robot, served(robot.connect) as server:
+        page = page_of(context, server)
+        take(page)
+        expect(page.locator(".device")).to_have_text("keyboard: not used in Auto")
+        assert "does not steer" not in page.get_by_label("Alarms", exact=True).inner_text()
+        page.keyboard.down("ArrowUp")
+        expect(page.get_by_label("Alarms", exact=True)).to_contain_text("mode is Auto")
+        page.keyboard.up("ArrowUp")
+        robot.status = STATUS._replace(mode=Mode.SHARED)
+        expect(page.get_by_label("Alarms", exact=True)).to_contain_text("not received by the")

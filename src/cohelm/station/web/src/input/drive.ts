@@ -28,11 +28,11 @@ const unarmed = signal('no stick in use')
 export const notArmedReason = computed(() => {
   if (!command.value.armed) return unarmed.value
   if (!s.youDrive.value) return ''
-  // only the newest command is used: the robot may have missed the centred one
+  // only the newest command is used: the robot may have missed the centred one; a centred stick in Auto is not used
   switch (s.state.value?.arming) {
     case 'armed': return ''
     case 'waiting': return 'waiting for your stick to be centred'
-    default: return 'not received by the robot yet'
+    default: return s.state.value?.mode === 'automatic' && !deflected(command.value.stick) ? '' : 'not received by the robot yet'
   }
 })
 
