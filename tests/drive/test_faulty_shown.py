@@ -93,3 +93,36 @@ def test_the_log_has_the_lines_of_a_traceback_below_each_other(tmp_path):
     assert [line.strip() for line in lines[1:3]] == ["Traceback", "here"]
     assert all(line.startswith(" " * 13) for line in lines[1:3])
     assert lines[3].endswith("gate: next")
+
+
+def test_after_a_fault_of_the_scan_the_limit_in_force_is_shown_with_what_happened():
+    """It said that scans and odometry had disagreed, and the panel that there was no limit."""
+    watching = Watching()
+    with Session(SessionConfig(failing("scans are no number", at=3.0)), watching) as session:
+        gated = session.gated
+
+        def run(seconds: float) -> None:
+            end = gated.now() + seconds
+            session.loop.run(lambda loop: loop.gated.now() > end, real_time=False)
+
+        def drive() -> None:
+            assert session.loop.supervisor.choose(Mode.AUTOMATIC) == ""
+
+        run(1.0)
+        drive()
+        run(4.0)
+        assert latched(gated.gate.mode)
+        gated._robot._fault = ""
+        run(1.0)
+        assert gated.reset() == ""
+        run(0.1)
+        said = "after a scan that was not a number, for up to 0.5 m: drive on"
+        for _ in range(2):  # it stands, and then drives
+            status = watching.statuses[-1]
+            assert status.speed_cap == pytest.approx(0.08)
+            assert status.cap_reason.startswith(said)
+            drive()
+            run(1.0)
+        assert status.why.startswith(said)
+        run(12.0)
+        assert watching.statuses[-1].speed_cap == math.inf

@@ -16,7 +16,7 @@ from cohelm.loop.docking import Docking
 from cohelm.loop.drive_log import DriveLog
 from cohelm.loop.driver import Driver
 from cohelm.loop.sensor_watchdog import SensorWatchdog, timeouts
-from cohelm.loop.speed_caps import NO_CAP, UNCAPPED_DELAY, latency_cap, lost_cap, unseen_cap
+from cohelm.loop.speed_caps import NO_CAP, UNCAPPED_DELAY, Cap, latency_cap, lost_cap, unseen_cap
 from cohelm.loop.status import PeriodReport, Reporter
 from cohelm.loop.stick import ArmingParams
 from cohelm.loop.supervisor import PLANNED, Supervisor
@@ -168,7 +168,9 @@ class Loop:
             now, readings, seen, supervisor.stick_state, decision, passed.applied,
             watchdog.measures, watchdog.sees,
         )  # fmt: skip
-        words = supervisor.status_words(passed.reason, self.cap)
+        limit = Cap(passed.limit, passed.limit_reason)
+        slowest = min(self.cap, limit) if limit.speed < self.driver.settings.gains.u_d else self.cap
+        words = supervisor.status_words(passed.reason, slowest)
         self._reporter.report(report, self._loop_fields(seen), words, self.timing.recent)
         self._keep_time(now)
 

@@ -6,6 +6,7 @@ share of the proposed twist, or faults the gate, with a reason.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, Protocol
 
 from cohelm.core.types import Twist
@@ -21,6 +22,10 @@ class Restriction(NamedTuple):
     """Why it is restricted; empty where it is not."""
     fault: bool = False
     """Whether the gate latches a fault."""
+    limit: float = math.inf
+    """The speed limit that is in force, whether the motion is slower or not [m/s]..."""
+    limit_reason: str = ""
+    """... and its reason."""
 
 
 UNRESTRICTED = Restriction()

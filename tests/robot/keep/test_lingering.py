@@ -325,7 +325,11 @@ def driven(made: AdaptedMaker, kills: bool = False) -> None:
 )  # fmt: skip
 def test_how_the_gate_process_has_ended_is_said(at, how, said):
     made = AdaptedMaker(functools.partial(Crashes, how=how, at=at), sally())
-    then = "; the robot must stop by its own" if at else f" while it made {__name__}:Crashes: run that alone"
+    then = (
+        "; the robot must stop by its own"
+        if at
+        else f" while it made {__name__}:Crashes: run that alone"
+    )
     with pytest.raises(CohelmError, match=rf"the gate process has ended \({said}\){then}"):
         driven(made)
 

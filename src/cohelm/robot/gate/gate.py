@@ -79,6 +79,10 @@ class Passed(NamedTuple):
     """For the wheels, now."""
     reason: str
     """Why it differs from the proposal; empty where it does not."""
+    limit: float = math.inf
+    """The monitors' speed limit [m/s], infinite: there is none..."""
+    limit_reason: str = ""
+    """... and its reason."""
 
 
 def propose(gate: Gate, proposal: Proposal, now: float, rules: GateRules) -> tuple[Gate, Passed]:

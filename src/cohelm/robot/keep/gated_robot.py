@@ -124,9 +124,8 @@ class LocalGatedRobot:
     def propose(self, proposal: Proposal) -> Passed:
         """Apply the monitors' restrictions and the gate, then send."""
         now, twist = self._robot.now(), proposal.twist
-        restriction = self._strictest(
-            [self._restriction, *(monitor.restrict(now, twist) for monitor in self._monitors)]
-        )
+        each = [self._restriction, *(one.restrict(now, twist) for one in self._monitors)]
+        restriction, slowest = self._strictest(each), min(each, key=lambda one: one.limit)
         share = self.monitor_share = restriction.share
         if share < 1.0:
             proposal = proposal._replace(twist=Twist(share * twist.v, share * twist.omega))
@@ -134,6 +133,7 @@ class LocalGatedRobot:
         gate, passed = gates.propose(self._gate, proposal, now, self._rules)
         if share < 1.0 and driving(gate.mode):
             passed = passed._replace(reason=restriction.reason)
+        passed = passed._replace(limit=slowest.limit, limit_reason=slowest.limit_reason)
         return self._send(gate, passed)
 
     def tick(self) -> Passed:
@@ -218,7 +218,8 @@ class LocalGatedRobot:
         tried = self._called("send", passed.applied)
         self._check_wait("send", begun)
         if tried != passed.applied:
-            passed = Passed(tried, passed.reason or "the robot does not do more")
+            why = passed.reason or "the robot does not do more"
+            passed = passed._replace(applied=tried, reason=why)
         if passed.reason and driving(gate.mode):
             self._log_once(f"{'refused' if refused else 'limited'}: {passed.reason}")
         return passed

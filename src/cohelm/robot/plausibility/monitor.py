@@ -74,9 +74,11 @@ class PlausibilityMonitor:
         """Limit the speed of the fastest part of the outline."""
         fastest = abs(twist.v) + self._reach * abs(twist.omega)
         limit, reason = self._limit(now, twist)
-        if not fastest > limit:
+        if math.isinf(limit):
             return UNRESTRICTED
-        return Restriction(limit / fastest, reason)
+        if not fastest > limit:
+            return Restriction(limit=limit, limit_reason=reason)
+        return Restriction(limit / fastest, reason, limit=limit, limit_reason=reason)
 
     def _forget(self) -> None:
         """Reset, after the clock jumped or `observe` was not called for a while."""

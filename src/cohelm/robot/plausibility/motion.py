@@ -56,6 +56,7 @@ _PROVEN = 0.12  # way over which odometry and scans have to agree after a disagr
 _AGREED = 0.04  # ... within this [m]
 _NEW_SCENE = 2.0  # way without a visible bow after which a changed scene is accepted [m]
 _GIVE_UP = 0.5  # way after which this check is given up: the scans do not show the motion [m]
+_DISAGREED = "a disagreement of scans and odometry"
 _LEG = 0.3  # length of a sample of the long run [m]
 _LEGS, _KEPT = 8, 10  # legs before the way is judged, and legs kept
 _OPPOSED = 0.25  # largest ratio of the sum of two turns, one the other way, to their difference
@@ -77,6 +78,8 @@ class Motion:
         self._lag = np.zeros((2, 2))  # speeding up, slowing down: change^2, change * error
         self.doubted = False
         """Whether scans and odometry have disagreed, and not agreed over some way since."""
+        self.cause = ""
+        """After what they are doubted: a noun, for a sentence."""
         self._probe: Sight | None = None
         self._other: Sight | None = None
         """The first sight of a changed scene, until its ranges are confirmed."""
@@ -100,12 +103,15 @@ class Motion:
             self._recent.popleft()
         found: list[Finding] = []
         self.blinded = None
+        cause = ""
         if self._recent:
             found += self._look_for(self._recent[-1], now)
             found += self._grown(now)
+            cause = "a sudden change of the scan" if found else ""
             found += self._compare(_oldest(self._recent, now), now)
         found += self._late()
         if found:
+            self.cause = cause or _DISAGREED
             self._recent.clear()
             self._spaced.clear()
             self.doubted, self._probe = True, None
@@ -210,12 +216,17 @@ class Motion:
                 self.doubted = self._unproven(now)
                 self._probe = now
             elif made.against > made.for_it:
-                self._probe = None
+                self._probe, self.cause = None, _DISAGREED
                 return [hold(f"scans and odometry still disagree: {error:.2f} m in {way:.2f} m")]
         if way > _GIVE_UP:  # not to be decided: try anew, unless there is nothing to decide by
             self.doubted = self.doubted and (shown or self._unproven(now))
             self._probe = None
         return []
+
+    @property
+    def to_go(self) -> float:
+        """The way over which they have to agree, at most [m]."""
+        return _GIVE_UP if self._other is None else _NEW_SCENE
 
     def _unproven(self, now: Sight) -> bool:
         """Whether the scene changed, and neither walls nor a long way have since confirmed the

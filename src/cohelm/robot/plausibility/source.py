@@ -82,8 +82,10 @@ class PlausibilitySource:
         """The speed limit for any motion."""
         if not self._motion.doubted:
             return None
+        motion = self._motion
         return self._crawl(
-            "scans and odometry disagreed, and have to agree first over some distance"
+            f"after {motion.cause}, for up to {motion.to_go:g} m: drive on until scans and "
+            "odometry agree"
         )
 
     def _look(self, scan: Scan, trail: Trail) -> list[Finding]:
@@ -94,6 +96,8 @@ class PlausibilitySource:
         sight = sighted(self._lidar, ranges, scan.stamp, scan.duration, trail)
         self._looked = sight.stamp
         found = self._motion.take(sight)
+        if found and np.isnan(ranges).all():
+            self._motion.cause = "a scan that was not a number"
         angle = self._view.take(ranges, self._motion.blinded)
         if not self._view.blank:
             self._way = 0.0
