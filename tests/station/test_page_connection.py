@@ -866,10 +866,10 @@ ALONE = "must stop by its own time-out: look at it"
     ("carry_on", "mode", "does"),
     first(
         [
-            (False, Mode.SHARED, f"stale. The robot {ALONE}."),
+            (False, Mode.SHARED, "stale. The robot should stop by itself: look at it."),
             (True, Mode.SHARED, "stale. The robot drives on alone (--carry-on)."),
             (True, Mode.AUTOMATIC, "stale. The robot drives on alone (--carry-on)."),
-            (True, Mode.MANUAL, f"stale. The robot {ALONE}."),
+            (True, Mode.MANUAL, "stale. The robot should stop by itself: look at it."),
         ],
         2,
     ),

@@ -58,6 +58,7 @@ class LocalGatedRobot:
         """recorder, viewer: receive the gate's events. watched_by: by default `watch.monitors`.
         calling: told which call of the robot's driver begins, and with "" that it has ended."""
         self._robot, self._rules, self._calling = robot, rules, calling
+        self._traced = robot if isinstance(robot, Traced) else None
         self._monitors = monitors(robot.model, rules) if watched_by is None else watched_by
         self._fault = ""
         """Fault that the robot reports in its newest readings."""
@@ -193,7 +194,7 @@ class LocalGatedRobot:
 
     def _log_traceback(self) -> None:
         """Log where the robot's own code failed."""
-        if isinstance(self._robot, Traced) and (text := self._robot.traceback()):
+        if self._traced is not None and (text := self._traced.traceback()):
             seen = self._gate.clock  # the robot's own may fail, too
             self._publish(Event(seen if math.isfinite(seen) else 0.0, "gate", text, True))
 

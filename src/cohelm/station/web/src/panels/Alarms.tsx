@@ -28,7 +28,7 @@ function withoutUs(why: string): string {
   if (s.robot.value === null || why.includes(ALONE)) return ''
   const mode = s.state.value?.mode
   const on = s.robot.value.carry_on && (mode === 'shared' || mode === 'automatic') && !why.startsWith(ENDED)
-  return on ? ' The robot drives on alone (--carry-on).' : ` The robot ${ALONE}.`
+  return on ? ' The robot drives on alone (--carry-on).' : ' The robot should stop by itself: look at it.'
 }
 
 function localAlarms(): ShownAlarm[] {
