@@ -92,7 +92,7 @@ def test_other_files_in_the_output_folder_are_kept(cohelm, tmp_path):
 def test_warnings_are_printed_on_stderr_beside_the_json_object(cohelm):
     said = cohelm("run", *BRIEF, "--set", "reference.speed_mps=5", "--json")
     assert said.code == 0
-    assert said.err.startswith("warning: reference: asks for a speed of 5")
+    assert said.err.startswith("warning: reference: asks for a speed of 3.")
     assert json.loads(said.out)["scenario"] == "minimal"
 
 
