@@ -60,8 +60,9 @@ def test_a_lost_robot_waits_and_can_still_be_driven_with_the_guard_on_the_scan()
         assert loop.driver.pilot.state.clock == tau  # the reference waits
         assert math.dist(waits[0].pose[:2], waits[-1].pose[:2]) < 0.05
         assert operator.statuses[-1].localised == Localised.LOST
-        assert operator.statuses[-1].speed_cap == MAX_LOST_SPEED  # it crawls, and says why
-        assert "lost" in operator.statuses[-1].cap_reason
+        said = operator.statuses[-1]  # the plausibility monitor's limit, which is the lower one
+        assert said.speed_cap < MAX_LOST_SPEED
+        assert said.cap_reason.startswith("after a sudden change of the scan")
         ahead = drive(ASIDE)
         assert max(abs(truth.twist.v) for truth in ahead) < MAX_LOST_SPEED + 0.02
         assert math.dist(ahead[0].pose[:2], ahead[-1].pose[:2]) > 0.5  # the person drives

@@ -9,6 +9,7 @@ from cohelm.drive.operate import End, mode_and_stick
 from cohelm.drive.session import SessionConfig
 from cohelm.drive.until_ended import drive_here
 from cohelm.link.messages import Mode, RequestKind, Severity
+from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from tests.drive.faults import CORRIDOR
 from tests.drive.resuming import Drive
 from tests.drive.simulated_link import checked
@@ -97,11 +98,12 @@ def test_a_check_that_fails_holds_nobody_up(tmp_path, fails):
 
 
 def driven(changes: list[str], real_time: bool, seconds: float) -> dict:
+    """On a map that is not the site's own."""
     made = simulated(CORRIDOR, real_time=real_time, changes=changes)
     mode, stick = mode_and_stick(made, "automatic")
-    return drive_here(
-        SessionConfig(made), mode, stick, End([]), seconds, begun=lambda _: nullcontext()
-    )
+    known = map_from_geometry(made.scenario.walls(), made.start)
+    plan = SessionConfig(made, known=known)
+    return drive_here(plan, mode, stick, End([]), seconds, begun=lambda _: nullcontext())
 
 
 def test_without_a_station_it_is_in_the_summary():

@@ -12,7 +12,7 @@ from cohelm.robot.contacts import CliffModel, ContactModel
 from cohelm.robot.gate.gate import Proposal
 from cohelm.robot.gate.modes import GateMode
 from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
-from cohelm.robot.monitor import UNRESTRICTED
+from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.port import Contact, Readings
 from cohelm.scenario.load import robot
 from cohelm.sim.kinematic import Kinematic
@@ -59,7 +59,7 @@ def test_while_none_is_on_everything_passes():
     ],
 )
 def test_driven_against_it_is_a_fault_that_names_it(on, applied, reason):
-    assert watching(on, applied=applied)[1] == (0.0, reason, True)
+    assert watching(on, applied=applied)[1] == Restriction(0.0, reason, True)
     assert watching(on, applied=STILL)[1] == UNRESTRICTED
     assert watching(on, applied=Twist(-applied.v, 0.0))[1] == UNRESTRICTED
 
@@ -124,7 +124,7 @@ def test_without_the_messages_of_any_of_them_nothing_passes(readings, now, reaso
     it = ContactMonitor(MODEL)
     it.observe(1.0, readings, STILL)
     for twist in (Twist(0.3, 0.0), Twist(-0.3, 0.0), Twist(0.0, 0.2)):
-        assert it.restrict(now, twist) == (0.0, f"contact monitor: {reason}", False)
+        assert it.restrict(now, twist) == Restriction(0.0, f"contact monitor: {reason}")
     assert it.restrict(now, STILL) == UNRESTRICTED
 
 

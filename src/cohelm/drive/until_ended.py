@@ -47,7 +47,9 @@ def drive_here(
                 topics.attend(session)
                 topics.begin(session)
             operator.watches(clock)
-            leads = mode in PLANNED and not number and to_check(session)
+            # the walls of a simulated robot's own site are where its route was drawn
+            foreign = plan.known is not None or plan.robot.kind == "own"
+            leads = mode in PLANNED and not number and foreign and to_check(session)
             route_check = stack.enter_context(checked_route(session)) if leads else None
             end = clock() + (math.inf if seconds is None else seconds)
 

@@ -15,7 +15,7 @@ from cohelm.robot.collision_monitor.surroundings import REMEMBERED, MonitorSurro
 from cohelm.robot.collision_monitor.switched_on import VOUCHED
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.watch import described, monitors
-from cohelm.robot.monitor import UNRESTRICTED
+from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.port import AHEAD, Odometry, Readings, Scan
 from cohelm.scenario.load import robot
 
@@ -351,7 +351,7 @@ def test_a_scan_that_does_not_come_stops_it():
     patience = MISSED / 10.0
     assert it.restrict(1.0 + patience - 1e-6, Twist(0.3, 0.0)) == UNRESTRICTED
     late = it.restrict(1.0 + patience + 0.0006, Twist(0.3, 0.0))
-    assert late == (0.0, "collision monitor: no scan for 301 ms", False)
+    assert late == Restriction(0.0, "collision monitor: no scan for 301 ms")
     assert standing(empty()).restrict(3.0, Twist(0.3, 0.0)).reason.endswith("no scan for 2000 ms")
 
 
@@ -382,10 +382,10 @@ WRONG = {
 def test_unusable_readings_stop_it_with_the_reason(said):
     it = standing(empty())
     assert it.observe(1.02, WRONG[said], STILL) == UNRESTRICTED
-    assert it.restrict(1.02, Twist(0.3, 0.0)) == (0.0, f"collision monitor: {said}", False)
+    assert it.restrict(1.02, Twist(0.3, 0.0)) == Restriction(0.0, f"collision monitor: {said}")
     fresh = watch()
     assert fresh.observe(1.02, WRONG[said], STILL) == UNRESTRICTED
-    assert fresh.restrict(1.02, Twist(0.3, 0.0)) == (0.0, f"collision monitor: {said}", False)
+    assert fresh.restrict(1.02, Twist(0.3, 0.0)) == Restriction(0.0, f"collision monitor: {said}")
     it.observe(1.04, readings(1.04, empty()), STILL)
     assert it.restrict(1.04, Twist(0.3, 0.0)) == UNRESTRICTED
 
@@ -404,7 +404,7 @@ def test_no_number_of_the_odometry_is_used_that_is_none(which):
 
 def test_before_any_reading_nothing_passes():
     found = watch().restrict(1.0, Twist(0.3, 0.0))
-    assert found == (0.0, "collision monitor: there is no scan", False)
+    assert found == Restriction(0.0, "collision monitor: there is no scan")
 
 
 def test_a_scan_from_the_future_is_refused():

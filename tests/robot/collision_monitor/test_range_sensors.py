@@ -9,7 +9,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.robot.collision_monitor.monitor import CollisionMonitor
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.watch import described
-from cohelm.robot.monitor import UNRESTRICTED
+from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.plausibility.monitor import PlausibilityMonitor
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.robot.sensors import LidarModel
@@ -59,7 +59,7 @@ def test_too_near_to_be_measured_holds_it_still_unless_it_backs_away():
 
 def test_silent_it_stops_the_robot_and_is_named():
     said = standing(None).restrict(1.0, Twist(0.3, 0.0))
-    assert said == (0.0, "collision monitor: sonar LiDAR: there is no scan", False)
+    assert said == Restriction(0.0, "collision monitor: sonar LiDAR: there is no scan")
     late = standing(1.0).restrict(1.6, Twist(0.3, 0.0))
     assert late.share == 0.0
 

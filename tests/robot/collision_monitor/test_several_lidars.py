@@ -9,7 +9,7 @@ from cohelm.core.types import Pose, Twist
 from cohelm.robot.collision_monitor.monitor import CollisionMonitor
 from cohelm.robot.keep.gated_robot import rules
 from cohelm.robot.keep.watch import described
-from cohelm.robot.monitor import UNRESTRICTED
+from cohelm.robot.monitor import UNRESTRICTED, Restriction
 from cohelm.robot.port import Odometry, Readings, Scan
 from cohelm.scenario.load import robot
 
@@ -87,7 +87,7 @@ def no_time(t):
 )
 @pytest.mark.parametrize("twist", [Twist(0.3, 0.0), BACK])
 def test_without_any_of_them_it_stops_and_names_it(given, said, twist):
-    assert standing(given).restrict(1.0, twist) == (0.0, f"collision monitor: {said}", False)
+    assert standing(given).restrict(1.0, twist) == Restriction(0.0, f"collision monitor: {said}")
 
 
 def test_each_has_a_time_out_of_its_own():
