@@ -117,4 +117,4 @@ def test_without_a_station_it_is_in_the_summary():
 
 @pytest.mark.xdist_group("realtime")
 def test_in_real_time_a_process_of_its_own_checks_it():
-    assert driven(OUTSIDE, True, 15.0)["not_begun"] == GOAL
+    assert driven(OUTSIDE, True, 10.0)["not_begun"] == GOAL
