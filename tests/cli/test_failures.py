@@ -4,6 +4,7 @@ import json
 import resource
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -150,3 +151,14 @@ def test_the_starting_time_is_not_negative_after_a_clock_change(monkeypatch):
         assert starting.text().endswith("(0 s)")
     finally:
         starting.over()
+
+
+def test_without_a_terminal_a_long_job_is_not_silent(monkeypatch, capsys):
+    monkeypatch.setattr(output, "_PROGRESS_EVERY", 0.05)
+    with output.progress("starting") as show:
+        show("episode 3 of 12", 0.25)
+        time.sleep(0.2)
+    said = capsys.readouterr().err
+    assert "episode 3 of 12: 25% (0 s)" in said
+    time.sleep(0.1)
+    assert capsys.readouterr().err == ""  # it is over

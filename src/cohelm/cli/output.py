@@ -19,6 +19,7 @@ import typer
 from cohelm.core.errors import CohelmError
 
 _SAID_EVERY = 10.0  # without a terminal the line is printed again at this interval [s]
+_PROGRESS_EVERY = 30.0  # ... and so is that of a long job [s]
 
 
 def named(path: str | Path) -> Path:
@@ -133,15 +134,47 @@ def plain(text: str) -> str:
 
 @contextmanager
 def progress(what: str) -> Generator[Callable[[str, float], None]]:
-    """A progress bar on stderr, on a terminal only; called with the text and the share done."""
+    """A progress bar on stderr, elsewhere than on a terminal a line now and then; called with the
+    text and the share done."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     stderr = console(stderr=True)
+    if not stderr.is_terminal:
+        with _lines(what) as show:
+            yield show
+        return
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
-    hidden = not stderr.is_terminal
-    with Progress(*columns, console=stderr, transient=True, disable=hidden) as bar:
+    with Progress(*columns, console=stderr, transient=True) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda doing, share: bar.update(task, description=doing, completed=min(share, 1.0))
+
+
+@contextmanager
+def _lines(what: str) -> Generator[Callable[[str, float], None]]:
+    """The same in lines, as in the log of a batch system."""
+    from cohelm.core.jit import compiled_since
+
+    now, over = [(what, 0.0)], threading.Event()
+    since, began = time.time(), time.monotonic()
+
+    def show() -> None:
+        while not over.wait(_PROGRESS_EVERY):
+            doing, share = now[0]
+            compiled = 0 if share > 0.0 else compiled_since(since)
+            counted = f", {compiled} functions compiled" if compiled else ""
+            say(plain(f"{doing}: {share:.0%}{counted} ({time.monotonic() - began:.0f} s)"))
+
+    thread = threading.Thread(target=show, name="progress", daemon=True)
+    thread.start()
+
+    def update(doing: str, share: float) -> None:
+        now[0] = (doing, min(share, 1.0))
+
+    try:
+        yield update
+    finally:
+        over.set()
+        thread.join(1.0)
 
 
 class Starting:
