@@ -158,7 +158,7 @@ class Planner(NamedTuple):
             task.obstacles.discs, task.pose, self.route.reference.speed, params.known,
             params.foresight,
         )  # fmt: skip
-        points = static_points
+        points = blocking = static_points
         if len(mover_points):
             points = np.concatenate((static_points, mover_points))
         refreshed, clearance = self._paced(now, state.clock.tau, points)
@@ -179,10 +179,10 @@ class Planner(NamedTuple):
             observed = task.obstacles._replace(
                 points=np.delete(task.obstacles.points, task.unobserved, axis=0)
             )
-            points = surface_points(observed, task.pose, params.known, _SPACING)
-            made = planner._course(task, points, kept, far)
+            blocking = surface_points(observed, task.pose, params.known, _SPACING)
+            made = planner._course(task, blocking, kept, far)
         if made.failed:
-            made = made._replace(course=self._stopping_short(task, made.course, static_points))
+            made = made._replace(course=self._stopping_short(task, made.course, blocking))
         if free and state.pinned > params.pinned and _once_a_second(task):
             out = self._back_out(task, static_points)
             if out is None:
