@@ -1,12 +1,13 @@
 """The route that a drive begins with is checked on its map, as edited routes are."""
 
-from contextlib import nullcontext
+from collections.abc import Generator
+from contextlib import contextmanager, nullcontext
 
 import pytest
 
 from cohelm.drive.factory import simulated
 from cohelm.drive.operate import End, mode_and_stick
-from cohelm.drive.session import SessionConfig
+from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.until_ended import drive_here
 from cohelm.link.messages import Mode, RequestKind, Severity
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
@@ -97,13 +98,32 @@ def test_a_check_that_fails_holds_nobody_up(tmp_path, fails):
     assert drive.session.route.startswith("the route could not be checked on the map: ")
 
 
-def driven(changes: list[str], real_time: bool, seconds: float) -> dict:
+class UntilChecked(End):
+    """Ends a drive when the check has found something."""
+
+    session: Session | None = None
+
+    @property
+    def reason(self) -> str:
+        return "" if self.session is None else self.session.route
+
+    @reason.setter
+    def reason(self, _: str) -> None: ...
+
+    @contextmanager
+    def of(self, session: Session) -> Generator[None]:
+        self.session = session
+        yield
+
+
+def driven(changes: list[str], real_time: bool, seconds: float, stop: End | None = None) -> dict:
     """On a map that is not the site's own."""
     made = simulated(CORRIDOR, real_time=real_time, changes=changes)
     mode, stick = mode_and_stick(made, "automatic")
     known = map_from_geometry(made.scenario.walls(), made.start)
     plan = SessionConfig(made, known=known)
-    return drive_here(plan, mode, stick, End([]), seconds, begun=lambda _: nullcontext())
+    begun = stop.of if isinstance(stop, UntilChecked) else lambda _: nullcontext()
+    return drive_here(plan, mode, stick, stop or End([]), seconds, begun=begun)
 
 
 def test_without_a_station_it_is_in_the_summary():
@@ -117,4 +137,4 @@ def test_without_a_station_it_is_in_the_summary():
 
 @pytest.mark.xdist_group("realtime")
 def test_in_real_time_a_process_of_its_own_checks_it():
-    assert driven(OUTSIDE, True, 10.0)["not_begun"] == GOAL
+    assert driven(OUTSIDE, True, 40.0, UntilChecked([]))["not_begun"] == GOAL
