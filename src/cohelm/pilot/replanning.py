@@ -201,8 +201,7 @@ class Planner(NamedTuple):
         may be a person."""
         s, params = self.settings, self.replan_params
         nose = float(s.outline[:, 0].max())
-        reach = float(np.hypot(s.outline[:, 0], s.outline[:, 1]).max())
-        standoff = reach - nose + self.path_params.clearance
+        standoff = farthest_corner(s.outline) - nose + self.path_params.clearance
         tau = task.state.clock.tau
         return paced(course, tau, params.look, points, s.outline, s.pace, standoff)[0]
 

@@ -13,6 +13,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.flat import numbers, read
 from cohelm.core.jit import jit
 from cohelm.core.obstacles import Obstacles, Surroundings
+from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Ints, Pose, Twist
 from cohelm.law.guard.rules import Rules, checked_rules
 from cohelm.law.guard.step import NOTHING, guard
@@ -217,7 +218,8 @@ def _filtered(
     long the wheels have done something else [s]."""
     limits, rules, horizon, patience, fastest = read(_FilterSettings, s, 0)
     d, k = len(sent), count[0]
-    known = abs(now_v) <= fastest.v and abs(now_omega) <= fastest.omega  # nor NaN
+    known = is_finite(now_v) and is_finite(now_omega)
+    known = known and abs(now_v) <= fastest.v and abs(now_omega) <= fastest.omega
     if not after >= 0.0:  # nor for NaN
         known, after = False, rules.dt
     dt = max(rules.dt, min(after, _LONGEST))
