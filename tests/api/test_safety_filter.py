@@ -169,7 +169,7 @@ def test_a_measured_twist_that_no_such_robot_has_stops_it_within_its_limits(meas
 @pytest.mark.parametrize("measured", [Twist(math.inf, 0.0), Twist(0.0, -math.inf)])
 def test_an_infinite_twist_is_none_also_without_limits_of_speed(measured):
     limits = Limits(math.inf, 2.0, math.inf, 6.0)
-    safe = SafetyFilter(SALLY, DT, limits=limits)
+    safe = SafetyFilter(SALLY, DT, limits=limits, delay=0.1)
     assert safe(HERE, measured, AHEAD, NOTHING)[:2] == (REST, Verdict.INVALID)
     assert safe(HERE, REST, Twist(0.02, 0.0), NOTHING).verdict == Verdict.UNTOUCHED
 
