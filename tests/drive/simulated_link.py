@@ -19,7 +19,7 @@ from cohelm.link import robot_bulk
 from cohelm.link.bulk_messages import Waypoints
 from cohelm.link.keys import pair_here
 from cohelm.link.listener import Guest
-from cohelm.link.messages import Command, Device, Request, RequestKind, Uplink
+from cohelm.link.messages import Command, Device, Mode, Request, RequestKind, Uplink
 from cohelm.link.robot_bulk import RobotBulk, _Station
 from cohelm.link.robot_end import RobotEnd
 from cohelm.link.wire import Header, encode
@@ -174,3 +174,14 @@ def checked(station: Station) -> list:
     said = list(station.bulk.replies)
     station.bulk.replies.clear()
     return said
+
+
+def chosen(link: SimulatedLink, mode: Mode):
+    """Part of a script: anna takes the lease and chooses a mode; returns her, and the answer."""
+    anna = Station(link, "anna")
+    yield from range(10)
+    anna.ask(RequestKind.TAKE)
+    yield from range(10)
+    number = anna.ask(RequestKind.MODE, mode)
+    yield from range(10)
+    return anna, anna.answers[number]

@@ -14,7 +14,7 @@ from cohelm.link.messages import Mode, RequestKind
 from cohelm.loop.supervisor import NO_ROUTE
 from tests.api import carts
 from tests.drive.resuming import SessionJobs
-from tests.drive.simulated_link import SimulatedLink, Station, checked
+from tests.drive.simulated_link import SimulatedLink, checked, chosen
 
 
 class Unnamed:
@@ -66,19 +66,9 @@ def drive(tmp_path):
         yield made
 
 
-def begun(drive: Unnamed, mode: Mode):
-    anna = Station(drive.link, "anna")
-    yield from range(10)
-    anna.ask(RequestKind.TAKE)
-    yield from range(10)
-    number = anna.ask(RequestKind.MODE, mode)
-    yield from range(10)
-    return anna, anna.answers[number]
-
-
 def test_shared_without_a_route_is_the_stick_alone(drive):
     def script():
-        anna, answer = yield from begun(drive, Mode.SHARED)
+        anna, answer = yield from chosen(drive.link, Mode.SHARED)
         assert answer == (True, "")
         yield from range(150)
         assert drive.x == pytest.approx(0.0, abs=0.01)
@@ -92,7 +82,7 @@ def test_shared_without_a_route_is_the_stick_alone(drive):
 
 def test_auto_without_a_route_is_refused_until_one_is_drawn(drive):
     def script():
-        anna, answer = yield from begun(drive, Mode.AUTOMATIC)
+        anna, answer = yield from chosen(drive.link, Mode.AUTOMATIC)
         assert answer == (False, NO_ROUTE)
         anna.propose(np.array([(1.5, 0.0)]))
         yield from range(100)

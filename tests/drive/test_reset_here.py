@@ -217,18 +217,20 @@ def test_a_reset_topic_needs_a_ros2_robot_without_stations(cohelm):
     refused(cohelm("robot", "lab-guard", *listens), "a station resets it: leave out --reset-from")
 
 
-def test_a_stop_is_not_reset_while_the_robot_reports_a_fault():
+def faulty_for_a_while(broken, why: str) -> None:
+    """A drive with a faulty robot, whose reset is refused with that reason, and later made. broken:
+    makes the faulty `read` of the sound one."""
     drive = Drive()
 
     def script(loop):
         yield from range(50)
         robot = loop.gated._robot
-        sound, sick = robot.read, Health(0.0, 0.5, ("the button is pressed",))
-        robot.read = lambda: sound()._replace(health=sick)
+        sound = robot.read
+        robot.read = broken(sound)
         yield from range(60)
         drive.asks()
         yield from range(10)
-        assert drive.said == ["/reset: not reset: the robot reports: the button is pressed"]
+        assert drive.said == [f"/reset: not reset: {why}"]
         robot.read = sound
         yield from range(10)
         drive.asks()
@@ -236,25 +238,21 @@ def test_a_stop_is_not_reset_while_the_robot_reports_a_fault():
         assert drive.said[1].startswith("/reset: reset")
 
     drive.run(script)
+
+
+def test_a_stop_is_not_reset_while_the_robot_reports_a_fault():
+    sick = Health(0.0, 0.5, ("the button is pressed",))
+    faulty_for_a_while(
+        lambda read: lambda: read()._replace(health=sick),
+        "the robot reports: the button is pressed",
+    )
 
 
 def test_a_reset_is_refused_for_the_call_that_still_fails_and_not_for_the_readings_that_age_by_it():
-    drive = Drive()
+    failed = Health(0.0, 0.5, ("read failed: OSError: no device",))
 
-    def script(loop):
-        yield from range(50)
-        robot = loop.gated._robot
-        sound, kept = robot.read, robot.read()
-        failed = Health(0.0, 0.5, ("read failed: OSError: no device",))
-        robot.read = lambda: kept._replace(health=failed)
-        yield from range(60)
-        drive.asks()
-        yield from range(10)
-        assert drive.said == ["/reset: not reset: read still fails: OSError: no device"]
-        robot.read = sound
-        yield from range(10)
-        drive.asks()
-        yield from range(10)
-        assert drive.said[1].startswith("/reset: reset")
+    def broken(read):
+        kept = read()._replace(health=failed)
+        return lambda: kept
 
-    drive.run(script)
+    faulty_for_a_while(broken, "read still fails: OSError: no device")

@@ -13,21 +13,11 @@ from cohelm.link.messages import Mode, RequestKind, Severity
 from cohelm.perceive.localize.map_from_geometry import map_from_geometry
 from tests.drive.faults import CORRIDOR
 from tests.drive.resuming import Drive
-from tests.drive.simulated_link import checked
+from tests.drive.simulated_link import checked, chosen
 
 OUTSIDE = ["reference.waypoints_m=[[0, 0], [2, 0], [4, 9]]"]
 THROUGH = ["reference.waypoints_m=[[0, 0], [2, 0], [3, 9], [4, 0]]"]
 GOAL = "waypoint 3, the goal of the route, can not be reached: the goal 4.0, 9.0 is not on the map"
-
-
-def begun(drive: Drive, mode: Mode):
-    anna = drive.station("anna")
-    yield from range(10)
-    anna.ask(RequestKind.TAKE)
-    yield from range(10)
-    number = anna.ask(RequestKind.MODE, mode)
-    yield from range(10)
-    return anna, anna.answers[number]
 
 
 @pytest.mark.parametrize("takes", [0, 40])
@@ -37,7 +27,7 @@ def test_a_goal_that_can_not_be_reached_is_an_alarm_and_no_automatic_mode(tmp_pa
         drive.beside.checking.takes = takes
 
         def script():
-            anna, answer = yield from begun(drive, Mode.AUTOMATIC)
+            anna, answer = yield from chosen(drive.link, Mode.AUTOMATIC)
             assert answer == ((False, GOAL) if takes == 0 else (True, ""))
             yield from range(150)
             alarm, *_ = drive.loop.alarms.worst()
@@ -59,7 +49,7 @@ def test_in_shared_mode_such_a_route_is_the_stick_alone(tmp_path):
     with Drive(tmp_path, changes=OUTSIDE) as drive:
 
         def script():
-            _, answer = yield from begun(drive, Mode.SHARED)
+            _, answer = yield from chosen(drive.link, Mode.SHARED)
             assert answer == (True, "")
             yield from range(100)
             assert drive.moved == 0
@@ -73,7 +63,7 @@ def test_a_waypoint_that_can_not_be_reached_is_a_warning(tmp_path):
     with Drive(tmp_path, changes=THROUGH) as drive:
 
         def script():
-            yield from begun(drive, Mode.AUTOMATIC)
+            yield from chosen(drive.link, Mode.AUTOMATIC)
             yield from range(100)
             (alarm,) = drive.loop.alarms.worst()
             assert alarm.severity == Severity.WARNING
@@ -89,13 +79,13 @@ def test_a_check_that_fails_holds_nobody_up(tmp_path, fails):
         drive.beside.fails = fails
 
         def script():
-            yield from begun(drive, Mode.AUTOMATIC)
+            yield from chosen(drive.link, Mode.AUTOMATIC)
             yield from range(60)
             assert drive.moved > 20
             assert drive.loop.alarms.worst() == ()
 
         drive.run(script())
-    assert drive.session.route.startswith("the route could not be checked on the map: ")
+    assert drive.session.route_problem.startswith("the route could not be checked on the map: ")
 
 
 class UntilChecked(End):
@@ -105,7 +95,7 @@ class UntilChecked(End):
 
     @property
     def reason(self) -> str:
-        return "" if self.session is None else self.session.route
+        return "" if self.session is None else self.session.route_problem
 
     @reason.setter
     def reason(self, _: str) -> None: ...

@@ -8,7 +8,7 @@ from cohelm.scenario import load
 from cohelm.scenario.build import setup
 from cohelm.sim.run import run
 
-NOSE, REACH = 0.36, 0.4623  # of Sally [m]
+REACH = 0.4623  # of Sally's farthest corner [m]
 
 
 def blocked(senses: str) -> np.ndarray:

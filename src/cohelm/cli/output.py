@@ -157,14 +157,15 @@ def _lines(what: str) -> Generator[Callable[[str, float], None]]:
     now, over = [(what, 0.0)], threading.Event()
     since, began = time.time(), time.monotonic()
 
-    def show() -> None:
-        while not over.wait(_PROGRESS_EVERY):
-            doing, share = now[0]
-            compiled = 0 if share > 0.0 else compiled_since(since)
-            counted = f", {compiled} functions compiled" if compiled else ""
-            say(plain(f"{doing}: {share:.0%}{counted} ({time.monotonic() - began:.0f} s)"))
+    def text() -> str:
+        doing, share = now[0]
+        compiled = 0 if share > 0.0 else compiled_since(since)
+        counted = f", {compiled} functions compiled" if compiled else ""
+        return f"{doing}: {share:.0%}{counted} ({time.monotonic() - began:.0f} s)"
 
-    thread = threading.Thread(target=show, name="progress", daemon=True)
+    thread = threading.Thread(
+        target=_repeat, args=(text, _PROGRESS_EVERY, over), name="progress", daemon=True
+    )
     thread.start()
 
     def update(doing: str, share: float) -> None:
@@ -175,6 +176,12 @@ def _lines(what: str) -> Generator[Callable[[str, float], None]]:
     finally:
         over.set()
         thread.join(1.0)
+
+
+def _repeat(text: Callable[[], str], every: float, over: threading.Event) -> None:
+    """Print the text at this interval [s] until it is over."""
+    while not over.wait(every):
+        say(plain(text()))
 
 
 class Starting:
@@ -209,8 +216,7 @@ class Starting:
                 while not self._over.wait(0.25):
                     line.update(plain(self.text()))
         else:
-            while not self._over.wait(_SAID_EVERY):
-                say(plain(self.text()))
+            _repeat(self.text, _SAID_EVERY, self._over)
 
 
 @contextmanager

@@ -102,7 +102,7 @@ class RouteCheck:
         self._note(loop, f"the route could not be checked on the map: {why}")
 
     def _note(self, loop: Loop, text: str) -> None:
-        self._session.route = text
+        self._session.route_problem = text
         loop.log.event(text, serious=True)
         self._end(loop)
 

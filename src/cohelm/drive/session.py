@@ -139,7 +139,7 @@ class Session:
         """Since when it crawls [s]."""
         self.not_begun = ""
         """Why the robot never drove in the requested mode."""
-        self.route = ""
+        self.route_problem = ""
         """What the check of its first route found; empty: nothing."""
         self._recorded = -math.inf
         self._periods = self._lost = 0
@@ -341,7 +341,7 @@ class Session:
             "reason": gate.reason,
             "faulted": gate.mode == GateMode.FAULTED,
             "not_begun": self.not_begun or None,
-            "route": self.route or None,
+            "route": self.route_problem or None,
             "arrived": loop.driver.arrived,
             "docking": loop.supervisor.docking.last.why or None,
             "docked": loop.supervisor.docking.last.arrived if self._to_dock else None,

@@ -191,19 +191,21 @@ class Planner(NamedTuple):
         held = self._held_up(task)
         return made._replace(move=self._recovery(task, made, static_points, held), held=held)
 
-    def _paced(self, course: Course, tau: float, points: Floats) -> tuple[Course, float]:
-        """A path with speeds by clearance, and the smallest clearance ahead of `tau` [m]."""
+    def _paced(
+        self, course: Course, tau: float, points: Floats, standoff: float = -1.0
+    ) -> tuple[Course, float]:
+        """A path with speeds by clearance, and the smallest clearance ahead of `tau` [m]. standoff:
+        as in `paced` [m]."""
         s = self.settings
-        return paced(course, tau, self.replan_params.look, points, s.outline, s.pace)
+        return paced(course, tau, self.replan_params.look, points, s.outline, s.pace, standoff)
 
     def _stopping_short(self, task: Task, course: Course, points: Floats) -> Course:
         """A path that is blocked, up to where the robot can still turn on the spot: what blocks it
         may be a person."""
-        s, params = self.settings, self.replan_params
-        nose = float(s.outline[:, 0].max())
-        standoff = farthest_corner(s.outline) - nose + self.path_params.clearance
-        tau = task.state.clock.tau
-        return paced(course, tau, params.look, points, s.outline, s.pace, standoff)[0]
+        outline = self.settings.outline
+        nose = float(outline[:, 0].max())
+        standoff = farthest_corner(outline) - nose + self.path_params.clearance
+        return self._paced(course, task.state.clock.tau, points, standoff)[0]
 
     def _course(self, task: Task, points: Floats, kept: Plan, far: bool) -> Plan:
         """The path to follow, whatever the robot's heading."""

@@ -10,7 +10,7 @@ import numpy as np
 from cohelm.core.errors import CohelmError
 from cohelm.core.row import ROW
 from cohelm.core.types import Floats, Pose, StickRecording
-from cohelm.law.govern import attainable, profile
+from cohelm.law.govern import profile
 from cohelm.law.reference import Reference, tabulate
 from cohelm.link import stick as sticks
 from cohelm.perceive.track.params import TrackerParams
@@ -216,7 +216,7 @@ def _beyond_limits(alone: Scenario, reference: Reference) -> list[str]:
     table = tabulate(reference, reference.duration / steps, steps, True)
     rate: Floats = np.ones(len(table))
     if alone.law.filter == "guard":
-        pace = attainable(alone.law.pace.pace(), limits, reference.speed)
+        pace = _settings(alone, robot, limits).pace
         rate = profile(reference, np.full(len(table), math.inf), pace).rate
     speed, yaw_rate = rate * np.abs(table[:, 3]), rate * np.abs(table[:, 4])
     rim = speed + 0.5 * limits.track * yaw_rate
