@@ -270,3 +270,22 @@ def test_a_driver_reconnects_on_a_new_channel_though_all_client_slots_are_taken(
     assert asked[0].client == robot.driver
     until(lambda: robot.receive().command)
     assert robot.receive().command.stick == Stick(0.0, 0.0)
+
+
+def test_a_client_that_reconnects_and_leaves_in_one_breath_leaves_the_robot_listening(robot, raw):
+    first = raw()
+    first.say(command(1, session=1))
+    until(lambda: clients(robot))
+    again = raw()
+    until(lambda: len(robot._clients) == 2)
+    with robot._lock:  # the robot's end reads what comes now in one turn
+        robot._waker.wake()
+        time.sleep(0.1)
+        again.say(command(2, session=1))
+        for datagram in again.channel.close():
+            again.sock.send(datagram)
+    until(lambda: not robot._clients)
+    other = raw()
+    other.say(command(1, Request(1, RequestKind.TAKE, 0, time.monotonic()), session=2))
+    until(lambda: robot.driver)
+    assert not robot.counts["mistakes of the link"]

@@ -60,6 +60,11 @@ class Client:
         self.requests = TokenBucket(REQUESTS, REQUEST_BURST, now)
 
     @property
+    def merged(self) -> Client:
+        """This client, or the one that it was found to be."""
+        return self if self.same_as is None else self.same_as.merged
+
+    @property
     def name(self) -> str:
         """As logs and reasons name it: several stations may share a certificate's name."""
         return f"{self.channel.name} ({self.number})"

@@ -186,7 +186,7 @@ class RobotEnd(IoThread):
                 if source[:2] != client.address[:2]:
                     continue
                 if client.decrypted.take(self.clock()):
-                    self._datagram(client, datagram)
+                    self._datagram(client.merged, datagram)
                 else:
                     self._not_used(client, "a flood")
         for guest in self._listener.turn():
@@ -217,7 +217,7 @@ class RobotEnd(IoThread):
             client = self._clients.add(guest, self.clock())
         self._log_line(client, f"{client.name} is connected from {guest.address[0]}")
         for message in guest.first:
-            self._message(client, message)
+            self._message(client.merged, message)
 
     def _datagram(self, client: Client, datagram: bytes) -> None:
         try:
@@ -226,9 +226,8 @@ class RobotEnd(IoThread):
             self._remove(client, str(refused))
             return
         for message in messages:
-            client = client.same_as or client
-            if client.number in self._clients:
-                self._message(client, message)
+            if client.merged.number in self._clients:
+                self._message(client.merged, message)
 
     def _message(self, client: Client, data: bytes) -> None:
         now = self.clock()
