@@ -92,22 +92,29 @@ def requested(bare: Bare, what: RequestKind, within: float = WAIT / 1e3) -> bool
     return False
 
 
-def test_space_on_a_slider_or_a_number_stops(
+def test_space_stops_wherever_no_text_is_written_and_changes_nothing(
     context: BrowserContext, station: Server, bare: Bare
 ) -> None:
     page = page_of(context, station)
     connected(page)
     page.get_by_role("button", name="Stick settings").click()
-    for field in ("Share of the full speed", "dead band", "stop button"):
-        page.evaluate("document.querySelectorAll('input').forEach((one) => (one.disabled = false))")
+    page.evaluate("document.querySelectorAll('input').forEach((one) => (one.disabled = false))")
+    for field in ("Share of the full speed", "dead band", "stop button", "inverted", "device"):
+        control = page.get_by_label(field).first
+        before = control.evaluate("one => [one.value, one.checked]")
         bare.requests.clear()
-        page.get_by_label(field).focus()
+        control.focus()
         page.keyboard.press("Space")
         assert requested(bare, RequestKind.STOP), field
-    bare.requests.clear()
-    page.get_by_label("device").focus()
-    page.keyboard.press("Space")
-    assert not requested(bare, RequestKind.STOP, 0.3)
+        assert control.evaluate("one => [one.value, one.checked]") == before, field
+    box, number = page.get_by_label("inverted").first, page.get_by_label("stop button")
+    was = box.is_checked()
+    box.press("Enter")
+    assert box.is_checked() is not was
+    before = number.input_value()
+    number.press("ArrowUp")  # which means the robot
+    assert number.input_value() == before
+    assert not number.evaluate("one => one === document.activeElement")
 
 
 def test_a_stop_passes_a_connection_that_is_full(

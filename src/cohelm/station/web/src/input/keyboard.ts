@@ -12,18 +12,20 @@ let x = 0
 let psi = 0
 let before = 0
 
-/** Whether the focused control takes this key, and not the stick: a slider the arrows, a box to tick none of ours. */
+/** Whether the focused control takes this key, and not the stick: a slider the arrows, a box to tick none of ours. An arrow
+ * that would count a number up or down unseen means the robot. */
 export function typing(target: EventTarget | null, code: string): boolean {
   if (!(target instanceof HTMLElement)) return false
   if (target.matches('[type=checkbox]')) return false
   if (target.matches('[type=range]')) return code.startsWith('Arrow')
+  if (target.matches('[type=number]')) return code !== 'ArrowUp' && code !== 'ArrowDown'
   return target.matches('input, select, textarea, [contenteditable]')
 }
 
-/** Whether the focused control takes the space bar; a slider and a number do not, so there it stops the robot. */
+/** Whether the focused control takes the space bar: only where text is written; all else leaves it to STOP. */
 export function takesSpace(target: EventTarget | null): boolean {
-  if (!(target instanceof HTMLElement) || target.matches('[type=range], [type=number]')) return false
-  return target.matches('input, select, textarea, [contenteditable]')
+  if (!(target instanceof HTMLElement) || target.matches('[type=range], [type=number], [type=checkbox]')) return false
+  return target.matches('input, textarea, [contenteditable]')
 }
 
 /** Whoever sets a slider or a list with the mouse and then presses an arrow key means the robot. */
@@ -48,8 +50,11 @@ export function listenToKeys(): void {
       releaseKeys() // with such a key down, some systems do not report the release of another
       return
     }
+    // the space bar, which ticks a box elsewhere, stops the robot here
+    if (event.code === 'Enter' && event.target instanceof HTMLInputElement && event.target.type === 'checkbox') event.target.click()
     if (KEYS[event.code] === undefined || typing(event.target, event.code)) return
     event.preventDefault()
+    if (event.target instanceof HTMLInputElement && event.target.type === 'number') event.target.blur()
     // a key that was released by us and is still held must be pressed again
     if (!event.repeat) held.add(event.code)
   })
