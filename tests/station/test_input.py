@@ -135,11 +135,32 @@ def test_an_axis_that_is_chosen_in_the_settings_must_be_centred_before_it_steers
     driver.get_by_role("button", name="Stick settings").click()
     driver.locator(".settings select").first.select_option("gamepad")
     expect(device(driver)).to_contain_text("gamepad: ready")
-    driver.get_by_label("left-right").select_option("axis 2")
+    driver.get_by_role("combobox", name="left-right").select_option("axis 2")
     expect(device(driver)).to_contain_text("gamepad: release it to the centre first")
     commanded(bare, lambda one: not one.armed)
-    driver.get_by_label("left-right").select_option("axis 0")
+    driver.get_by_role("combobox", name="left-right").select_option("axis 0")
     expect(device(driver)).to_contain_text("gamepad: ready")
+
+
+def test_the_dial_is_a_stick_under_the_mouse_and_springs_back(bare: Bare, driver: Page) -> None:
+    box = driver.get_by_label("Stick, and clearance").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    driver.mouse.move(x, y)
+    driver.mouse.down()
+    driver.mouse.move(x - box["width"] / 8, y - box["height"])  # also beyond its edge
+    commanded(bare, lambda one: one.armed and one.stick.x == 1.0 and 0.4 < one.stick.psi < 0.6)
+    driver.mouse.up()
+    commanded(bare, lambda one: one.armed and one.stick == (0.0, 0.0))
+    driver.mouse.move(x, y)
+    driver.mouse.down()
+    driver.mouse.move(x, y + 40)
+    commanded(bare, lambda one: one.stick.x == -1.0)
+    driver.evaluate("Object.defineProperty(document, 'hasFocus', {value: () => false})")
+    driver.evaluate(
+        "dispatchEvent(new Event('blur'))"
+    )  # as where another window comes to the front
+    commanded(bare, lambda one: one.stick == (0.0, 0.0))
 
 
 def finger(number: int, x: float, y: float) -> dict[str, float]:

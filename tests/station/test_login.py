@@ -123,6 +123,7 @@ def test_the_station_dies_and_comes_back_while_the_page_stays_open(
     expect(alarms(page)).to_contain_text("No connection to the station")
     with served(bare.connect, port=port) as again:
         page.get_by_label("Token").wait_for()  # it is another station now: the session is nothing
+        expect(page.get_by_role("alert").first).to_contain_text("the station was started anew")
         assert not again.station.operators
         page.goto(again.address)  # only what follows the # is new
         expect(alarms(page)).to_have_text("No alarms")

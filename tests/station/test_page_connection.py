@@ -928,7 +928,10 @@ def test_of_a_robot_whose_process_has_ended_no_page_says_that_it_stops_or_drives
         take(page)
         robot.over = ended
         alarms = page.get_by_label("Alarms", exact=True)
-        expect(alarms).to_contain_text(f"the display is stale. Reason: {ended}.")
+        expect(alarms).to_contain_text(
+            "the display is stale. Start it again on the robot: this page connects by itself. "
+            f"Reason: {ended}."
+        )
 
 
 DARK_AT = """([x, y]) => {

@@ -85,6 +85,11 @@ export function stop(): void {
   sendStop()
 }
 
+/** Of a record that is played, as the space bar does in any player. */
+export function pauseOrPlay(): void {
+  send({ type: 'play', playing: s.playing.value?.playing !== true, speed: null, seek_s: null })
+}
+
 /** The STOP that this tab could not send before it was reloaded. */
 function recallStop(): void {
   const pressed = Number(kept('sessionStorage', STOP_KEY) ?? NaN)
@@ -188,6 +193,7 @@ async function reconnect(): Promise<void> {
     const answer = await authorizedFetch('./session', { signal: AbortSignal.timeout(CONNECT_MS) })
     if (answer.status === 401) {
       s.connection.value = 'login'
+      s.link.value = null // what is said of it next is another login's
       return
     }
   } catch {

@@ -42,6 +42,8 @@ export const failed = signal(false)
 
 /** When the newest state was received [ms, performance.now()]; its age is counted from there. */
 export const stateAt = signal(0)
+/** What the robot said is not shown as the present for longer without a word of it [ms]: long enough for an interruption. */
+const PRESENT_MS = 3000
 /** Ticks four times a second, for what ages without a message. */
 export const clock = signal(0)
 
@@ -55,6 +57,12 @@ export const linked = computed(() => connection.value === 'open' && link.value?.
 
 /** Whether what the driver presses can reach the robot. */
 export const mayDrive = computed(() => youDrive.value && linked.value)
+
+/** The robot's state, as far as it may still be true: nothing where none came for some seconds. */
+export const present = computed(() => {
+  void clock.value
+  return isReplay.value || stateAge(performance.now()) < PRESENT_MS ? state.value : null
+})
 
 /** Of the window, by which one is told from another robot's. */
 export const title = computed(() => {

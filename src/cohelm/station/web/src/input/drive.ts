@@ -1,7 +1,7 @@
 // At 50 Hz: selects the device, reads its deflection, arms it, and sends it.
 import { computed, effect, signal } from '@preact/signals'
 import { keep, kept } from '../kept'
-import { newestBeatMs, send, stop } from '../socket'
+import { newestBeatMs, pauseOrPlay, send, stop } from '../socket'
 import * as s from '../state'
 import { padResumes, padStops, readPad, resumeButtonName, rumble, takeUp } from './gamepad'
 import { due, hint, next, NO_PRESS, pressed } from './resume'
@@ -9,7 +9,7 @@ import { settings } from './settings'
 import { keysHeld, listenToKeys, readKeys, releaseKeys, takesSpace } from './keyboard'
 import type { Command, Do } from '../messages'
 import { modeName } from '../panels/format'
-import { readTouch, releasePads, touched } from '../panels/TouchPads'
+import { readTouch, releasePads, touched } from './touch'
 import { arm, centred, CENTRED, deflected, needed, sharedSpeed, type Arming, type Device, type Reading } from './stick'
 
 const PERIOD_MS = 20
@@ -62,7 +62,9 @@ export function startDriving(): void {
   addEventListener('keydown', (event) => {
     if (event.code !== 'Space' || takesSpace(event.target)) return
     event.preventDefault()
-    if (!event.repeat) stop()
+    if (event.repeat) return
+    if (s.isReplay.value) pauseOrPlay()
+    else stop()
   })
   // a focused button would take the key's release for a click
   addEventListener('keyup', (event) => {
@@ -183,7 +185,7 @@ function first(readings: Record<Device, Reading>): Device {
 
 function begin(which: Device): void {
   if (which === device.value) return
-  // keys and touch pads were centred until they were used: they are armed at once
+  // keys, pads and the dial were centred until they were used: they are armed at once
   arming = which === 'gamepad' ? 'absent' : 'armed'
   device.value = which
 }

@@ -12,7 +12,7 @@ export const CENTRED: Stick = [0, 0]
 export type Device = 'none' | 'keyboard' | 'gamepad' | 'touch'
 
 export const DEVICE_NAMES: Record<Device, string> = {
-  none: 'no stick', keyboard: 'keyboard', gamepad: 'gamepad', touch: 'touch pads',
+  none: 'no stick', keyboard: 'keyboard', gamepad: 'gamepad', touch: 'touch or mouse',
 }
 
 // --- dead band and expo curve of a raw deflection

@@ -148,7 +148,7 @@ export function MapPanel() {
       size.height = canvas.clientHeight
       canvas.width = Math.round(size.width * devicePixelRatio)
       canvas.height = Math.round(size.height * devicePixelRatio)
-      dirty = true
+      paint(canvas, performance.now()) // at once: its new size has emptied it
     })
     watch.observe(canvas)
     const wheel = (event: WheelEvent) => {
@@ -183,7 +183,7 @@ export function MapPanel() {
         </button>
         <button type="button" onClick={showAll}>Show all</button>
         {!s.isReplay.value && (
-          <button type="button" aria-expanded={edit.editing.value} onClick={edit.editing.value ? edit.leave : edit.begin}>Edit route</button>
+          <button type="button" aria-expanded={edit.editing.value} disabled={!edit.editing.value && s.robot.value === null} onClick={edit.editing.value ? edit.leave : edit.begin}>Edit route</button>
         )}
       </div>
       {edit.editing.value && <EditPanel onAdd={addByKey} />}

@@ -6,18 +6,13 @@ import { ask } from '../socket'
 import * as s from '../state'
 import { useEscape } from './escape'
 import { mergeAlarms, type ShownAlarm } from './mergeAlarms'
-import { EMPTY_BATTERY, LOW_BATTERY, percent } from './format'
+import { ago, EMPTY_BATTERY, LOW_BATTERY, percent } from './format'
 import { resumeHint, notArmedReason, noEffectReason } from '../input/drive'
 
 const MARK = { alarm: '▲', warning: '◆', notice: '●' } as const
 
 /** A first connection takes no longer; in ticks of the clock. */
 const BEGUN = 8
-
-/** A time as a person says it. */
-function ago(ms: number): string {
-  return ms < 100_000 ? `${Math.round(ms / 1000)} s` : `${Math.round(ms / 60_000)} min`
-}
 
 const ALONE = 'must stop by its own time-out: look at it'
 /** So the reason begins where nothing drives the robot any more. */
@@ -40,6 +35,7 @@ function localAlarms(): ShownAlarm[] {
   if (s.unansweredStop.value) add('alarm', 'STOP is sent, but the robot has not answered yet: it is sent on until it does.')
   const c = s.connection.value
   const why = s.link.value === null || s.link.value.why === '' ? '' : ` Reason: ${s.link.value.why}.`
+  const next = s.link.value?.why.startsWith(ENDED) ? ' Start it again on the robot: this page connects by itself.' : ''
   // on a phone the end is cut: the reason comes last
   const stale = `the display is stale.${s.who.value?.you_drive === true ? withoutUs(s.link.value?.why ?? '') : ''}`
   if (c === 'closed' || c === 'connecting') {
@@ -51,7 +47,7 @@ function localAlarms(): ShownAlarm[] {
   else if (s.link.value !== null && !s.link.value.connected && s.state.value === null) {
     add('notice', `Not connected to a robot yet${s.link.value.why === '' ? '' : `: ${s.link.value.why}`}.`)
   } else if (s.link.value !== null && !s.link.value.connected) {
-    add('alarm', `No link to the robot: ${stale}${why}`)
+    add('alarm', `No link to the robot: ${stale}${next}${why}`)
   }
   if (s.failed.value) add('alarm', 'This page has failed at something, and may show what is old: reload it.')
   const late = s.lateStop.value
@@ -154,7 +150,7 @@ function All({ alarms }: { alarms: ShownAlarm[] }) {
 }
 
 function toAcknowledge(alarm: ShownAlarm): boolean {
-  return !alarm.local && !alarm.acknowledged
+  return !alarm.local && !alarm.acknowledged && !s.isReplay.value
 }
 
 /** The link carries so many requests at once. */

@@ -2,7 +2,8 @@
 import { useEffect, useRef } from 'preact/hooks'
 import * as colour from '../colours'
 import { command, device, notArmedReason } from '../input/drive'
-import { DEVICE_NAMES } from '../input/stick'
+import { CENTRED, clamp, DEVICE_NAMES } from '../input/stick'
+import { releasePads, touch, useGrip } from '../input/touch'
 import { points } from '../map/points'
 import { clearances, SECTORS } from '../map/ring'
 import * as s from '../state'
@@ -12,12 +13,10 @@ import { metres, speed, yaw } from './format'
 const NEAR_M = 0.7
 
 export function Authority() {
-  const state = s.state.value
+  const state = s.present.value
   const share = operatorsShare(state)
   const clearance = state?.clearance_seen ?? null
-  const applied = state?.applied ?? [0, 0]
-  const nominal = state?.nominal ?? [0, 0]
-  const measured = state?.measured ?? null
+  const { applied, nominal, measured } = state ?? {}
   return (
     <section class="authority" aria-label="Operator and controller">
       <Dial />
@@ -32,21 +31,19 @@ export function Authority() {
         <table>
           <tbody>
             <tr class="nominal" title="the operator's command and the controller's, blended, before the safety filter">
-              <th scope="row">nominal</th><td>{speed(nominal[0])}</td><td>{yaw(nominal[1])}</td>
+              <th scope="row">nominal</th><td>{speed(nominal?.[0])}</td><td>{yaw(nominal?.[1])}</td>
             </tr>
             <tr title="the command at the wheels">
-              <th scope="row">applied</th><td>{speed(applied[0])}</td><td>{yaw(applied[1])}</td>
+              <th scope="row">applied</th><td>{speed(applied?.[0])}</td><td>{yaw(applied?.[1])}</td>
             </tr>
             <tr class="measured" title="what the robot does, by its odometry">
-              <th scope="row">measured</th>
-              <td>{measured === null ? '–' : speed(measured[0])}</td>
-              <td>{measured === null ? '–' : yaw(measured[1])}</td>
+              <th scope="row">measured</th><td>{speed(measured?.[0])}</td><td>{yaw(measured?.[1])}</td>
             </tr>
           </tbody>
         </table>
         <Why />
         <p class="nearest">
-          clearance <b class={near(clearance)}>{metres(clearance)}</b>
+          clearance <b class={nearness(clearance)}>{metres(clearance)}</b>
         </p>
         {!s.isReplay.value && <Stick />}
       </div>
@@ -59,7 +56,7 @@ function Why() {
   void s.clock.value
   const seen = useRef<Shown | null>(null)
   const heard = useRef<Shown | null>(null)
-  const state = s.state.value
+  const state = s.present.value
   const next = reason(state, reader())
   const now = performance.now()
   seen.current = calm(seen.current, next, now, toRead(next.text))
@@ -82,8 +79,15 @@ function leads(is: boolean): string {
   return is ? 'leads' : ''
 }
 
-function near(clearance: number | null): string {
-  return clearance !== null && clearance < CLOSE_M ? 'abnormal' : ''
+/** How near that is, as number and ring show it; empty: not near, or unknown. */
+function nearness(clearance: number | null): '' | 'near' | 'close' {
+  if (clearance === null || clearance >= NEAR_M) return ''
+  return clearance < CLOSE_M ? 'close' : 'near'
+}
+
+/** Nearer is thicker as well as another colour. */
+const RING = {
+  '': { width: 8, colour: '#a5aaae' }, near: { width: 22, colour: colour.warning }, close: { width: 34, colour: colour.danger },
 }
 
 /** What the stick does here and now. */
@@ -102,26 +106,37 @@ function Stick() {
   )
 }
 
+/** Side of the dial, and a full deflection in it [px]. */
+const SIZE = 320
+const REACH = 80
+
 /** The stick's dot inside a ring of clearances by direction. */
 function Dial() {
   const ref = useRef<HTMLCanvasElement>(null)
   useEffect(() => {
     const timer = setInterval(() => ref.current && drawDial(ref.current), 66)
-    return () => clearInterval(timer)
+    return () => { clearInterval(timer); releasePads() }
   }, [])
+  // fingers have pads of their own
+  const grip = useGrip((event, box) => {
+    const half = (box.width * REACH) / SIZE
+    const from = (middle: number, at: number) => clamp((middle - at) / half, -1, 1)
+    touch([from(box.top + box.height / 2, event.clientY), from(box.left + box.width / 2, event.clientX)])
+  }, () => touch(CENTRED), true)
   return (
-    <canvas ref={ref} class="dial" width={320} height={320} role="img"
-      aria-label="Stick, and clearance around the robot; forward is up" />
+    <canvas ref={ref} class={`dial ${s.isReplay.value ? '' : 'held'}`} width={SIZE} height={SIZE} role="img"
+      title={s.isReplay.value ? undefined : 'Drag the dot with the mouse to steer; it springs back when you let go'}
+      aria-label="Stick, and clearance around the robot; forward is up" {...(s.isReplay.value ? {} : grip)} />
   )
 }
 
 function drawDial(canvas: HTMLCanvasElement): void {
   const ctx = canvas.getContext('2d')
-  const state = s.state.value
+  const state = s.present.value
   const robot = s.robot.value
   if (ctx === null) return
-  ctx.clearRect(0, 0, 320, 320)
-  ctx.translate(160, 160)
+  ctx.clearRect(0, 0, SIZE, SIZE)
+  ctx.translate(SIZE / 2, SIZE / 2)
   const seen = points(s.scans.value)
   const bodies = s.discs.value.map((d): [number, number, number] => [d[0], d[1], d[4]])
   const pose = state?.pose ?? null
@@ -132,34 +147,34 @@ function drawDial(canvas: HTMLCanvasElement): void {
   for (const [i, clearance] of all.entries()) {
     const middle = -Math.PI / 2 - (i * 2 * Math.PI) / SECTORS
     const half = Math.PI / SECTORS - 0.02
-    // nearer is thicker as well as another colour
-    const width = clearance < CLOSE_M ? 34 : clearance < NEAR_M ? 22 : 8
+    const ring = RING[nearness(clearance)]
     ctx.beginPath()
-    ctx.arc(0, 0, 154 - width / 2, middle - half, middle + half)
-    ctx.lineWidth = width
-    ctx.strokeStyle = clearance < CLOSE_M ? colour.danger : clearance < NEAR_M ? colour.warning : '#a5aaae'
+    ctx.arc(0, 0, 154 - ring.width / 2, middle - half, middle + half)
+    ctx.lineWidth = ring.width
+    ctx.strokeStyle = ring.colour
     ctx.stroke()
   }
   ctx.strokeStyle = '#a5aaae'
   ctx.lineWidth = 2
-  ctx.strokeRect(-80, -80, 160, 160)
+  ctx.strokeRect(-REACH, -REACH, 2 * REACH, 2 * REACH)
   ctx.beginPath()
-  ctx.moveTo(-80, 0)
-  ctx.lineTo(80, 0)
-  ctx.moveTo(0, -80)
-  ctx.lineTo(0, 80)
+  ctx.moveTo(-REACH, 0)
+  ctx.lineTo(REACH, 0)
+  ctx.moveTo(0, -REACH)
+  ctx.lineTo(0, REACH)
   ctx.stroke()
   const [x, psi] = s.isReplay.value ? (state?.stick ?? [0, 0]) : command.value.stick
   ctx.beginPath()
-  ctx.arc(-psi * 80, -x * 80, 14, 0, 2 * Math.PI)
+  ctx.arc(-psi * REACH, -x * REACH, 14, 0, 2 * Math.PI)
   ctx.lineWidth = 5
   ctx.strokeStyle = colour.ink
   ctx.stroke()
-  // filled: the deflection that the robot uses
-  const used = state?.stick ?? null
+  // filled: the deflection that the robot uses, which is none in Auto and Hold
+  const led = state !== null && (state.mode === 'shared' || state.mode === 'manual')
+  const used = led ? state.stick : null
   if (used !== null && (s.isReplay.value || s.youDrive.value)) {
     ctx.beginPath()
-    ctx.arc(-used[1] * 80, -used[0] * 80, 8, 0, 2 * Math.PI)
+    ctx.arc(-used[1] * REACH, -used[0] * REACH, 8, 0, 2 * Math.PI)
     ctx.fillStyle = colour.operator
     ctx.fill()
   }

@@ -5,7 +5,7 @@ import { toBody, type Point } from '../map/view'
 import { send } from '../socket'
 import * as s from '../state'
 import { project, type Lens } from './project'
-import { ms } from './format'
+import { ago } from './format'
 
 const OLD_MS = 500
 
@@ -26,7 +26,7 @@ export function Camera() {
     <section class="camera" aria-label="Camera">
       <canvas ref={ref} id="camera" width={640} height={480} role="img" aria-label="Picture of the robot's camera" />
       {!s.isReplay.value && (
-        <span class={`age ${old ? 'abnormal' : ''}`}>{frame === null ? 'no picture yet' : `${ms(age)} old`}</span>
+        <span class={`age ${old ? 'abnormal' : ''}`}>{frame === null ? 'no picture yet' : `${ago(age)} old`}</span>
       )}
     </section>
   )

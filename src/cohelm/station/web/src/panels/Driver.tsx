@@ -49,7 +49,7 @@ export function Driver() {
       </span>
       {/* each with a key: none is made of another, whose focus it would have */}
       {mine && who.requester === null && <button key="release" type="button" onClick={() => release()}>Release</button>}
-      {mine && who.requester !== null && (
+      {who.you_drive && who.requester !== null && (
         <span class="requester" role="alert">
           {/* the seconds are not read out, each of them, over the buttons' names */}
           {who.requester} requests control<span aria-hidden="true">{left}</span>

@@ -25,6 +25,9 @@ export function Login() {
     >
       <h1>cohelm station</h1>
       <label>Token<input name="token" type="password" autocomplete="off" autofocus required /></label>
+      {s.welcome.value !== null && (
+        <p role="alert" class="abnormal">This page's login has ended: the station was started anew, and has another token.</p>
+      )}
       <p>It is in the address that the station printed when it started: open that address, or copy it here.</p>
       <p role="alert" class="abnormal">{wrong.value}</p>
       {s.unsentStop.value && <p role="alert" class="abnormal">STOP is not sent yet: it will be when you have logged in.</p>}

@@ -34,7 +34,7 @@ export function Modes() {
         <label class="speed">
           your speed {percent(speedScale.value)}
           <input type="range" min="0.1" max="1" step="0.1" value={speedScale.value} disabled={!s.mayDrive.value}
-            aria-label="Share of the full speed"
+            aria-label="Your speed: share of the full speed" aria-valuetext={percent(speedScale.value)}
             onInput={(event) => (speedScale.value = event.currentTarget.valueAsNumber)} />
         </label>
         <button type="button" aria-expanded={open.value} onClick={() => (open.value = !open.value)}>Stick settings</button>
@@ -129,8 +129,8 @@ function StickSettings() {
       </select>
     </label>
   )
-  const tick = (name: 'foreAftTurned' | 'leftRightTurned' | 'rumble', label: string) => (
-    <label><input type="checkbox" checked={set[name]} onChange={(e) => change({ [name]: e.currentTarget.checked })} /> {label}</label>
+  const tick = (name: 'foreAftTurned' | 'leftRightTurned' | 'rumble', label: string, of = '') => (
+    <label><input type="checkbox" aria-label={`${of} ${label}`.trim()} checked={set[name]} onChange={(e) => change({ [name]: e.currentTarget.checked })} /> {label}</label>
   )
   const slide = (name: 'deadBand' | 'curve' | 'ramp', label: string, least: number, most: number) => (
     <label>{label} {set[name].toFixed(2)}
@@ -146,8 +146,8 @@ function StickSettings() {
       </label>
       {pads().length > 1 ? <WhichPad /> : <p>{pad()?.id ?? 'No gamepad; plug one in and press a button on it.'}</p>}
       <Moved />
-      {axis('foreAft', 'fore-aft')}{tick('foreAftTurned', 'inverted')}
-      {axis('leftRight', 'left-right')}{tick('leftRightTurned', 'inverted')}
+      {axis('foreAft', 'fore-aft')}{tick('foreAftTurned', 'inverted', 'fore-aft')}
+      {axis('leftRight', 'left-right')}{tick('leftRightTurned', 'inverted', 'left-right')}
       {slide('deadBand', 'dead band', 0, 0.5)}{slide('curve', 'expo (fine near the centre)', 0, 1)}
       {slide('ramp', 'keyboard: seconds to full deflection', 0.05, 2)}
       {tick('rumble', 'rumble near obstacles')}

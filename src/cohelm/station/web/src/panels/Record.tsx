@@ -44,7 +44,7 @@ export function Record() {
   return (
     <div class="record">
       <button
-        type="button" aria-pressed={on} class={on ? 'on' : ''}
+        type="button" aria-pressed={on} class={on ? 'on' : ''} disabled={!s.linked.value || s.state.value === null}
         onClick={() => ask(on ? 'record_stop' : 'record')}
       >
         {on ? '■ Stop recording' : '● Record'}

@@ -1,5 +1,5 @@
 // Position in the record, and playback speed.
-import { send } from '../socket'
+import { pauseOrPlay, send } from '../socket'
 import * as s from '../state'
 import { minutes } from './format'
 
@@ -13,7 +13,7 @@ export function Timeline() {
     send({ type: 'play', playing: null, speed: null, seek_s: null, ...part })
   return (
     <footer class="timeline" aria-label="Replay">
-      <button type="button" aria-label={now.playing ? 'Pause' : 'Play'} onClick={() => play({ playing: !now.playing })}>
+      <button type="button" aria-label={now.playing ? 'Pause' : 'Play'} onClick={pauseOrPlay}>
         {now.playing ? '❚❚' : '▶'}
       </button>
       <span>{minutes(now.at)} / {minutes(length)}</span>

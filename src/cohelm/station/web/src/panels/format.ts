@@ -38,12 +38,12 @@ export function metres(value: number | null | undefined): string {
   return value == null ? '–' : `${tidy(value)} m`
 }
 
-export function speed(value: number): string {
-  return `${tidy(value)} m/s`
+export function speed(value: number | null | undefined): string {
+  return value == null ? '–' : `${tidy(value)} m/s`
 }
 
-export function yaw(value: number): string {
-  return `${tidy(value)} rad/s`
+export function yaw(value: number | null | undefined): string {
+  return value == null ? '–' : `${tidy(value)} rad/s`
 }
 
 /** Two decimals, without a negative zero. */
@@ -54,6 +54,15 @@ export function tidy(value: number): string {
 
 export function ms(value: number | null | undefined): string {
   return value == null || !Number.isFinite(value) ? '–' : `${Math.round(value)} ms`
+}
+
+/** How long ago, as a person says it. */
+export function ago(milliseconds: number | null | undefined): string {
+  if (milliseconds == null || !Number.isFinite(milliseconds)) return '–'
+  if (milliseconds < 1000) return ms(milliseconds)
+  if (milliseconds < 100_000) return `${Math.round(milliseconds / 1000)} s`
+  const whole = Math.round(milliseconds / 60_000)
+  return whole < 100 ? `${whole} min` : `${Math.round(whole / 60)} h`
 }
 
 export function percent(value: number | null | undefined): string {
