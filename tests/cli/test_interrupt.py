@@ -73,6 +73,24 @@ def test_an_interrupt_in_a_finalizer_is_delayed_and_not_lost_with_its_exception(
     assert done
 
 
+def test_an_interrupt_while_a_class_is_made_is_delayed_and_not_reported_as_another_error():
+    """As at any moment of an import; Python 3.11 makes a RuntimeError of it."""
+    done = []
+
+    class Named:
+        def __set_name__(self, owner: type, name: str) -> None:
+            frames_of(__file__)["busy"](0.1)
+            done.append(True)
+
+    def made() -> None:
+        type("Made", (), {"one": Named()})
+        time.sleep(5.0)
+
+    with pytest.raises(KeyboardInterrupt):
+        made()
+    assert done
+
+
 def test_numbas_compiler_is_interrupted_at_once_but_for_what_llvm_calls_back():
     compiler: dict = {}
     source = "def run(passes):\n    passes()\ndef _raw_object_cache_notify(passes):\n    passes()"

@@ -116,6 +116,9 @@ class FakeRecording:
     def begin(self, epoch: int) -> None:
         pass
 
+    def keep(self) -> None:
+        pass
+
     def close(self, within: float = 0.0) -> bool:
         for end in (self.loop, self.gated, self._loop, self._gated):
             end.close()

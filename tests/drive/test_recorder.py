@@ -20,6 +20,7 @@ from tests.robot.keep.robots import SALLY
 def recording(tmp_path):
     made = Recording(tmp_path / "drive.mcap", SALLY)
     made.begin(0)
+    made.keep()
     yield made
     if made._process.is_alive():
         os.kill(made.pid, signal.SIGCONT)
@@ -70,6 +71,7 @@ def test_a_disk_that_is_full_before_the_first_message_is_reported_and_the_log_gr
     limit = 4000
     resource.prlimit(recording.pid, resource.RLIMIT_FSIZE, (limit, limit))
     recording.begin(0)
+    recording.keep()
     line = RecordLine(recording.loop)
     line(Event(1.0, "loop", "an event"))
     end = time.monotonic() + 60.0
@@ -92,3 +94,25 @@ def test_a_drive_that_ended_while_its_robot_started_leaves_its_names_free(tmp_pa
     path = tmp_path / "drive.mcap"
     assert Recording(path, SALLY).close()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_start_that_ended_after_the_robot_had_sent_something_leaves_its_names_free(tmp_path):
+    """As by Ctrl-C, which kills the loop's process while it starts, or by a start that fails."""
+    recording = Recording(tmp_path / "drive.mcap", SALLY)
+    recording.begin(0)
+    RecordLine(recording.loop)(Event(1.0, "gate", "it stands"))
+    assert recording.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_record_that_another_made_meanwhile_is_left_as_it_is(tmp_path):
+    recording = Recording(tmp_path / "drive.mcap", SALLY)
+    recording.path.write_text("of another drive")
+    recording.begin(0)
+    recording.keep()
+    line = RecordLine(recording.loop)
+    while (said := line.received()) is None and not line.broken:
+        time.sleep(0.05)
+    assert said == "recording stopped: File exists"
+    assert not recording.close()
+    assert recording.path.read_text() == "of another drive"

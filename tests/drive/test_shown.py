@@ -193,6 +193,7 @@ def test_a_large_map_is_recorded_with_wider_cells(tmp_path):
     made, cells = large_map()
     recording = Recording(tmp_path / "drive.mcap", SALLY)
     recording.begin(0)
+    recording.keep()
     line = RecordLine(recording.loop)
     line(Displayed(1.0, made))
     assert line.dropped == 1

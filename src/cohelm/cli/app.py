@@ -289,7 +289,8 @@ def common(
 
 
 _MOMENT = 0.003  # [s]
-_LOSES = ("_raw_object_cache", "__del__")  # functions in which an exception is lost
+_LOSES = ("_raw_object_cache", "__del__", "__set_name__")
+"""Functions in which an exception is lost, or becomes another, as while a class is made."""
 _COMPILER = "/numba/core/compiler_machinery.py"
 
 
@@ -327,7 +328,7 @@ def interrupted(_: int, frame: FrameType | None) -> None:
 def _inside(frame: FrameType) -> bool:
     """Whether this code runs while numba makes an answer: its own, that of named tuples, which is
     made from text, or this one's. Its compiler may be interrupted, which is at it for a minute, but
-    for what LLVM calls back. There and in finalizers an exception is lost."""
+    for what LLVM calls back: see `_LOSES`."""
     file, compiles = frame.f_code.co_filename, False
     above: FrameType | None = frame
     while above is not None:

@@ -107,6 +107,7 @@ class RecordSwitch:
             made = self._make(_free(self._folder), robot.model, dump(robot.scenario))
             now = self._session.loop.gated.now()
             made.begin(time.time_ns() - round(now * 1e9))
+            made.keep()
             self._made = made
         except Exception as error:
             self._failed = f"no record: {told(error)}"

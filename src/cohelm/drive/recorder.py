@@ -2,12 +2,14 @@
 
 Loop and gate process have a socket each; when both are closed, the file is finished. `NAME.log`
 beside `NAME.mcap` has a line for every event and can still grow when the disk is full, since
-`NAME.reserve` reserves space for it.
+`NAME.reserve` reserves space for it. Of a drive that never began, as its start failed or was
+interrupted, nothing is left: the name is free for the next.
 """
 
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import pickle
 import select
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 _RESERVE = 1 << 16  # bytes kept for the log
 _MODE = 0o640  # the log names drivers and addresses
 _NEXT_LINE = "\n" + 13 * " "
+_KEPT = b"kept"
 _FLUSH = 0.5  # from one time the file is made good to the next [s]
 
 
@@ -80,25 +83,36 @@ class Recording(EventSink):
     def __init__(self, path: Path, model: RobotModel, scenario: str = "") -> None:
         """Raises CohelmError if the file can not be created; none is ever overwritten."""
         self.path = path
-        _make(path)
-        super().__init__("cohelm recorder", _record, path, model, scenario, outlives=True)
+        _check(path)
+        self._keep, kept = line()
+        super().__init__("cohelm recorder", _record, path, model, scenario, kept, outlives=True)
+        kept.close()
+
+    def keep(self) -> None:
+        """The drive begins: what is recorded stays. A socket of its own, as the loop's may be full
+        of what came meanwhile, and may be waited for by nobody."""
+        with contextlib.suppress(OSError):  # it is kept already, or the recorder has ended
+            self._keep.send(_KEPT, socket.MSG_DONTWAIT)
 
     def close(self, within: float = 20.0) -> bool:
         """Wait until the file is finished; returns whether it is, and is whole. If not, the
         process continues by itself."""
         self.close_lines()
+        self._keep.close()
         self._process.join(within)
         if self._process.is_alive():
             detach(self._process)
         return self._process.exitcode == 0
 
 
-def _make(path: Path) -> None:
-    """Create the empty file and its folder, so that a wrong path is reported at once."""
+def _check(path: Path) -> None:
+    """Create the empty file and its folder, so that a wrong path is reported at once. The file is
+    removed again: if this process is killed, nobody else would."""
     with contextlib.suppress(OSError):  # opening the file reports what is wrong
         path.parent.mkdir(parents=True, exist_ok=True)
     try:
         path.open("xb").close()
+        path.unlink()
     except FileExistsError as error:
         raise taken(path) from error
     except OSError as error:
@@ -131,17 +145,18 @@ class Log:
             with contextlib.suppress(OSError):
                 os.write(self._file, text)
 
-    def close(self) -> None:
-        """Close the log; one without a line is removed."""
+    def close(self, kept: bool) -> None:
+        """Close the log; one without a line is removed, and one of a drive that never began."""
         self._reserve.unlink(missing_ok=True)
-        if os.fstat(self._file).st_size == 0:
+        if not kept or os.fstat(self._file).st_size == 0:
             self._path.unlink(missing_ok=True)
         os.close(self._file)
 
 
 def _record(
-    path: Path, model: RobotModel, scenario: str, loop: socket.socket, gated: socket.socket
-) -> None:
+    path: Path, model: RobotModel, scenario: str, keep: socket.socket,
+    loop: socket.socket, gated: socket.socket,
+) -> None:  # fmt: skip
     """Main function of the recorder process."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     if hasattr(signal, "SIGXFSZ"):
@@ -149,17 +164,29 @@ def _record(
     log = Log(path)
     from cohelm.record.file import About, RecordWriter  # here only, not in the loop's process
 
-    with path.open("wb", buffering=0) as file:  # closing it writes nothing, so never fails
-        writer = _Writer(
-            log, lambda epoch: RecordWriter(file, About("drive", epoch, scenario), model)
-        )
-        writer.serve(loop, gated)
-    log.close()
-    with contextlib.suppress(FileNotFoundError):
-        if path.stat().st_size == 0:  # it ended while its robot started, or the disk was full
-            path.unlink()  # so the name is free again
+    files: list[io.FileIO] = []
+
+    def begin(epoch: int) -> RecordWriter:
+        files.append(path.open("xb", buffering=0))
+        return RecordWriter(files[0], About("drive", epoch, scenario), model)
+
+    writer = _Writer(log, begin)
+    writer.serve(loop, gated)
+    kept = _kept(keep)
+    log.close(kept)
+    for file in files:
+        file.close()  # writes nothing, as nothing is buffered, so never fails
+        if not kept or path.stat().st_size == 0:  # as of a disk that was full
+            path.unlink()
     if writer.full:
         raise SystemExit(1)
+
+
+def _kept(keep: socket.socket) -> bool:
+    """Whether the drive began."""
+    with contextlib.suppress(OSError):
+        return keep.recv(len(_KEPT), socket.MSG_DONTWAIT) == _KEPT
+    return False
 
 
 class _Writer:

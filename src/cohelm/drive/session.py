@@ -206,6 +206,8 @@ class Session:
         dock: dock there instead, from 1. A stop, hold or fault meanwhile cancels it, and so does a
         mode that a person chooses.
         """
+        if self.recording is not None:
+            self.recording.keep()
         gated, supervisor = self.loop.gated, self.loop.supervisor
         begun, ended = gated.now(), supervisor.rights.revocations
         self._to_dock = dock > 0
