@@ -1,6 +1,8 @@
 """Failures are in the summary, in --json and in the exit status."""
 
+import errno
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -11,11 +13,12 @@ import pytest
 
 from cohelm.cli import output
 from cohelm.cli.robot import failures, rows
+from cohelm.core.errors import CohelmError
 from cohelm.core.types import Pose, Twist
 from cohelm.record.file import About, RecordWriter
 from cohelm.robot.port import Odometry, Scan
 from cohelm.scenario import load
-from cohelm.study import mapping
+from cohelm.study import mapping, single
 
 SOUND = {
     "scenario": "lab-guard", "robot": "Sally", "kind": "kinematic", "rate_hz": 50.0,
@@ -89,6 +92,25 @@ def test_in_simulated_time_no_lateness_is_reported():
 def test_a_record_that_is_not_whole_is_marked_in_the_table():
     text = dict(rows(SOUND | {"record_whole": False, "record_dropped": 7}))["record"]
     assert text == "a.mcap (NOT WHOLE, 7 messages dropped)"
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(errno.ENOSPC, 1), (errno.EFBIG, 1), (errno.EACCES, 2)]
+)
+@pytest.mark.parametrize("command", ["run minimal", "robot minimal --fast", "campaign lab"])
+def test_a_full_disk_is_no_error_of_the_command_line_wherever_it_is_noticed(
+    cohelm, monkeypatch, number, code, command
+):
+    def full(*_: object) -> None:
+        try:
+            raise OSError(number, os.strerror(number))
+        except OSError as error:
+            raise CohelmError("it can not be written: free some space") from error
+
+    monkeypatch.setattr(single, "fresh", full)
+    monkeypatch.setattr(load, "find", full)
+    said = cohelm(*command.split())
+    assert (said.code, said.err) == (code, "error: it can not be written: free some space\n")
 
 
 @pytest.mark.slow

@@ -59,7 +59,7 @@ def test_a_disk_that_fills_up_during_a_run_is_reported_and_the_rest_is_playable(
         "run", "lab-shared", "--out", "full", "--json", cwd=tmp_path,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000)),
     )  # fmt: skip
-    assert full.returncode == 2
+    assert full.returncode == 1
     assert full.stdout == ""
     assert full.stderr.startswith("error: full/record.mcap: recording stopped")
     assert full.stderr.count("\n") == 1

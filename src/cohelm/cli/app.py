@@ -120,6 +120,7 @@ app = CommandLine(
     "more of one.",
 )
 
+FAILED = 1
 USER_ERROR = 2
 INTERRUPTED = 130
 _UsageError: Any = typer.BadParameter.__base__  # typer names it in no other way
@@ -138,7 +139,8 @@ def _built() -> Any:
 
 
 def main() -> None:
-    """Run the command line: one sentence and code 2 for what the user can mend, 130 on Ctrl-C."""
+    """Run the command line: one sentence and code 2 for what the user can mend, 1 where the disk is
+    full, 130 on Ctrl-C."""
     _open_standard_streams()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -165,7 +167,7 @@ def main() -> None:
             say(f"[bold red]error:[/bold red] {plain(line)}")
         if lines[_MOST_PROBLEMS:]:
             say(f"... and {len(lines) - _MOST_PROBLEMS} more")
-        sys.exit(USER_ERROR)
+        sys.exit(FAILED if _of_full_disk(error) else USER_ERROR)
     except OSError as error:
         from cohelm.core.files import NO_NAMES  # its imports would delay each command
 
@@ -177,16 +179,27 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         if not isinstance(error, BrokenPipeError):  # that one is `cohelm ... | head`
             say(f"[bold red]error:[/bold red] {plain(_unusable(error))}")
-        sys.exit(1)
+        sys.exit(FAILED)
     finally:
         settled()
         _say_unkept()
 
 
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def _of_full_disk(error: BaseException | None) -> bool:
+    """Whether this came of a disk that is full: what was given is right, so it is no error of the
+    user's, wherever it was noticed."""
+    while error is not None and not (isinstance(error, OSError) and error.errno in _FULL):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 def _unusable(error: OSError) -> str:
     """What can not be read or written, and the cure."""
     why = f"({error.strerror})"
-    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+    if error.errno in _FULL:
         return f"{error.filename or 'what is printed'} can not be written {why}: free some space"
     if error.filename is not None:
         return f"{error.filename} can not be read or written {why}: choose a place where you may"
