@@ -113,6 +113,38 @@ def test_unencrypted_mode_prints_a_warning(cohelm, monkeypatch):
         assert "in clear" not in cohelm("station", "--replay", "x.mcap", *quiet).err
 
 
+@pytest.mark.parametrize(
+    ("options", "where"),
+    [
+        (["--host", "[::1]"], ("::1", 8765)), (["--host", "[::1]:8080"], ("::1", 8080)),
+        (["--host", "localhost:8080"], ("localhost", 8080)),
+        (["--host", "[::1]", "--port", "0"], ("::1", 0)),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    "command", [["station", "--replay", "x.mcap"], ["station", "--robot", "a"]]
+)
+def test_the_page_is_served_where_the_host_says(cohelm, monkeypatch, command, options, where):
+    from cohelm.cli import station as told
+
+    served: list[object] = []
+    monkeypatch.setattr(told, "_recorded", lambda path: None)
+    monkeypatch.setattr(told, "_linked", lambda robot, name: None)
+    monkeypatch.setattr(told, "serve", lambda _, *at: served.append(at[:2]))
+    assert cohelm(*command, *options).code == 0
+    assert served == [where]
+
+
+@pytest.mark.parametrize("host", ["[::1", ":80", "[::1]:99999", "a/b", "http://localhost"])
+def test_a_host_that_can_not_be_one_is_refused_as_that(cohelm, host):
+    refused(cohelm("station", "--robot", "a", "--host", host), "is no HOST[:PORT]")
+
+
+def test_a_port_is_named_once(cohelm):
+    said = cohelm("station", "--robot", "a", "--host", "[::1]:8080", "--port", "9")
+    refused(said, "--host [::1]:8080 and --port 9 each name a port: leave one out")
+
+
 def test_a_robot_that_is_not_found_is_said_on_the_terminal_too(cohelm, monkeypatch, tmp_path):
     from cohelm.cli import station as told
     from cohelm.link import udp

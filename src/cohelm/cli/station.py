@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cohelm.cli.app import app, end_as_by_ctrl_c, examples, idle_beside, idle_together
+from cohelm.cli.app import app, end_as_by_ctrl_c, examples, given, idle_beside, idle_together
 from cohelm.cli.drive_options import (
     CarryOn,
     Changes,
@@ -37,7 +37,7 @@ Port = Annotated[
 Host = Annotated[
     str,
     typer.Option(
-        metavar="ADDRESS", help="Address to listen on. Any but loopback needs --tls as well."
+        metavar="HOST[:PORT]", help="Address to listen on. Any but loopback needs --tls as well."
     ),
 ]
 _LAST_WORDS = 1.0  # pages get the quality of the link four times a second [s]
@@ -114,6 +114,7 @@ def station(
             context, "--replay", "--host", "--port", "--tls", "--tls-cert", "--tls-key",
             "--without-tls",
         )  # fmt: skip
+    host, port = _address(context, host, port)
     files = _encryption(host, tls, tls_cert, tls_key, without_tls)
     connect = _recorded(replay) if replay is not None else _linked(robot or "", name)
     serve(connect, host, port, files)
@@ -181,6 +182,7 @@ def drive(
     from cohelm.station.robot_link import Linked, RobotLink, StartingLink
 
     idle_together(context, ("--driver", "--ros2"), "--twin", "--kinematic")
+    host, port = _address(context, host, port)
     files = _encryption(host, tls, tls_cert, tls_key, without_tls)
     if records.exists() and not records.is_dir():
         raise CohelmError(f"{records} is no folder: choose another with --records")
@@ -273,6 +275,20 @@ def _linked(robot: str, name: str | None) -> Connect:
     # beside the server: it may take seconds, and the robot may be there later
     threading.Thread(target=look_up, name="look-up", daemon=True).start()
     return lambda _: Linked(own, host, port)
+
+
+def _address(context: typer.Context, host: str, port: int) -> tuple[str, int]:
+    """Where the page is served. Raises CohelmError for a host that can not be one, and for two
+    ports."""
+    from cohelm.core.errors import CohelmError
+    from cohelm.link.udp import address
+
+    name, chosen = address(host, port)
+    if chosen != port and "--port" in given(context):
+        raise CohelmError(
+            f"--host {host} and --port {port} each name a port: leave one of them out"
+        )
+    return name, chosen
 
 
 def _encryption(

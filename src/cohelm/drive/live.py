@@ -31,7 +31,7 @@ from websockets.http11 import Request, Response
 
 from cohelm.drive.foxglove_teleop import ENCODINGS, FoxgloveTeleop, Joined, PublishedTwists
 from cohelm.drive.recorder import EventSink, receive
-from cohelm.link.udp import listening, resolved
+from cohelm.link.udp import bracketed, listening, resolved
 from cohelm.record.topics import IMAGE, LASTING, RecordTopics, definitions
 from cohelm.robot.keep.record_pipe import ALIVE
 from cohelm.robot.model import RobotModel
@@ -74,7 +74,7 @@ class LiveConfig:
     @property
     def address(self) -> str:
         """To be opened as *Foxglove WebSocket*."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
+        host = bracketed(self.host)
         if self.host in ("0.0.0.0", "::"):
             host = socket.gethostname()
         return f"ws://{host}:{self.port}/{self.token}"

@@ -14,7 +14,7 @@ from cohelm.drive.session import Session, SessionConfig
 from cohelm.drive.teleop_server import TeleopConfig, serve
 from cohelm.link import keys
 from cohelm.link.messages import Mode
-from cohelm.link.udp import PORT, address
+from cohelm.link.udp import PORT, address, bracketed
 from cohelm.loop.loop import Loop
 from cohelm.loop.supervisor import PLANNED
 
@@ -96,6 +96,6 @@ def drive_for_stations(
 
     def ready(at: tuple[Any, ...]) -> None:
         stop.handle_signals(seconds)
-        begun(f"{at[0]}:{at[1]}")
+        begun(f"{bracketed(at[0])}:{at[1]}")
 
     return serve(plan, TeleopConfig(keys.robot(), host, port), ready, stop.over, topics)

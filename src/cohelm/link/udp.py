@@ -29,6 +29,11 @@ def address(text: str, port: int) -> tuple[str, int]:
         ) from None
 
 
+def bracketed(host: str) -> str:
+    """The host as it stands before :PORT, an address of IPv6 in brackets."""
+    return f"[{host}]" if ":" in host else host
+
+
 def resolved(host: str, port: int, kind: socket.SocketKind) -> tuple[int, Address]:
     """Address family and address of a host."""
     try:

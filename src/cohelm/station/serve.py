@@ -21,7 +21,7 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from cohelm.link.operator import STALE
-from cohelm.link.udp import listening
+from cohelm.link.udp import bracketed, listening
 from cohelm.station.app import Station
 from cohelm.station.listening_socket import ListeningSocket
 from cohelm.station.robot_link import Connect
@@ -135,9 +135,7 @@ class Server:
             host = socket.gethostname()
             if self._names and host.lower() not in self._names:
                 host = min(self._names)  # a name that the browser accepts
-        elif ":" in host:
-            host = f"[{host}]"
-        return f"{'https' if self.secure else 'http'}://{host}:{self.port}"
+        return f"{'https' if self.secure else 'http'}://{bracketed(host)}:{self.port}"
 
     def run(self) -> None:
         """Serve until `stop`, or until a signal ends the process."""

@@ -14,6 +14,7 @@ from cohelm.core.errors import CohelmError
 from cohelm.link.sticks.brunner_stick import SCHEME, numeric, parameters
 from cohelm.link.sticks.cls2sim import PORT, Cls2SimLine, Forces
 from cohelm.link.sticks.force_watchdog import ForceWatchdog
+from cohelm.link.udp import bracketed
 
 _PERIOD = 0.01  # [s]
 _SILENCE = 1.0  # [s]
@@ -53,7 +54,7 @@ def run(
         watchdog.close()
     ample = min(max(map(abs, (elevator, aileron))) * _AMPLE, 10_000.0)
     force = [round(math.copysign(math.ceil(ample / 10.0) * 10.0, n)) for n in (elevator, aileron)]
-    host = f"[{params.host}]" if ":" in params.host else params.host
+    host = bracketed(params.host)
     port = "" if params.port == PORT else f":{params.port}"
     return f"{SCHEME}{host}{port}?force={force[0]},{force[1]}&forward={forward}&left={left}"
 
