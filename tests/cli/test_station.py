@@ -142,7 +142,7 @@ def test_a_host_that_can_not_be_one_is_refused_as_that(cohelm, host):
 
 def test_a_port_is_named_once(cohelm):
     said = cohelm("station", "--robot", "a", "--host", "[::1]:8080", "--port", "9")
-    refused(said, "--host [::1]:8080 and --port 9 each name a port: leave one out")
+    refused(said, "--host [::1]:8080 and --port 9 each name a port: leave one of them out")
 
 
 def test_a_robot_that_is_not_found_is_said_on_the_terminal_too(cohelm, monkeypatch, tmp_path):

@@ -128,7 +128,7 @@ def campaign(
         try:
             made, rows = runner.run(plan, folder, jobs, cluster, bar)
             found = report.outcome(made, plan.laws, rows, store.origin(folder))
-            page = report.write(found, folder, bar)
+            page = report.written(folder) or report.write(found, folder, bar)
         except KeyboardInterrupt:
             say(
                 "[yellow]interrupted[/yellow]; finished episodes are kept, continue with: "

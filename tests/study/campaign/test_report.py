@@ -3,6 +3,7 @@
 import io
 import os
 import re
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from cohelm.sim.judge import FAR
 from cohelm.study.campaign.about import about, html
 from cohelm.study.campaign.episode import Episode, EpisodeGoal
 from cohelm.study.campaign.pictures import drawn, strip
-from cohelm.study.campaign.report import by_kind, caption, outcome, table, write
+from cohelm.study.campaign.report import by_kind, caption, outcome, table, write, written
 from cohelm.study.campaign.result import NOT_DRIVEN
 from cohelm.study.campaign.suites import NAMES, suite
 from tests.record.runs import lab
@@ -127,6 +128,17 @@ def test_a_full_disk_leaves_no_half_of_a_report(tmp_path, monkeypatch):
         write(found, tmp_path, lambda *_: None)
     assert page.read_text() == whole
     assert sorted(file.name for file in tmp_path.iterdir()) == ["report.html", "summary.json"]
+
+
+def test_a_report_is_made_again_only_where_rows_are_newer(tmp_path):
+    assert written(tmp_path) is None
+    found = outcome(suite("random", 1, None), ("guard",), [CAME._replace(fault="broken")], {})
+    (tmp_path / "rows").mkdir()
+    (tmp_path / "rows" / "part-000001.parquet").touch()
+    page = write(found, tmp_path, lambda *_: None)
+    assert written(tmp_path) == page
+    os.utime(tmp_path / "rows" / "part-000001.parquet", (later := time.time() + 9.0, later))
+    assert written(tmp_path) is None
 
 
 def test_ends_of_a_spread_are_told_apart_where_they_are_negative():

@@ -18,7 +18,7 @@ from cohelm.study.campaign.about import about, html
 from cohelm.study.campaign.replay_episode import drive
 from cohelm.study.campaign.result import FAILS, EpisodeResult, clearance_then, fault_of
 from cohelm.study.campaign.stats import Share, Spread, Summary, summary
-from cohelm.study.campaign.store import put
+from cohelm.study.campaign.store import ROWS, put
 from cohelm.study.campaign.suites import Suite
 
 PAGE_NAME, SUMMARY = "report.html", "summary.json"
@@ -203,6 +203,16 @@ LAW/NUMBER</code>.</p>
 <div class="figures">
 {}
 </div>"""
+
+
+def written(folder: Path) -> Path | None:
+    """The page of a folder whose rows are those it was made of; None where one is newer."""
+    try:
+        made = min((folder / name).stat().st_mtime for name in (SUMMARY, PAGE_NAME))
+        rows = max(part.stat().st_mtime for part in (folder / ROWS).iterdir())
+    except (OSError, ValueError):
+        return None
+    return folder / PAGE_NAME if made >= rows else None
 
 
 def write(found: Outcome, folder: Path, progress: Progress) -> Path:

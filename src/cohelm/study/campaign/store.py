@@ -2,7 +2,7 @@
 
     campaign.json           the plan; another plan is refused
     rows/part-000001.parquet, ...   rows as they came, at most a second apart
-    report.html, summary.json       made at the end, and whenever the command is given again
+    report.html, summary.json       made at the end, and again where rows are newer
 
 A part is written to a temporary file, flushed to the disk and then moved to its place, so that
 neither kill -9 nor a full disk leaves half of one. An episode that was driven but not yet written
