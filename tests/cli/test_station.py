@@ -105,10 +105,10 @@ def test_unencrypted_mode_prints_a_warning(cohelm, monkeypatch):
     from cohelm.cli import station as told
 
     monkeypatch.setattr(told, "_recorded", lambda path: None)
-    monkeypatch.setattr(told, "serve", lambda *_: None)
+    monkeypatch.setattr(told, "serve", lambda *_, **__: None)
     said = cohelm("station", "--replay", "x.mcap", "--host", "0.0.0.0", "--without-tls")
     assert said.code == 0
-    assert "in clear: whoever can listen on this network can take the token and drive" in said.err
+    assert "in clear: whoever can listen on this network can take the token and watch" in said.err
     for quiet in (["--host", "127.0.0.1"], ["--host", "::1"], []):
         assert "in clear" not in cohelm("station", "--replay", "x.mcap", *quiet).err
 
@@ -130,9 +130,9 @@ def test_the_page_is_served_where_the_host_says(cohelm, monkeypatch, command, op
     served: list[object] = []
     monkeypatch.setattr(told, "_recorded", lambda path: None)
     monkeypatch.setattr(told, "_linked", lambda robot, name: None)
-    monkeypatch.setattr(told, "serve", lambda _, *at: served.append(at[:2]))
+    monkeypatch.setattr(told, "serve", lambda _, *at, can: served.append((*at[:2], can)))
     assert cohelm(*command, *options).code == 0
-    assert served == [where]
+    assert served == [(*where, "watch" if "--replay" in command else "drive")]
 
 
 @pytest.mark.parametrize("host", ["[::1", ":80", "[::1]:99999", "a/b", "http://localhost"])
@@ -149,7 +149,7 @@ def test_a_robot_that_is_not_found_is_said_on_the_terminal_too(cohelm, monkeypat
     from cohelm.cli import station as told
     from cohelm.link import udp
 
-    def look_up_ends(*_: object) -> None:
+    def look_up_ends(*_: object, can: str) -> None:
         for thread in threading.enumerate():
             if thread.name == "look-up":
                 thread.join(30.0)
@@ -200,7 +200,7 @@ def test_a_custom_certificate_and_its_host_name_are_used(record, tmp_path, cohel
             link.close()
     seen = []
     monkeypatch.setattr(told, "_recorded", lambda path: None)
-    monkeypatch.setattr(told, "serve", lambda *all_of_it: seen.append(all_of_it))
+    monkeypatch.setattr(told, "serve", lambda *all_of_it, can: seen.append(all_of_it))
     replay = ("station", "--replay", "x.mcap", "--port", "0", "--host", "0.0.0.0")
     assert cohelm(*replay, "--tls-cert", certificate, "--tls-key", key).code == 0
     (given,) = seen
@@ -230,7 +230,7 @@ def test_a_certificate_that_is_over_is_said_to_be(cohelm, monkeypatch, tmp_path,
     from cohelm.cli import station as told
 
     monkeypatch.setattr(told, "_recorded", lambda path: None)
-    monkeypatch.setattr(told, "serve", lambda *_: None)
+    monkeypatch.setattr(told, "serve", lambda *_, **__: None)
     _, certificate, key = signed(tmp_path, days=days)
     said = cohelm(
         "station", "--replay", "x.mcap", "--tls-cert", certificate, "--tls-key", key

@@ -115,9 +115,10 @@ def station(
             "--without-tls",
         )  # fmt: skip
     host, port = _address(context, host, port)
-    files = _encryption(host, tls, tls_cert, tls_key, without_tls)
+    can = "drive" if replay is None else "watch"
+    files = _encryption(host, tls, tls_cert, tls_key, without_tls, can)
     connect = _recorded(replay) if replay is not None else _linked(robot or "", name)
-    serve(connect, host, port, files)
+    serve(connect, host, port, files, can=can)
 
 
 @app.command(
@@ -292,11 +293,12 @@ def _address(context: typer.Context, host: str, port: int) -> tuple[str, int]:
 
 
 def _encryption(
-    host: str, made: bool, certificate: Path | None, key: Path | None, in_clear: bool
-) -> tuple[Path, Path] | None:
-    """Files of the page's certificate and key; None: plain HTTP.
+    host: str, made: bool, certificate: Path | None, key: Path | None, in_clear: bool,
+    can: str = "drive",
+) -> tuple[Path, Path] | None:  # fmt: skip
+    """Files of the page's certificate and key; None: plain HTTP. can: what one does with the page.
 
-    Raises CohelmError where the token and the stick would cross a network in clear.
+    Raises CohelmError where token and stick would cross a network in clear.
     """
     from cohelm.core.errors import CohelmError
     from cohelm.link import keys
@@ -323,26 +325,26 @@ def _encryption(
         return None
     if not in_clear:
         raise CohelmError(
-            f"on {host} the token and the stick would cross the network in clear, and whoever "
-            f"listens there could drive: add --tls, or --without-tls in a private network"
+            f"on {host} the token and all else would cross the network in clear, and whoever "
+            f"listens there could {can}: add --tls, or --without-tls in a private network"
         )
-    say("in clear: whoever can listen on this network can take the token and drive")
+    say(f"in clear: whoever can listen on this network can take the token and {can}")
     return None
 
 
 def serve(
     connect: Connect, host: str, port: int, files: tuple[Path, Path] | None,
-    afterwards: Callable[[Callable[[], None]], None] = lambda _: None,
+    afterwards: Callable[[Callable[[], None]], None] = lambda _: None, can: str = "drive",
 ) -> bool:  # fmt: skip
     """Serve the page, and print its address; returns whether a signal has ended it. afterwards:
-    registers what to call when the robot has ended."""
+    registers what to call when the robot has ended. can: what one does with the page."""
     import time
 
     from cohelm.station.serve import Server
 
     server = Server(connect, host, port, files)
     print(server.address, flush=True)
-    say("open this address in a browser (whoever has it can drive); Ctrl-C ends the station")
+    say(f"open this address in a browser (whoever has it can {can}); Ctrl-C ends the station")
 
     def last_words() -> None:
         time.sleep(_LAST_WORDS)
