@@ -5,7 +5,7 @@ Published maps are read where they are there, beside the checkout; such a map is
 at once, as in a simulator. Buildings are drawn by `tests/perceive/buildings.py`; seeds below 100
 may be tuned on, those from 100 on are for the table in docs/perceive.md.
 
-    python -m benchmarks.places [drives] [beside] [kidnaps] [cold] [mapping] [--only NAME]
+    python -m benchmarks.places [drives] [beside] [kidnaps] [cold] [foreign] [mapping] [--only NAME]
         [--seeds 100:105]
 """
 
@@ -18,6 +18,7 @@ import math
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -263,6 +264,8 @@ def main() -> None:
         kidnaps(given, first, last)
     if "cold" in given.tables:
         cold(given, first, last)
+    if "foreign" in given.tables:
+        foreign(given, first, last)
     if "mapping" in given.tables:
         for alike in (False, True):
             mapping(first, last, alike)
@@ -602,6 +605,56 @@ def cold(given: argparse.Namespace, first: int, last: int) -> None:
         times, wrongs = [*times, *own], wrongs + wrong
     t = np.array(times)
     print(f"{'all':44s} {(t <= 10.0).sum():8d} of {len(t):3d} {np.median(t):9.2f}s {wrongs}")
+
+
+FOREIGN_S = 90.0
+"""So long a drive with another place's map [s]."""
+
+
+def mirrored(made: OccupancyMap) -> OccupancyMap:
+    """The same left for right, as of a scanner that is mounted upside down."""
+    return replace(made, cells=made.cells[:, ::-1].copy())
+
+
+def foreign(given: argparse.Namespace, first: int, last: int) -> None:
+    """Driven with a map of somewhere else, or of the same place mirrored: without a start, and from
+    one somewhere on that map. Whatever pose is believed once it was lost is wrong."""
+    maps = {name: make() for name, make in published().items() if given.only in name}
+    worlds = [*(laid(name, made) for name, made in maps.items())]
+    worlds += [building(s, alike=given.alike) for s in range(first, last)]
+    print(f"{'':60s} {'ever sure':>10s} {'for':>8s}, first after")
+    drives, sure_ones, all_sure = 0, 0, 0.0
+    for i, world in enumerate(worlds):
+        other = worlds[(i + 1) % len(worlds)]
+        given_maps = [(other.name, other.known)]
+        if world.name in maps:
+            given_maps.append(("itself mirrored", mirrored(maps[world.name]).known()))
+        way = tour(world, given.seed, 160.0, 0.38 if world.clear.size > 20_000 else 0.3)
+        poses, twists = along(way, 0.5)
+        rng = np.random.default_rng([given.seed, 11])
+        steps = min(round(FOREIGN_S / DT), len(poses) - 2)
+        for name, known in given_maps:
+            for start in (None, Pose(*known.places[rng.integers(len(known.places))][:2], 0.0)):
+                k = int(rng.integers(0, len(poses) - 1 - steps))
+                seed = int(rng.integers(1_000_000))
+                perception = Perception(SALLY, known, start)
+                believed, was_lost, sure, began = start is None, False, 0.0, math.inf
+                on = poses[k : k + steps + 1]
+                for moment in drive(
+                    on, twists[k : k + steps], seed, NO_DISCS, world.walls, grid=world.grid
+                ):
+                    seen = perception.take(moment.now, moment.readings)
+                    believed = believed or not seen.lost  # the start, at first
+                    was_lost = was_lost or (believed and seen.lost)
+                    if was_lost and not seen.lost:
+                        sure, began = sure + DT, min(began, moment.now)
+                drives, sure_ones, all_sure = drives + 1, sure_ones + (sure > 0.0), all_sure + sure
+                how = "no start" if start is None else "started"
+                row = {"name": world.name, "kind": f"foreign, {how}", "map": name, "sure": sure}
+                kept(given.into, row | {"seed": given.seed, "began": began, "lost": was_lost})
+                where = f"{world.name} on {name}, {how}"
+                print(f"{where:60s} {sure > 0.0!s:>10s} {sure:6.1f} s, {began:.1f} s", flush=True)
+    print(f"{'all':60s} {sure_ones:4d} of {drives:3d} {all_sure:6.1f} s of {drives * FOREIGN_S} s")
 
 
 if __name__ == "__main__":

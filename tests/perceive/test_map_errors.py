@@ -12,10 +12,12 @@ from cohelm.perceive.localize import verdict as believing
 from cohelm.perceive.localize.caution import PARAMS
 from cohelm.perceive.localize.hypothesis import Hypothesis, sigma
 from cohelm.perceive.localize.localization_map import Judgement, map_from_occupancy
+from cohelm.perceive.localize.localizer import Localizer
 from cohelm.perceive.localize.map_errors import MapErrorCosts, new_errors
 from cohelm.perceive.localize.scan_judge import ScanJudge
 from cohelm.perceive.localize.verdict import Belief, SearchContext
 from cohelm.perceive.pipeline import Perception
+from cohelm.perceive.scan.deskew import NO_SWEEP
 from cohelm.scenario import load
 from cohelm.sim.grid import grid
 from cohelm.sim.lidar import scan
@@ -212,10 +214,37 @@ def test_switched_on_it_believes_no_place_where_another_explains_better_what_it_
     assert bool(found.why) is why
 
 
-def verdict(kept):
+def verdict(kept, vain=-1.0):
     judge = ScanJudge(map_from_occupancy(*room(CELL), CELL, Pose(0.0, 0.0, 0.0)), LIDAR.lidar())
-    about = SearchContext(True, True, True, True, False, 9, True, None, None)
+    about = SearchContext(True, True, True, True, False, vain, 9, True, None, None)
     return Belief(judge).verdict(kept, about)
+
+
+def test_a_place_found_after_a_long_way_in_vain_must_hold_for_as_long():
+    """In another building, sooner or later one looks right."""
+    found = [at(0.0, -1.0, -2.0)]
+    assert verdict(found).why == ""
+    assert "is it the map of this building? It must fit for 4 m more" in verdict(found, 4.0).why
+
+
+def test_the_way_in_vain_is_what_the_map_did_not_explain_less_what_it_did():
+    known = map_from_occupancy(*room(CELL), CELL, Pose(0.0, 0.0, 0.0))
+    locator = Localizer(known, LIDAR.lidar())
+    assert locator._trust == PARAMS.trust
+    for k in range(9):
+        locator.correct(NO_SWEEP._replace(pose=Pose(1.0 * k, 0.0, 0.0)))
+    assert locator.located.lost
+    assert locator._trust == pytest.approx(PARAMS.trust - 8.0)
+
+
+@pytest.mark.slow  # four minutes of a drive
+def test_on_the_map_of_another_building_no_place_is_believed_after_a_minute_of_none():
+    """One was after 77 s, for the 100 s that were left."""
+    here, map_of = building(304), building(305).known
+    poses, twists = along(tour(here, 8808, 160.0, 0.38), 0.5, most=10_000)
+    perception = Perception(load.robot("sally").model_copy(update={"lidar": LIDAR}), map_of)
+    for moment in drive(poses, twists, 1, around=NO_DISCS, walls=here.walls, grid=here.grid):
+        assert perception.take(moment.now, moment.readings).lost
 
 
 @pytest.mark.parametrize(("others", "sure"), [(1, True), (8, False)])

@@ -55,6 +55,13 @@ class LocalizerParams(NamedTuple):
     a row,"""
     rivalled: float = 1.5
     """over this distance [m]."""
+    trust: float = 3.0
+    """Of the way driven, what the map has explained must not be less by more than this than what it
+    has not [m]: else it may be the map of another building, and a place must hold for as long as
+    none did. So far the one who gave map and start is trusted,"""
+    most_trust: float = 10.0
+    """and no way explained counts for more than this, so that a wrong map is noticed in the end
+    [m]."""
     refused: float = 16.0
     """Squared Mahalanobis distance from the prediction beyond which a match is rejected."""
     good: float = 0.9

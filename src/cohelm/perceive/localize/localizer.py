@@ -68,6 +68,7 @@ class Localizer:
         self._doubts = 0  # scans in a row that do not fit,
         self._odd = 0  # and that are less likely than usual
         self._log_likelihood = 0.0  # of the believed pose
+        self._trust = PARAMS.trust  # way that the map explained, less what it did not [m]
         pose = self.start or Pose(0.0, 0.0, 0.0)
         lost = self.start is None
         wide = np.diag([0.1, 0.1, 0.05]) ** 2 if self.start else np.diag([1e3, 1e3, 10.0])
@@ -87,6 +88,7 @@ class Localizer:
         before, usual = None, self._judge.usual
         if not self.located.lost:
             before = Departure(self.located.pose, self._joint, 0.0, self._check.was_known)
+        self._trust = max(self._trust, PARAMS.trust)
         self._reset_search()
         self._odometry = None
         self._accept(pose, wide, 0.0, 0.0)
@@ -142,6 +144,7 @@ class Localizer:
                 fit, judged, pushed = wider_fit, wider_judged, True
                 fits = self._judge.fits(wider_judged, self._alarm.raised)
         check.held(fits, distance)
+        self._trust = min(self._trust + (distance if fits else -distance), PARAMS.most_trust)
         long_unfitted = check.long_unfitted
         doubtful = long_unfitted and not self._judge.fair(judged, PARAMS.poor)
         if may_have_moved and not fits:
@@ -203,6 +206,7 @@ class Localizer:
         pose, self._joint = predict(self.located.pose, self._joint, step)
         self.located = self.located._replace(pose=pose, covariance=self._joint[:3, :3].copy())
         self._hypotheses.follow(step, sweep, flat, self._joint)
+        self._trust -= math.hypot(step.x, step.y) + 0.5 * abs(step.psi)
         if self._hypotheses.has_results:
             self._decide()
         if self.located.lost and self._hypotheses.search_due:
@@ -222,12 +226,14 @@ class Localizer:
         kept = self._hypotheses.ranked()
         if self._check.on and self._pose_holds():
             return
-        best, lead, proven, why = self._hypotheses.verdict(kept)
+        held = self._hypotheses.held
+        best, lead, proven, why = self._hypotheses.verdict(kept, self._trust)
         if best is None:
             self.located = self.located._replace(lost=True, reason=why)
         elif why:
             self.located = Localization(best.pose, best.covariance, best.judged.agree, True, why)
         else:
+            self._trust = min(self._trust + 2.0 * held, PARAMS.most_trust)
             self._reset_search()
             self._accept(best.pose, best.covariance, best.judged.agree, lead, proven)
 

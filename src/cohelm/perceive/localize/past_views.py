@@ -93,6 +93,11 @@ class SinceLost:
         """Distance from the last one kept, half of the angle added [m]."""
         return math.hypot(self.leg.x, self.leg.y) + 0.5 * abs(self.leg.psi)
 
+    @property
+    def driven(self) -> float:
+        """Distance over all, half of the angle added [m]."""
+        return self.way + 0.5 * self.turned + self.off
+
     def keep(self, step: Pose, share: float) -> None:
         """Keep the scan before the newest step. share: its weight."""
         self.share = share

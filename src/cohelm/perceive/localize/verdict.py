@@ -17,8 +17,10 @@ class SearchContext(NamedTuple):
 
     cold: without a start pose. whole: all of the map was searched. complete: no place that fits as
     well was left out. everywhere: the whole map is being searched. moved: a check has found a place
-    that fits as the pose did before. views: number of separate views; driven: these are far enough
-    apart. left: the pose at which it became lost. before: the pose believed before one was set.
+    that fits as the pose did before. vain: way by which what the map has not explained, up to now,
+    outweighs what it has, if the likeliest place is right [m]. views: number of separate views;
+    driven: these are far enough apart. left: the pose at which it became lost. before: the pose
+    believed before one was set.
     """
 
     cold: bool
@@ -26,6 +28,7 @@ class SearchContext(NamedTuple):
     complete: bool
     everywhere: bool
     moved: bool
+    vain: float
     views: int
     driven: bool
     left: Departure | None
@@ -101,6 +104,11 @@ class Belief:
             best, lead, far, stayed, only or (stayed and context.whole), context
         ):
             why = "too much of what the LiDAR sees is not on the map"
+        elif context.vain > 0.0 and best is not back:
+            why = (
+                "for long no place on the map looked like what the LiDAR saw: is it the map of "
+                f"this building? It must fit for {context.vain:.0f} m more"
+            )
         elif best is not back and sigma(best) > PARAMS.sure:
             why = "too few features are in view to say where along them"
         return PlaceVerdict(best, led, only or stayed, why)
