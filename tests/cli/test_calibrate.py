@@ -39,6 +39,14 @@ def test_an_unwritable_output_is_reported_before_anything_moves(cohelm):
     assert "the folder out/here can not be made" in said.err
 
 
+def test_a_robot_with_a_clock_of_its_own_is_driven_by_it(cohelm):
+    """It waited for ever: that clock goes on in `wait` only, which another process never called."""
+    driver = "tests.api.carts:Dying"  # after three seconds by its clock
+    said = cohelm("calibrate", "sally", "--driver", driver, "--yes", "-o", "out")
+    assert said.code == 2
+    assert "the line is dead" in said.err
+
+
 @pytest.mark.slow
 def test_a_robot_is_measured_and_its_file_written_and_then_again_with_a_load(tmp_path):
     for more in ([], ["--load"]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -72,7 +73,7 @@ def calibrate(
     from cohelm.core.errors import CohelmError
     from cohelm.core.files import alone, write_json
     from cohelm.drive.operate import DriveOptions, end_signals, robot_factory
-    from cohelm.robot.keep.gated_robot import rules
+    from cohelm.robot.keep.gated_robot import LocalGatedRobot, rules
     from cohelm.robot.keep.priority import raise_priority, restore_priority
     from cohelm.robot.keep.process import RemoteGatedRobot
     from cohelm.robot.model import SHIPPED, RobotModel, shipped_path
@@ -102,12 +103,19 @@ def calibrate(
     )
     if not yes and not _agreed():
         raise CohelmError("nothing was driven: answer y when the floor is free, or give --yes")
-    with starting(model.name) as line, end_signals() as stop:
-        gated = RemoteGatedRobot(made.maker(), rules(made.model, PERIOD))
+    with (
+        starting(model.name) as line,
+        end_signals() as stop,
+        redirect_stdout(sys.stderr),  # what the robot's own code prints is no result
+    ):
+        maker, gate = made.maker(), rules(made.model, PERIOD)
+        # a clock of its own stands still between two calls: no other process can read it
+        gated = RemoteGatedRobot(maker, gate) if made.real_time else LocalGatedRobot(maker(), gate)
         try:
             stop.handle_signals()
             line.over()
-            raise_priority()
+            if made.real_time:
+                raise_priority()
             with progress("driving") as bar:
                 driven = ride(gated, plan, lambda: stop.reason, bar)
         finally:
