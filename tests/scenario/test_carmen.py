@@ -113,6 +113,42 @@ def test_a_gzip_log_is_read_as_it_is(tmp_path):
     assert len(read_log(path).scans) == 1
 
 
+LINE = flaser(3.0)
+
+
+@pytest.mark.parametrize("end", [2, 7, 200, len(LINE) - 6, len(LINE) - 9])
+@pytest.mark.parametrize("pack", [bytes, gzip.compress])
+def test_a_log_that_ends_in_the_middle_of_a_line_is_not_whole(tmp_path, end, pack):
+    path = tmp_path / "a.log"
+    path.write_bytes(pack("\n".join((flaser(1.0), flaser(2.0), LINE[:end])).encode()))
+    made = read_log(path)
+    assert not made.whole
+    assert [s.stamp for s in made.scans[:2]] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("end", ["\n", "", "\n# the end", "\n\n"])
+def test_a_log_that_ends_after_a_line_is_whole(tmp_path, end):
+    (tmp_path / "a.log").write_text(flaser(1.0) + "\n" + LINE + end)
+    assert read_log(tmp_path / "a.log").whole
+
+
+def test_of_a_cut_archive_what_there_is_of_it_is_read(tmp_path):
+    random = np.random.default_rng(1)
+    lines = [flaser(float(t), ranges=random.uniform(1.0, 9.0, 180)) for t in range(100)]
+    packed = gzip.compress("\n".join(lines).encode())
+    path = tmp_path / "a.log.gz"
+    path.write_bytes(packed[: len(packed) // 2])
+    made = read_log(path)
+    assert not made.whole
+    assert 40 < len(made.scans) < 60
+    path.write_bytes(packed[:-4])
+    made = read_log(path)
+    assert (made.whole, len(made.scans)) == (False, 100)
+    path.write_bytes(packed[:12])
+    with pytest.raises(CohelmError, match="gzip archive is damaged or cut short"):
+        read_log(path)
+
+
 @pytest.mark.parametrize("text", ["", "hello world\n", "ODOM 0 0 0 0 0 0 1 h 1\n"])
 def test_a_file_without_scans_is_refused_in_a_sentence(tmp_path, text):
     path = tmp_path / "a.log"

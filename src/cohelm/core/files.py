@@ -22,6 +22,7 @@ from cohelm.core.errors import CohelmError
 NO_NAMES = (errno.ENAMETOOLONG, errno.ELOOP)
 """Of files whose names can not be."""
 _GZIP = b"\x1f\x8b"
+_PIECE = 1 << 20  # bytes that are unpacked at a time
 
 
 def as_path(given: object, what: str) -> Path:
@@ -57,23 +58,49 @@ def read_bytes(path: Path | str, most: int, what: str, unpack: bool = False) -> 
     unpack: if it is a gzip archive. Raises CohelmError for a device or a pipe, a damaged archive
     and what is larger, OSError for all else.
     """
+    if not unpack:
+        return _read(path, most, what)
+    data, whole = read_as_far(path, most, what)
+    if not whole:
+        raise _damaged(path)
+    return data
+
+
+def read_as_far(path: Path | str, most: int, what: str) -> tuple[bytes, bool]:
+    """The bytes of a file, unpacked; of a gzip archive that is cut or damaged those before that,
+    and whether it is whole. Raises as `read_bytes`, and where nothing can be unpacked."""
+    data, whole = _read(path, most, what), True
+    if data.startswith(_GZIP):
+        found = bytearray()
+        with gzip.open(io.BytesIO(data)) as archive:
+            try:
+                while len(found) <= most and (some := archive.read1(_PIECE)):
+                    found += some
+            except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+                if not found:
+                    raise _damaged(path) from error
+                whole = False
+        data = bytes(found)
+    return _bounded(path, data, most, what), whole
+
+
+def _read(path: Path | str, most: int, what: str) -> bytes:
     check_regular(path)
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe put there meanwhile hangs not
     with os.fdopen(descriptor, "rb") as file:
-        data = file.read(most + 1)
-    if unpack and len(data) <= most and data.startswith(_GZIP):
-        try:
-            with gzip.open(io.BytesIO(data)) as archive:
-                data = archive.read(most + 1)
-        except (EOFError, gzip.BadGzipFile, zlib.error) as error:
-            raise CohelmError(
-                f"{path}: the gzip archive is damaged or cut short: fetch it again"
-            ) from error
+        return _bounded(path, file.read(most + 1), most, what)
+
+
+def _bounded(path: Path | str, data: bytes, most: int, what: str) -> bytes:
     if len(data) > most:
         raise CohelmError(
             f"{path}: larger than {most // 10**6} MB, which {what} never is: check its name"
         )
     return data
+
+
+def _damaged(path: Path | str) -> CohelmError:
+    return CohelmError(f"{path}: the gzip archive is damaged or cut short: fetch it again")
 
 
 def make_folder(folder: Path) -> None:

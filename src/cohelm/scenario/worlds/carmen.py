@@ -24,8 +24,9 @@ from cohelm.core.frames import between
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.robot.port import Odometry, Scan
 from cohelm.robot.sensors import LidarModel
-from cohelm.scenario.worlds.file import contents, faults
+from cohelm.scenario.worlds.file import contents_as_far, faults
 
+_KINDS = ("ODOM", "FLASER", "ROBOTLASER1", "RAWLASER1")
 _LARGEST = 500_000_000  # bytes: an hour of 180 beams ten times a second is 70 MB
 _APART = 0.95  # share of the scans that must have a time of their own: few loggers write one twice
 _LATER = 0.6  # ... and that must be later than the one before: of times at random half are
@@ -85,20 +86,27 @@ def read_log(path: Path | str) -> RecordedDrive:
     """A drive from a CARMEN log, plain or gzip.
 
     Scans of another number of beams than most, and lines that are cut short or hold no numbers,
-    or have a time a minute from those around them, are left out, and so said. Time is when a line
+    or have a time a minute from those around them, are left out, and so said. A log that ends in
+    the middle of a line, or its archive before its end, is read as far as it goes, and not whole.
+    Time is when a line
     was written down, or when it was sent; where neither goes on from scan to scan, but each scan
     has its pose in its line, they count as ten a second, in their order. Raises CohelmError where
     there is no such file, no scan with a pose in it, no time, or headings in degrees.
     """
-    data = io.BytesIO(contents(path, "a CARMEN log", _LARGEST))
+    unpacked, whole = contents_as_far(path, "a CARMEN log", _LARGEST)
     lines: list[_Line] = []
     left_out: dict[str, list[int]] = defaultdict(list)  # numbers of lines, by what they are
-    for number, line in enumerate(io.TextIOWrapper(data, "utf-8-sig", errors="replace"), 1):
+    last, damaged = "", False
+    text = io.TextIOWrapper(io.BytesIO(unpacked), "utf-8-sig", errors="replace")
+    for number, line in enumerate(text, 1):
         words = line.split()
+        if words:
+            last, damaged = line, False
         try:
             found = _read(number, words) if words else None
         except (ValueError, IndexError, OverflowError):
             left_out["lines damaged or cut short"].append(number)
+            damaged = True
             continue
         if found is not None:
             lines.append(found)
@@ -138,14 +146,32 @@ def read_log(path: Path | str) -> RecordedDrive:
     odometry |= with_scans
     told = (f"{what}: {len(at)}, the first in line {at[0]}" for what, at in left_out.items())
     return RecordedDrive(
-        [odometry[t] for t in sorted(odometry)], scans, lidar, left_out="; ".join(told)
-    )
+        [odometry[t] for t in sorted(odometry)], scans, lidar,
+        whole and not damaged and not _cut(last), "; ".join(told),
+    )  # fmt: skip
+
+
+def _cut(last: str) -> bool:
+    """Whether a log ends in the middle of this line, though what there is of it can be read: in
+    the name of its message, or before that of its host."""
+    words = last.split()
+    if last.endswith("\n") or not words:
+        return False
+    if len(words) == 1:
+        return any(kind.startswith(words[0]) for kind in _KINDS)
+    if words[0] not in _KINDS:
+        return False
+    try:
+        float(words[-2])
+    except ValueError:
+        return False
+    return True
 
 
 def _read(number: int, words: list[str]) -> _Line | None:
     """What a line holds; None: nothing of concern. ValueError, IndexError: it is damaged."""
     kind = words[0]
-    if kind not in ("ODOM", "FLASER", "ROBOTLASER1", "RAWLASER1"):
+    if kind not in _KINDS:
         return None
     logged = float(words[-1])
     try:

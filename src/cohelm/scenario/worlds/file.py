@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import read_bytes
+from cohelm.core.files import read_as_far, read_bytes
 from cohelm.core.schema import fault_sentence
 
 _LARGEST = 64_000_000  # bytes, unpacked
@@ -19,8 +21,23 @@ def contents(path: Path | str, what: str, most: int = _LARGEST) -> bytes:
 
     Raises CohelmError where it can not be read, is a damaged archive, or is larger.
     """
-    try:
+    with _readable(path, what):
         return read_bytes(path, most, what, unpack=True)
+
+
+def contents_as_far(path: Path | str, what: str, most: int = _LARGEST) -> tuple[bytes, bool]:
+    """The same; of an archive that is cut or damaged what is before that, and whether it is whole.
+
+    Raises CohelmError as `contents`, and where nothing can be unpacked.
+    """
+    with _readable(path, what):
+        return read_as_far(path, most, what)
+
+
+@contextmanager
+def _readable(path: Path | str, what: str) -> Generator[None]:
+    try:
+        yield
     except FileNotFoundError as error:
         raise CohelmError(f"{path}: there is no such file; give the path of {what}") from error
     except OSError as error:
