@@ -149,6 +149,25 @@ def test_of_a_cut_archive_what_there_is_of_it_is_read(tmp_path):
         read_log(path)
 
 
+@pytest.mark.parametrize("hertz", [1, 10, 40])
+@pytest.mark.parametrize(
+    ("unit", "named"),
+    [
+        (1e3, "milliseconds by 1000"),
+        (1e6, "microseconds by 1e6"),
+        (1e9, "nanoseconds by 1e9"),
+    ],
+)
+def test_times_in_another_unit_than_seconds_are_reported(tmp_path, hertz, unit, named):
+    lines = [flaser(1.7e9 * unit + k * unit / hertz, pose=(0.1 * k, 0, 0)) for k in range(30)]
+    with pytest.raises(CohelmError, match=f"times are in seconds, got .*: divide {named}"):
+        read_log(written(tmp_path, *lines))
+
+
+def test_scans_that_are_seldom_are_read(tmp_path):
+    assert len(read_log(written(tmp_path, *[flaser(8.0 * k) for k in range(30)])).scans) == 30
+
+
 @pytest.mark.parametrize("text", ["", "hello world\n", "ODOM 0 0 0 0 0 0 1 h 1\n"])
 def test_a_file_without_scans_is_refused_in_a_sentence(tmp_path, text):
     path = tmp_path / "a.log"

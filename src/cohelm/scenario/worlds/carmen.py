@@ -36,6 +36,7 @@ _FEW = 10  # values that a scanner has at most for no return
 _TURN = 2.0 * math.pi * 1.01  # a full turn, with the rounding of the step [rad]
 _ASTRAY = 60.0  # a time farther from those of the lines around it is none [s]
 _AROUND = 11  # lines
+_SELDOM = 20.0  # no log has its scans so far apart, and milliseconds of 40 scans a second are [s]
 _STEP = 0.1  # of the robot's way, in which its heading shows [m]
 _ALONG, _ASKEW = 0.75, 0.5  # mean cosine of twice its angle to the heading: that is right; not
 _FINEST = 1e-5  # between two beams [rad]
@@ -91,7 +92,8 @@ def read_log(path: Path | str) -> RecordedDrive:
     Time is when a line
     was written down, or when it was sent; where neither goes on from scan to scan, but each scan
     has its pose in its line, they count as ten a second, in their order. Raises CohelmError where
-    there is no such file, no scan with a pose in it, no time, or headings in degrees.
+    there is no such file, no scan with a pose in it, no time, or where times are in milliseconds
+    or the like, ranges in millimetres or centimetres, or headings in degrees.
     """
     unpacked, whole = contents_as_far(path, "a CARMEN log", _LARGEST)
     lines: list[_Line] = []
@@ -118,7 +120,7 @@ def read_log(path: Path | str) -> RecordedDrive:
         )
     _check_in_radians(path, np.array([one.pose[:3] for one in lines if one.pose is not None]))
     _check_in_metres(path, np.concatenate([one.scan[0] for one in scans if one.scan is not None]))
-    stamps = _stamps(lines)
+    stamps = _stamps(path, lines)
     if stamps is None:
         raise CohelmError(
             f"{path}: the times of its {len(scans)} scans do not go on from one to the next, and "
@@ -194,14 +196,16 @@ def _read(number: int, words: list[str]) -> _Line | None:
     return _Line(number, logged, sent, _pose(poses[3:6]), scan, _pose(poses[:3]))
 
 
-def _stamps(lines: list[_Line]) -> list[float] | None:
+def _stamps(path: Path | str, lines: list[_Line]) -> list[float] | None:
     """The time of each line [s], by the clock that goes on from scan to scan; None: there is none.
 
-    Few may be wrong: some loggers write a scan down twice.
+    Few may be wrong: some loggers write a scan down twice. CohelmError where they are no seconds.
     """
     scans = [one for one in lines if one.scan is not None]
     for clock in ([one.logged for one in lines], [one.sent for one in lines]):
-        if _goes_on([t for t, one in zip(clock, lines, strict=True) if one.scan is not None]):
+        of_scans = [t for t, one in zip(clock, lines, strict=True) if one.scan is not None]
+        if _goes_on(of_scans):
+            _check_in_seconds(path, np.array(of_scans))
             times = np.array(clock)
             known = np.flatnonzero(np.isfinite(times))
             usual = median_filter(times[known], _AROUND, mode="mirror")
@@ -261,6 +265,26 @@ def _scans(
     except ValidationError as error:
         raise faults(path, error) from error
     return lidar, scans
+
+
+def _check_in_seconds(path: Path | str, times: Floats) -> None:
+    """CohelmError where scans are so far apart that these are milli-, micro- or nanoseconds."""
+    between_scans = np.abs(np.diff(times[np.isfinite(times)]))
+    apart = float(np.median(between_scans)) if len(between_scans) else 0.0
+    if apart <= _SELDOM:
+        return
+    unit, factor = next(
+        (unit, factor)
+        for unit, factor, most in (
+            ("milliseconds", "1000", 2e4), ("microseconds", "1e6", 2e7),
+            ("nanoseconds", "1e9", math.inf),
+        )
+        if apart < most
+    )  # fmt: skip
+    raise CohelmError(
+        f"{path}: times are in seconds, got {apart:g} from one scan to the next in the median: "
+        f"divide {unit} by {factor}"
+    )
 
 
 def _check_in_metres(path: Path | str, ranges: Floats) -> None:
