@@ -2,8 +2,10 @@
 
 import asyncio
 import math
+import re
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -427,6 +429,25 @@ def test_what_makes_no_reading_is_a_fault_that_says_what_to_give(made, why):
     (said,) = RobotAdapter(cart).read().health.faults
     assert why in said
     assert "Error" not in said
+
+
+def test_a_traceback_of_a_driver_has_its_own_lines_and_none_of_this_package():
+    """Its author looked for the mistake in our lines below it."""
+
+    def read() -> cohelm.Readings:
+        try:
+            return cohelm.Readings(cart.odometry(HERE, REST, age="new"))
+        except cohelm.CohelmError as error:
+            raise OSError("no reading") from error
+
+    cart = Cart()
+    cart.read = read
+    port = RobotAdapter(cart)
+    port.read()
+    said = port.traceback()
+    assert "OSError: no reading" in said
+    assert "got 'new'" in said
+    assert {Path(name) for name in re.findall(r'File "(.*?)"', said)} == {Path(__file__)}
 
 
 def test_an_error_of_several_lines_is_a_fault_of_one():

@@ -12,7 +12,6 @@ import os
 import pickle
 import sys
 import threading
-import traceback
 from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple, cast
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.others_code import others_traceback
 from cohelm.core.scalars import is_finite
 from cohelm.core.types import Floats, Pose, Twist
 from cohelm.core.waiting import said_if_it_waits
@@ -310,13 +310,7 @@ def _newest(new: Readings, old: Readings) -> Readings:
 
 
 def _traceback(call: str, error: BaseException) -> str:
-    """That of the robot's code, without the line here that called it."""
-    at = error.__traceback__
-    try:
-        lines = traceback.format_exception(type(error), error, at and at.tb_next)
-    except Exception:  # its author's mistake, too
-        lines = traceback.format_tb(at)
-    text = "".join(lines).rstrip()
+    text = others_traceback(error)
     if len(text) > _LONGEST_TRACEBACK:
         text = f"…{text[-_LONGEST_TRACEBACK:]}"
     return f"{call} of the robot's driver failed:\n{text}"

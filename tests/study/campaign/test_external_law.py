@@ -98,13 +98,23 @@ def solves(robot: cohelm.RobotModel, period: float):
     return lambda now: np.linalg.inv(np.zeros((2, 2)))
 
 
+def unmade(robot: cohelm.RobotModel, period: float):
+    """Fails before it has a law."""
+    return 1 / 0
+
+
 made = []
 
 
 def moody(robot: cohelm.RobotModel, period: float):
     """Drives once, and raises whenever it is driven again."""
-    made.append(robot)
-    return (lambda now: cohelm.Twist(0.2, 0.0)) if len(made) == 1 else lambda now: 1 / 0
+
+    def law(now: cohelm.Observation) -> cohelm.Twist:
+        if now.t == 0.0:
+            made.append(robot)
+        return cohelm.Twist(0.2 if len(made) == 1 else 1 / 0, 0.0)
+
+    return law
 
 
 def restless(robot: cohelm.RobotModel, period: float):
@@ -302,6 +312,9 @@ def test_the_code_of_a_law_in_a_package_is_all_of_the_package(tmp_path, monkeypa
         ("mine", {}, "there is no law 'mine': choose guard, .* or give package:factory"),
         (f"{HERE}:gone", {}, "can not be imported"),
         (f"{HERE}:number", {}, "must be a function"),
+        ("os:system", {}, r"os:system must be a function .*, and made none: TypeError: system\("),
+        ("builtins:print", {}, "made none: it returned NoneType, which can not be called"),
+        (f"{HERE}:unmade", {}, r"made none: ZeroDivisionError.* \(test_external_law.py:\d+\)"),
         (f"{HERE}:ram", {"plant": "twin"}, "a law of your own drives to a goal"),
         (f"{HERE}:ram", {"suite": "adversary"}, "a law of your own drives to a goal"),
     ],

@@ -44,6 +44,16 @@ def drive(setup: Setup, make: Callable[[], Controller]) -> Trace:
     """
     if multiprocessing.current_process().daemon:  # as under Dask's nanny: may have no children
         return driven(setup, make())
+    return _answered(setup, make)
+
+
+def check(make: Callable[[], Controller]) -> None:
+    """Have a law by others made there, and not driven. Raises CohelmError where that fails."""
+    _answered(None, make)
+
+
+def _answered(setup: Setup | None, make: Callable[[], Controller]) -> Any:
+    """What `_driven` answers. Raises CohelmError where the law fails in any way."""
     child, shared = _process()
     try:
         shared[_DUE], shared[_T] = time.monotonic() + _FIRST, 0.0
@@ -76,14 +86,16 @@ def _process() -> tuple[Child, Any]:
     return _held.process
 
 
-def _driven(shared: Any, asked: tuple[list[str], bytes, float]) -> Trace | str:
-    """In the process: a drive, or why it failed."""
+def _driven(shared: Any, asked: tuple[list[str], bytes, float]) -> Trace | str | bool:
+    """In the process: a drive, or why it failed; True without a setup, once the law is made."""
     lead_group()
     killed_with_parent()  # no thread of ours runs beside compiled code that never returns
     sys.path[:], packed, later = asked
     try:
         setup, make = pickle.loads(packed)
         law = make()
+        if setup is None:
+            return True
 
         def watched(now: Observation) -> Twist:
             shared[_T] = now.t

@@ -14,14 +14,14 @@ from cohelm.core.errors import CohelmError
 from cohelm.core.plugins import plugin, plugins
 from cohelm.core.trace import Trace
 from cohelm.robot.model import RobotModel
-from cohelm.study.campaign import rvo
-from cohelm.study.campaign.apart import drive
+from cohelm.study.campaign import apart, rvo
 from cohelm.study.campaign.episode import LAWS, Episode, Interventions, traced
 from cohelm.study.campaign.rvo import PEERS
 from cohelm.study.controlled import Controller, ControllerFactory
 
 GROUP = "cohelm.laws"
 """Entry points that name laws by others."""
+_MUST_BE = "must be a function (robot, period) that returns a controller"
 
 
 def is_own(law: str) -> bool:
@@ -38,8 +38,16 @@ def factory(law: str) -> ControllerFactory:
     """What makes the law for a robot and a control period. CohelmError where there is none."""
     made: ControllerFactory = plugin(GROUP, law)
     if not callable(made):
-        raise CohelmError(f"{law} must be a function (robot, period) that returns a controller")
+        raise CohelmError(f"{law} {_MUST_BE}")
     return made
+
+
+def check_made(law: str, case: Episode) -> None:
+    """CohelmError where a law by others can not be made for a case: it would fail in each."""
+    try:
+        apart.check(partial(_made, case, law))
+    except CohelmError as error:
+        raise CohelmError(f"{law} {_MUST_BE}, and made none: {error}") from error
 
 
 def check(law: str) -> None:
@@ -83,7 +91,7 @@ def pieces(case: Episode, law: str, acted: Interventions) -> Iterator[Trace]:
     setup = replace(case.setup, pilot=None)
     if case.goal is not None:
         setup = replace(setup, near=case.goal.near)
-    return iter((drive(setup, partial(_made, case, law)),))
+    return iter((apart.drive(setup, partial(_made, case, law)),))
 
 
 def _made(case: Episode, law: str) -> Controller:
@@ -92,4 +100,7 @@ def _made(case: Episode, law: str) -> Controller:
         return rvo.Peer(case, law)
     setup = case.setup
     robot = RobotModel.of(case.robot.name, setup.outline, setup.limits, delay=setup.delay)
-    return factory(law)(robot, setup.dt)
+    made = factory(law)(robot, setup.dt)
+    if not callable(made):  # pyright: ignore[reportUnnecessaryComparison]
+        raise CohelmError(f"it returned {type(made).__name__}, which can not be called")
+    return made

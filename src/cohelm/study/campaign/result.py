@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
 from cohelm.core.errors import CohelmError
+from cohelm.core.others_code import others_frames
 from cohelm.sim.judge import FAR
 
 
@@ -118,7 +119,6 @@ FAILS = (Exception, SystemExit)
 """What a law may raise: one that calls sys.exit has failed, and no more."""
 _PLACES, _TEXT = 6, 400
 """So many lines are named, and letters of an error cited, at most."""
-_PACKAGE = Path(__file__).resolve().parents[2]
 
 
 def fault_of(error: BaseException) -> str:
@@ -128,8 +128,8 @@ def fault_of(error: BaseException) -> str:
     if isinstance(error, CohelmError):
         return str(error)
     frames = traceback.extract_tb(error.__traceback__)
-    others = [one for one in frames if not Path(one.filename).is_relative_to(_PACKAGE)]
-    places = [f"{Path(one.filename).name}:{one.lineno}" for one in others or frames[-1:]]
+    others = others_frames(frames) or frames[-1:]
+    places = [f"{Path(one.filename).name}:{one.lineno}" for one in others]
     if len(places) > _PLACES:
         places[_PLACES - 1 : -1] = ["..."]
     clean = "".join(c if c.isprintable() else " " for c in str(error))

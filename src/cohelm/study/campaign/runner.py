@@ -22,7 +22,7 @@ from cohelm.core.plugins import plugins
 from cohelm.core.types import Progress
 from cohelm.robot.keep.processes import end_with_parent
 from cohelm.robot.model import RobotModel
-from cohelm.study.campaign.laws import GROUP, factory, is_own, own_code
+from cohelm.study.campaign.laws import GROUP, check_made, factory, is_own, own_code
 from cohelm.study.campaign.result import EpisodeResult
 from cohelm.study.campaign.store import PLAN, Key, Store, read_plan
 from cohelm.study.campaign.suites import Suite, suite
@@ -85,6 +85,7 @@ class CampaignConfig:
                 "of your own drives to a goal, with --plant kinematic"
             )
         factory(law)
+        check_made(law, made.case(0))
 
     def as_dict(self, made: Suite) -> dict[str, Any]:
         """As the campaign's folder keeps it. made: what `prepared` returned."""
