@@ -94,6 +94,17 @@ def test_who_pressed_stop_is_named_as_the_page_calls_it_and_you_to_the_one_who_d
     assert view.named(replayed, {}).stopped == "stop by desk (2)"
 
 
+def test_a_stop_by_a_driver_that_is_back_says_that_it_was_lost() -> None:
+    """Beside *You drive*, a driver that is lost is another one."""
+    said = "the driver is lost: silent for 0.6 s"
+    there = Alarm(1, Severity.ALARM, True, False, said)
+    for alarms, tense in (((there,), "is"), ((there._replace(active=False),), "was"), ((), "was")):
+        shown = view.named(STATUS._replace(stopped=said, why=said, alarms=alarms), {})
+        assert {shown.stopped, shown.why} == {said.replace("is", tense, 1)}
+    pausing = STATUS._replace(stopped="", why="the stick is lost: no valid stick input", alarms=())
+    assert view.named(pausing, {}).why == pausing.why  # it is a pause, and not over
+
+
 def test_a_driver_whose_page_is_closed_is_said_to_be_so() -> None:
     """For who opens the page anew, and is told that another drives: it was that same person."""
     lease = STATUS.lease._replace(you=3, driver=2, driver_name="desk", requester=4)

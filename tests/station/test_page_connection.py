@@ -275,6 +275,25 @@ def test_without_a_link_nobody_is_said_to_drive(context: BrowserContext, tmp_pat
         expect(who(page)).to_contain_text("No link")
 
 
+@pytest.mark.slow  # what a page only tells
+def test_a_link_that_breaks_takes_no_question_away_at_once_and_counts_no_seconds(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with Bare(tmp_path) as robot, served(robot.connect) as server:
+        page, other = page_of(context, server), context.new_page()
+        take(page)
+        other.goto(server.address)
+        question = request_control(other, page)
+        expect(question).to_contain_text(re.compile(r"\(\d+ s\)"))
+        expect(who(page)).to_contain_text("2 connected, you are operator 1")
+        expect(who(other)).to_contain_text("2 connected, you are operator 2")
+        robot.die()
+        expect(who(page)).to_contain_text("No link")
+        expect(question).to_contain_text("operator 2 requests control")
+        expect(question).not_to_contain_text(" s)")
+        expect(question).to_be_hidden()  # nobody knows any more whether it is asked
+
+
 @pytest.mark.slow  # nothing moves wrongly by it
 def test_who_can_not_reset_a_stop_is_told_who_can(context: BrowserContext, tmp_path: Path) -> None:
     status = STATUS._replace(mode=Mode.HOLD, stopped="the odometry is 92 ms old", why="")

@@ -72,7 +72,8 @@ def test_a_stick_is_armed_only_after_it_was_centred(asked) -> None:
 
 
 def test_a_stick_is_centred_here_where_it_is_on_the_robot(asked) -> None:
-    assert asked("input/stick.ts", "m.CENTRE") == [CENTRE]
+    for module in ("input/stick.ts", "panels/why.ts"):
+        assert asked(module, "m.CENTRE") == [CENTRE]
 
 
 GO_ON = """((looks) => {
@@ -336,6 +337,90 @@ def test_who_can_do_something_next_is_told_what(asked) -> None:
         assert [one in text for one, text in zip(said, told, strict=True)] == 3 * [True], told
 
 
+WHY = {
+    "mode": "shared", "stopped": "", "why": "", "arming": "armed", "stick": [0, 0],
+    "authority": 1.0, "localised": "good", "e_p": 0.1, "nominal": [0.4, 0], "applied": [0.4, 0],
+    "verdict": "untouched", "limiting": None, "clearance_seen": 2.0,
+}  # fmt: skip
+STANDS = {"nominal": [0, 0], "applied": [0, 0]}
+ALONE = {"e_p": None, "authority": 1.0}
+"""The stick alone, as the robot reports it: there is no tracking error."""
+NEAR = {"applied": [0.1, 0], "limiting": [1, 0], "clearance_seen": 0.2}
+WHYS: dict[str, tuple[dict[str, object], str, int]] = {
+    "follows": ({}, "as commanded", 0),
+    "follows alone": ({"mode": "automatic"}, "as commanded", 0),
+    "shared, deflected": ({"stick": [1, 0], "authority": 0.1}, "as commanded", 0),
+    "waits on its path": (STANDS, "as commanded", 0),
+    "no route, centred": (STANDS | ALONE, "standing: the stick is centred", 0),
+    "no route, deflected": (ALONE | {"stick": [1, 0]}, "as commanded", 0),
+    "manual, centred": (STANDS | ALONE | {"mode": "manual"}, "standing: the stick is centred", 0),
+    "manual, deflected": (ALONE | {"mode": "manual", "stick": [1, 0]}, "as commanded", 0),
+    "manual, not armed": (
+        STANDS | ALONE | {"mode": "manual", "arming": "waiting"}, "standing: no stick is armed", 1,
+    ),
+    "no number": ({"nominal": None}, "–", 0),
+    "nothing applied": ({"applied": None}, "–", 0),
+    "not finite": (
+        {"nominal": None, "applied": [0, 0], "verdict": "invalid"},
+        "standing: invalid number (NaN or infinite)", 2,
+    ),
+    "powerless": (
+        {"verdict": "powerless"}, "the safety filter can not act here: steer away", 2,
+    ),
+    "lost, auto": (
+        STANDS | {"mode": "automatic", "localised": "lost"}, "standing: localization is lost", 2,
+    ),
+    "lost, shared": (
+        STANDS | ALONE | {"localised": "lost"},
+        "standing: localization is lost; the stick alone steers", 2,
+    ),
+    "lost, steered": (
+        ALONE | {"localised": "lost", "stick": [1, 0]}, "as commanded", 0,
+    ),
+    "limited": ({"verdict": "shaped"} | NEAR, "limited: obstacle near", 1),
+    "braking": ({"verdict": "braking"} | NEAR, "braking: obstacle near", 2),
+    "standing": ({"verdict": "standing"} | NEAR, "standing: no safe motion", 2),
+    "own limits": ({"applied": [0.1, 0]}, "at its speed or acceleration limit", 0),
+    "unseen": ({"why": "limited: unobserved space"} | NEAR, "limited: unobserved space", 1),
+    "arrived": (STANDS | {"why": DONE}, DONE, 0),
+    "hold": (STANDS | {"mode": "hold", "why": "idle", "authority": None}, "idle: choose a mode", 2),
+    "stopped": (
+        STANDS | {"mode": "hold", "stopped": "stop by you", "why": "stop by you"},
+        "stopped: press Reset, then choose a mode", 2,
+    ),
+    "fault": (STANDS | {"stopped": "stop by you", "why": "no scan"}, "no scan", 2),
+    "stick lost": (
+        STANDS | {"why": "the stick is lost: silent", "authority": None, "e_p": None},
+        "the stick is lost: silent", 2,
+    ),
+}  # fmt: skip
+
+
+def test_in_every_state_one_line_says_why_the_robot_does_what_it_does(asked) -> None:
+    told = asked(
+        "panels/why.ts",
+        *(f"(r => [r.text, r.weight])(m.reason({json.dumps(WHY | of)}, 'driver'))"
+          for of, _, _ in WHYS.values()),
+    )  # fmt: skip
+    assert dict(zip(WHYS, told, strict=True)) == {
+        name: [text, weight] for name, (_, text, weight) in WHYS.items()
+    }
+
+
+def test_a_reason_of_another_mode_does_not_stay(asked) -> None:
+    (told,) = asked(
+        "panels/why.ts",
+        """(() => {
+          const of = (mode, text, weight) => ({ text, weight, lasting: false, mode })
+          let shown = m.calm(null, of('shared', 'limited', 1), 0, 1000)
+          shown = m.calm(shown, of('automatic', 'as commanded', 0), 20, 1000)
+          const then = shown.text
+          return [then, m.calm(shown, of(null, '–', 0), 40, 1000).text]
+        })()""",
+    )
+    assert told == ["as commanded", "–"]
+
+
 CALM = """((reasons) => {
   let shown = null
   return reasons.map(([now, text, weight, lasting]) => {
@@ -364,15 +449,18 @@ def test_a_reason_stays_to_be_read_but_never_keeps_a_weightier_one_waiting(asked
 
 
 def test_where_only_the_stick_commands_the_share_is_the_operators(asked) -> None:
-    def share(mode: str, authority: float, localised: str = "good") -> str:
-        state = {"mode": mode, "authority": authority, "localised": localised}
+    def share(
+        mode: str, authority: float | None, localised: str = "good", e_p: float | None = 0.1
+    ) -> str:
+        state = {"mode": mode, "authority": authority, "localised": localised, "e_p": e_p}
         return f"m.operatorsShare({json.dumps(state)})"
 
     assert asked(
         "panels/why.ts", share("shared", 0.75), share("manual", 1.0), share("manual", 0.5),
         share("automatic", 1.0), share("hold", 1.0), share("shared", 1.0, "lost"),
+        share("shared", 1.0, e_p=None), share("shared", None, e_p=None),
         "m.operatorsShare(null)",
-    ) == [0.25, 1, 1, 0, None, 1, None]  # fmt: skip
+    ) == [0.25, 1, 1, 0, None, 1, 1, None, None]  # fmt: skip
 
 
 def test_a_kept_speed_is_the_whole_one_where_it_is_none(asked) -> None:

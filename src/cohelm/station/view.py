@@ -20,6 +20,7 @@ from cohelm.station.robot_link import ReplayLink
 
 _PERSON = re.compile(r"(?<=\bstop by )[^()]* \((\d+)\)|^[^()]* \((\d+)\)(?= pressed stop$)")
 """Who pressed stop, as the robot has it: the certificate's name, and the client's number."""
+_LOST = re.compile(r"^(the driver|the stick) is lost(?=:)")
 MOST_POINTS = 2000
 """Most rows of one array sent to a page; a longer line is thinned out."""
 
@@ -128,13 +129,18 @@ def persons(text: str, you: int, names: dict[int, str]) -> str:
 
 
 def named(status: robot.Status, names: dict[int, str]) -> robot.Status:
-    """With `persons` in its texts."""
+    """With `persons` in its texts; a stop by a loss that is over, as its alarm is, says so."""
 
     def shown(text: str) -> str:
         return persons(text, status.lease.you, names)
 
+    stopped, why = shown(status.stopped), shown(status.why)
+    lost = _LOST.match(stopped)
+    if lost and not any(one.active and one.text.startswith(lost[0]) for one in status.alarms):
+        was = _LOST.sub(r"\1 was lost", stopped)
+        stopped, why = was, was if why == stopped else why
     alarms = tuple(alarm._replace(text=shown(alarm.text)) for alarm in status.alarms)
-    return status._replace(stopped=shown(status.stopped), why=shown(status.why), alarms=alarms)
+    return status._replace(stopped=stopped, why=why, alarms=alarms)
 
 
 # Binary messages to the page: maps, zones, scans and pictures. `web/src/binary.ts` reads them.

@@ -193,7 +193,8 @@ async function reconnect(): Promise<void> {
     const answer = await authorizedFetch('./session', { signal: AbortSignal.timeout(CONNECT_MS) })
     if (answer.status === 401) {
       s.connection.value = 'login'
-      s.link.value = null // what is said of it next is another login's
+      // what is said next is of another login: nothing of this one's stays, not even who drove
+      s.link.value = s.state.value = s.who.value = null
       return
     }
   } catch {

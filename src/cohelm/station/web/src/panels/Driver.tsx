@@ -40,16 +40,19 @@ export function Driver() {
   if (who === null) return <div class="driver">{s.linked.value || s.welcome.value === null ? '…' : 'No link'}</div>
   const linked = s.linked.value // without it, who drove then may not drive now
   const mine = linked && who.you_drive
-  const left = who.left_s === null ? '' : ` (${Math.max(0, Math.ceil(who.left_s))} s)`
+  // without a link the question stays for as long as it may still be asked, but nobody knows for how long
+  const left = who.left_s === null || !linked ? '' : ` (${Math.max(0, Math.ceil(who.left_s))} s)`
   return (
     <div class="driver" role="group" aria-label="Who drives">
       <span role="status">
         {!linked ? 'No link' : mine ? <strong>You drive</strong> : who.driver === null ? 'No driver' : driverLine(who)}
-        {linked && who.operators.length > 1 && <small> · {who.operators.length} connected</small>}
+        {linked && who.operators.length > 1 && (
+          <small> · {who.operators.length} connected, you are {s.welcome.value?.you}</small>
+        )}
       </span>
       {/* each with a key: none is made of another, whose focus it would have */}
       {mine && who.requester === null && <button key="release" type="button" onClick={() => release()}>Release</button>}
-      {who.you_drive && who.requester !== null && (
+      {who.you_drive && who.requester !== null && (linked || s.present.value !== null) && (
         <span class="requester" role="alert">
           {/* the seconds are not read out, each of them, over the buttons' names */}
           {who.requester} requests control<span aria-hidden="true">{left}</span>
