@@ -261,13 +261,19 @@ def test_before_the_first_status_there_is_no_link_to_be_lost(
 
 @pytest.mark.slow  # what is said then is tried below, too
 def test_without_a_link_nobody_is_said_to_drive(context: BrowserContext, tmp_path: Path) -> None:
-    with Bare(tmp_path) as robot, served(robot.connect) as server:
+    status = STATUS._replace(localised=Localised.POOR)
+    with Bare(tmp_path, status) as robot, served(robot.connect) as server:
         page = page_of(context, server)
         take(page)
+        alarms = page.get_by_label("Alarms", exact=True)
+        expect(alarms).to_contain_text("Localization is uncertain")
+        expect(mode_button(page, "Shared", pressed=True)).to_be_visible()
         robot.die()
         expect(who(page)).to_contain_text("No link")
         expect(who(page)).not_to_contain_text("drive")
         expect(who(page).get_by_role("button")).to_have_count(0)
+        expect(mode_button(page, "Shared", pressed=True)).to_have_count(0)
+        expect(alarms).not_to_contain_text("uncertain")  # by now nobody knows
     with Bare(tmp_path) as robot:
         with served(robot.connect) as server:
             page = page_of(context, server)

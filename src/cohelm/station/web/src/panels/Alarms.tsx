@@ -59,8 +59,8 @@ function localAlarms(): ShownAlarm[] {
   const reason = noEffectReason.value || (s.youDrive.value ? notArmedReason.value : '')
   if (s.linked.value && reason !== '') add('warning', `Your stick does not steer: ${reason}.`)
   if (s.linked.value && resumeHint.value !== '') add('notice', `To continue: ${resumeHint.value}.`)
-  if (s.state.value?.localised === 'poor') add('warning', 'Localization is uncertain.')
-  const battery = s.health.value?.battery ?? 1
+  if (s.present.value?.localised === 'poor') add('warning', 'Localization is uncertain.')
+  const battery = (s.present.value === null ? null : s.health.value?.battery) ?? 1
   if (battery < LOW_BATTERY) add(battery < EMPTY_BATTERY ? 'warning' : 'notice', `The battery is at ${percent(battery)}: bring the robot to its charger.`)
   return out
 }

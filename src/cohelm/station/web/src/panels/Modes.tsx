@@ -17,7 +17,7 @@ const SMALL = matchMedia('(max-width: 820px), (max-height: 500px)')
 
 export function Modes() {
   if (s.isReplay.value) return null
-  const now = s.state.value?.mode
+  const now = s.present.value?.mode
   return (
     <section class="modes" aria-label="How to drive">
       {/* no radio buttons: of these a screen reader says that arrow keys choose, and here they drive, wherever the focus is */}
