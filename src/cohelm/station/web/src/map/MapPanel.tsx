@@ -183,7 +183,7 @@ export function MapPanel() {
         </button>
         <button type="button" onClick={showAll}>Show all</button>
         {!s.isReplay.value && (
-          <button type="button" aria-expanded={edit.editing.value} disabled={!edit.editing.value && s.robot.value === null} onClick={edit.editing.value ? edit.leave : edit.begin}>Edit route</button>
+          <button type="button" aria-expanded={edit.editing.value} disabled={!edit.editing.value && s.state.value === null} onClick={edit.editing.value ? edit.leave : edit.begin}>Edit route</button>
         )}
       </div>
       {edit.editing.value && <EditPanel onAdd={addByKey} />}

@@ -1,11 +1,10 @@
 // Why the applied command differs from the nominal one.
 
+import { centred } from '../input/stick.ts' // with its ending, which Node needs that tests this
 import type { Status } from '../messages'
 
 /** Nearer than this is close [m]. */
 export const CLOSE_M = 0.25
-/** Deflections up to this are centred; as on the robot, which a test holds. */
-export const CENTRE = 0.1
 
 type Steered = Pick<Status, 'mode' | 'localised' | 'authority' | 'e_p'>
 
@@ -95,8 +94,8 @@ function asCommanded(state: Status, nominal: Command): [string, Reason['weight']
   if (!stands || !stickAlone(state)) return ['as commanded', 0]
   if (state.localised === 'lost' && state.mode === 'shared') return ['standing: localization is lost; the stick alone steers', 2]
   if (state.arming !== 'armed') return ['standing: no stick is armed', 1]
-  const deflected = state.stick?.some((axis) => Math.abs(axis) > CENTRE) === true
-  return deflected ? ['as commanded', 0] : ['standing: the stick is centred', 0]
+  const centre = state.stick === null || centred(state.stick)
+  return centre ? ['standing: the stick is centred', 0] : ['as commanded', 0]
 }
 
 export interface Shown extends Reason {
