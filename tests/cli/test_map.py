@@ -209,6 +209,19 @@ def test_a_bag_with_other_topics_is_mapped(cohelm, tmp_path):
     assert "--live" in live.err
 
 
+def test_an_earlier_mapping_is_not_overwritten(cohelm, record, folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "map")
+    (tmp_path / "begun").mkdir()
+    (tmp_path / "begun" / "survey.npz").write_bytes(b"of an interrupted one")
+    before = (folder / "survey.npz").read_bytes()
+    for options in ((str(record), "--out", "map"), (str(record), "--out", "begun"),
+                    ("map", "--crop", "0:-1:3:1", "--out", "begun")):  # fmt: skip
+        done = cohelm("map", *options)
+        assert done.code == 2
+        assert "already, and a mapping never overwrites" in " ".join(done.err.split())
+    assert (tmp_path / "map" / "survey.npz").read_bytes() == before
+
+
 def test_topics_are_for_bags(cohelm, tmp_path):
     (tmp_path / "x.log").write_text("nothing to see\n")
     done = cohelm("map", str(tmp_path / "x.log"), "--scan-topic", "/rear")

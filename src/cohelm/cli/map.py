@@ -102,7 +102,8 @@ def map_(
 
     Leaves map.yaml and map.pgm (as ROS's map_server reads them), map.png with the way driven,
     trajectory.csv, loops.csv, mapping.json and survey.npz in out/map unless --out names another
-    folder; replaces files of an earlier mapping there. After an interruption, go on with --resume.
+    folder. A folder that holds an earlier mapping is refused; after an interruption, go on with
+    --resume.
 
     Of a map, it prints how long and thick the walls are, where it is open, and at how many places
     a scan would not tell the pose, and leaves check.png and check.json in out/map-check.

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cohelm.core.errors import CohelmError
-from cohelm.core.files import check_regular
+from cohelm.core.files import check_free, check_regular
 from cohelm.core.interrupts import INTERRUPTS
 from cohelm.core.types import Floats, Pose, Progress
 from cohelm.perceive.map.mapper import Mapper, MappingResult, encounters
@@ -29,7 +29,7 @@ from cohelm.scenario.worlds.carmen import RecordedDrive, read_log
 from cohelm.study.bags import BagTopics, is_bag, read_bag
 from cohelm.study.localized_drive import localized_drive
 from cohelm.study.map_files import MapResult, occupancy, outcome, show, write, write_result
-from cohelm.study.mapping_session import MappingSession, Mark
+from cohelm.study.mapping_session import NAME, MappingSession, Mark
 
 RESOLUTION = 0.025
 """Default side of a cell [m]."""
@@ -122,9 +122,12 @@ def mapped(
     live: the record is still being written; go on until nothing more comes, or Ctrl-C. resume: go
     on with the mapping in the folder, where it was interrupted; or, with another record, from where
     its drive ended. localise: then localize the record on the map. Raises Interrupted where Ctrl-C
-    is not the usual end.
+    is not the usual end. Raises CohelmError where the folder holds a mapping, unless that is to go
+    on.
     """
     start = time.perf_counter()
+    if not resume:
+        _check_unmapped(folder, "choose another folder with --out, or go on with it by --resume")
     session = MappingSession.read(folder) if resume else None
     recorded = _live_drive(path, robot) if live else drive(path, robot, topics)
     if session is None:
@@ -188,9 +191,11 @@ def marked(
     """Draw an earlier mapping's folder again, with further corrections.
 
     remove_loops: numbers in its loops.csv. undo: take back the last mark first. Raises CohelmError
-    where there is no such loop, mark or mapping.
+    where there is no such loop, mark or mapping, or another mapping in `out`.
     """
     start = time.perf_counter()
+    if out.resolve() != folder.resolve():
+        _check_unmapped(out, "choose another folder with --out")
     session = MappingSession.read(folder)
     session.resolution = resolution or session.resolution
     if undo:
@@ -209,6 +214,10 @@ def marked(
             session.marks.append(Mark("remove-loop", pairs))
     session.marks += marks
     return _finished(session, out, progress, start)
+
+
+def _check_unmapped(folder: Path, mend: str) -> None:
+    check_free(folder, (NAME, "map.yaml", "map.pgm"), "a mapping", mend)
 
 
 def _go_on(session: MappingSession, recorded: RecordedDrive, path: Path) -> None:
