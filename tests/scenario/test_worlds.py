@@ -462,8 +462,10 @@ def test_a_bad_image_is_refused_with_the_reason(tmp_path, image, words):
         ({"resolution": math.nan}, "resolution"),
         (
             {"resolution": 1e300},
-            r"m\.yaml: resolution is the side of a cell in metres, got 1e\+300$",
+            r"m\.yaml: resolution is the side of a cell in metres, got 1e\+300, and one of",
         ),
+        ({"resolution": 50}, "got 50, and one of more than 1 m .* millimetres by 1000$"),
+        ({"resolution": 5.0}, "got 5, and one of more than 1 m .*: divide centimetres by 100"),
         ({"resolution": 1e-320}, "m.yaml: resolution is the side of a cell in metres"),
         (
             {"origin": [0.0, 1e300, 0.0]},

@@ -31,7 +31,7 @@ PLACES = 150
 """Places at which a scan is simulated, at most."""
 _SEARCHED = 15_000_000
 """Places that are searched for them, all together: one or two minutes on one core."""
-_MOST_SEARCHED = 6_000_000  # for one of them: 240 000 m2 of free ground
+_MOST_SEARCHED = 6_000_000  # for one of them: 240 000 m2 of free ground in cells of 5 cm
 _SURE = (
     LocalizerParams().sure
 )  # a pose with a larger standard deviation is not reported as known [m]
@@ -98,7 +98,7 @@ def checked(
     if len(known.places) > _MOST_SEARCHED:
         raise CohelmError(
             f"{len(known.places)} places of the map are free, and {_MOST_SEARCHED} are the most to "
-            "check (20 cm apart, 240 000 m2): cut the map, or see its resolution"
+            "check (about 20 cm apart, or each cell): cut the map, or see its resolution"
         )
     places = min(places, max(_SEARCHED // len(known.places), 1))
     chosen = rng.permutation(len(known.places))[:places]

@@ -33,7 +33,7 @@ PICTURES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp")
 _ABSOLUTE = 2
 _HEADER = re.compile(rb"P5" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)" + rb"\r(?=\n)")
 """Of a PGM whose header ends in CRLF: width, height, most."""
-_FINEST, _COARSEST = 1e-4, 100.0  # sides of a cell [m]
+_FINEST, _COARSEST = 1e-4, 1.0  # sides of a cell; larger than a robot, it shows no way [m]
 _FARTHEST = 1e9  # of an origin: coordinates of a state's survey are there too [m]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -93,7 +93,13 @@ class _Description(BaseModel):
     @model_validator(mode="after")
     def _sound(self) -> Self:
         if not _FINEST <= self.resolution <= _COARSEST:
-            raise ValueError(f"resolution is the side of a cell in metres, got {self.resolution:g}")
+            why = f"resolution is the side of a cell in metres, got {self.resolution:g}"
+            if self.resolution > _COARSEST:
+                why += (
+                    f", and one of more than {_COARSEST:g} m is larger than a robot: divide "
+                    "centimetres by 100, millimetres by 1000"
+                )
+            raise ValueError(why)
         x, y, yaw = (*self.origin, 0.0)[:3]
         if not (abs(x) <= _FARTHEST and abs(y) <= _FARTHEST and abs(yaw) <= 4.0 * math.pi):
             raise ValueError(f"origin is x and y in metres and a yaw in radians, got {self.origin}")
