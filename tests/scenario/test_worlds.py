@@ -404,6 +404,20 @@ def test_the_colours_of_a_palette_image_are_used(tmp_path):
     assert read_map(path).cells[1, 0] == OCCUPIED
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a: " + "[" * 5000, r"m\.yaml: is nested too deeply: give a map_server"),
+        ("image: m.pgm\n\tresolution: 0.05\n", r"m\.yaml:2: has a tab, and YAML is indented with"),
+        ("image: m.pgm\norigin:\n\t- 1\n", r"m\.yaml:3: has a tab, and YAML is indented with"),
+    ],
+)
+def test_a_tab_or_deep_nesting_in_a_map_description_is_named(tmp_path, text, said):
+    (tmp_path / "m.yaml").write_text(text)
+    with pytest.raises(CohelmError, match=said):
+        read_map(tmp_path / "m.yaml")
+
+
 def test_unknown_cells_are_solid_only_on_request(tmp_path):
     found = read_map(write_map(tmp_path))
     np.testing.assert_array_equal(found.grid().free == 0, found.cells == OCCUPIED)

@@ -193,7 +193,12 @@ def _described(path: Path | str) -> _Description:
             raise CohelmError(f"{path}: is not text in UTF-8: save it as that") from error
         mark = getattr(error, "problem_mark", None)
         where = "" if mark is None else f":{mark.line + 1}"
-        raise CohelmError(f"{path}{where}: is not YAML: give a map_server YAML file") from error
+        why = "is not YAML"
+        if isinstance(error, RecursionError):
+            why = "is nested too deeply"
+        elif "'\\t'" in str(getattr(error, "problem", "")):
+            why = "has a tab, and YAML is indented with spaces"
+        raise CohelmError(f"{path}{where}: {why}: give a map_server YAML file") from error
     except ValidationError as error:
         raise faults(path, error) from error
 
