@@ -232,6 +232,22 @@ def test_what_a_driver_raises_is_said_however_long_or_broken(error, said):
     assert found == said or found.endswith("…")
 
 
+@pytest.mark.parametrize("own", [(), ("the button is pressed",)])
+def test_a_fault_says_of_which_failed_call_it_is_or_that_the_robot_reports_it(own):
+    """A sentence of ours, raised in a driver, names no call."""
+    cart = Cart()
+    port = RobotAdapter(cart)
+    sound = cohelm.Readings(health=Health(0.0, 0.5, own))
+    cart.read = lambda: sound
+    assert port.read().health.failed is None
+    cart.broken, cart.error = "send", cohelm.CohelmError("switch it on")
+    port.send(REST)
+    found = port.read().health
+    assert found.faults == (*own, "switch it on")
+    assert found.failed == (None if own else ("send", "switch it on"))
+    assert port.read().health == sound.health
+
+
 def test_faults_that_a_driver_reports_are_as_many_and_as_long_as_stations_show():
     cart = Cart()
     reported = Health(0.0, 0.5, ("word " * 1_000_000,) * 100)

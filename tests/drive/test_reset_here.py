@@ -17,7 +17,7 @@ from cohelm.drive.on_topics import OnTopics, TopicsConfig, on_topics
 from cohelm.drive.reset_here import ResetHere
 from cohelm.drive.session import Session, SessionConfig
 from cohelm.link.messages import Mode
-from cohelm.robot.port import Health
+from cohelm.robot.port import FailedCall, Health
 from cohelm.ros.port import Received
 from cohelm.ros.reset import resets
 from tests.cli.test_bad_input import refused
@@ -240,16 +240,18 @@ def faulty_for_a_while(broken, why: str) -> None:
     drive.run(script)
 
 
-def test_a_stop_is_not_reset_while_the_robot_reports_a_fault():
-    sick = Health(0.0, 0.5, ("the button is pressed",))
+@pytest.mark.parametrize("fault", ["the button is pressed", "read failed: the tag is dirty"])
+def test_a_stop_is_not_reset_while_the_robot_reports_a_fault(fault):
+    """Of any wording: one that began like a driver's exception was taken for one."""
+    sick = Health(0.0, 0.5, (fault,))
     faulty_for_a_while(
-        lambda read: lambda: read()._replace(health=sick),
-        "the robot reports: the button is pressed",
+        lambda read: lambda: read()._replace(health=sick), f"the robot reports: {fault}"
     )
 
 
 def test_a_reset_is_refused_for_the_call_that_still_fails_and_not_for_the_readings_that_age_by_it():
-    failed = Health(0.0, 0.5, ("read failed: OSError: no device",))
+    why = "OSError: no device"
+    failed = Health(0.0, 0.5, (f"read failed: {why}",), FailedCall("read", why))
 
     def broken(read):
         kept = read()._replace(health=failed)

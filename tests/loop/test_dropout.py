@@ -17,6 +17,7 @@ from cohelm.loop.stick import (
     ArmingParams,
     Dropout,
     DropoutAction,
+    Loss,
     StickState,
     stepped,
     updated,
@@ -65,7 +66,8 @@ def lived(script: list[tuple[str, int]]) -> list[Period]:
             quiet = quiet + DT if what in ("driver_lost", "released") else 0.0
             heard = said(what, quiet + (SILENCE if quiet else 0.0))
             stick_state = updated(stick_state, heard, ArmingParams(), DT)
-            lost = stick_state.lost or stick_state.driver_lost
+            why = stick_state.lost or stick_state.driver_lost
+            lost = Loss("stick" if stick_state.lost else "driver", why) if why else None
             dropout, then = stepped(dropout, lost, stick_state, t)
             periods.append(Period(t, what, then))
             if then is DropoutAction.STOP:
@@ -164,12 +166,12 @@ def test_a_deliberate_action_is_no_dropout(what):
 def test_a_driver_without_a_stick_has_none_to_centre():
     dropout, now = Dropout(driver=1), 100.0
     heard = StickState(received=OperatorInput(1, "anna", None, 0.31, 0.0, ()))
-    assert stepped(dropout, "the driver is lost", heard, now)[1] is DropoutAction.STOP
+    assert stepped(dropout, Loss("driver", "silent"), heard, now)[1] is DropoutAction.STOP
 
 
 def test_an_unknown_age_does_not_extend_the_time_limit():
     dropout = Dropout(driver=1, device=Device.GAMEPAD)
     heard = StickState(received=OperatorInput(1, "anna", None, math.nan, 0.0, ()))
-    stood, then = stepped(dropout, "the stick is lost", heard, 100.0)
+    stood, then = stepped(dropout, Loss("stick", "silent"), heard, 100.0)
     assert then is DropoutAction.STAND
-    assert stepped(stood, "", heard, 101.01)[1] is DropoutAction.STOP
+    assert stepped(stood, None, heard, 101.01)[1] is DropoutAction.STOP

@@ -28,7 +28,7 @@ from cohelm.plan.docks import Dock
 from cohelm.robot.gate.gate import STANDING, Passed, Proposal
 from cohelm.robot.gate.modes import driving, latched
 from cohelm.robot.keep.garbage import Sweeper
-from cohelm.robot.keep.gated_robot import standing
+from cohelm.robot.keep.gated_robot import standing, still
 from cohelm.robot.keep.process import GatedRobot
 from cohelm.robot.keep.record_pipe import RecordLine
 from cohelm.robot.port import Readings
@@ -197,8 +197,7 @@ class Loop:
             self.alarms.off("lost")
         self.seen = seen
         self.supervisor.problem, self.supervisor.seen = problem, seen
-        faults = () if readings.health is None else readings.health.faults
-        self.supervisor.reported = faults[0] if faults else ""
+        self.supervisor.unsound = still(readings.health)
         self.driver.update_twist(seen.twist)
         return seen
 

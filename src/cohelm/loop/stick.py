@@ -158,11 +158,24 @@ class DropoutAction(Enum):
     """It was a loss: latch a stop."""
 
 
+class Loss(NamedTuple):
+    """What is lost of those who drive."""
+
+    what: str
+    """stick or driver, as the alarm of it is called."""
+    why: str
+
+    @property
+    def text(self) -> str:
+        """As the reason of a stop."""
+        return f"the {self.what} is lost: {self.why}"
+
+
 class Dropout(NamedTuple):
     """The stick that is watched, and its dropout, if any."""
 
-    why: str = ""
-    """What is lost; empty: nothing."""
+    lost: Loss | None = None
+    """What is lost; None: nothing."""
     since: float = math.nan
     """When the last command before it came [s]."""
     back: float = math.nan
@@ -178,15 +191,15 @@ class Dropout(NamedTuple):
 
 
 def stepped(
-    dropout: Dropout, lost: str, stick_state: StickState, now: float
+    dropout: Dropout, lost: Loss | None, stick_state: StickState, now: float
 ) -> tuple[Dropout, DropoutAction]:
     """The dropout a period later, and what the supervisor does.
 
-    lost: why the stick in use, or the driver, is lost; empty: nothing new is lost. stick_state: of
+    lost: the stick in use, or the driver; None: nothing new is lost. stick_state: of
     this period; a stick that was lost is `ARMED` again only after it was centred.
     """
     received = stick_state.received
-    if dropout.why:
+    if dropout.lost:
         return _continued(dropout, stick_state, now)
     if not lost:
         return _remembered(dropout, received), DropoutAction.NOTHING
@@ -195,7 +208,7 @@ def stepped(
     since = now - max(received.age, 0.0) if math.isfinite(received.age) else now
     if not (silent and same) or now - since > BACK_WITHIN:
         return dropout.cleared, DropoutAction.STOP
-    return dropout._replace(why=lost, since=since), DropoutAction.STAND
+    return dropout._replace(lost=lost, since=since), DropoutAction.STAND
 
 
 def _remembered(dropout: Dropout, received: OperatorInput) -> Dropout:

@@ -20,6 +20,7 @@ from cohelm.loop.stick import (
     ArmingParams,
     Dropout,
     DropoutAction,
+    Loss,
     StickState,
     stepped,
     updated,
@@ -27,7 +28,6 @@ from cohelm.loop.stick import (
 from cohelm.perceive.pipeline import Seen
 from cohelm.pilot.step import Decision
 from cohelm.robot.gate.modes import GateMode, driving, latched
-from cohelm.robot.keep.gated_robot import still
 from cohelm.robot.keep.process import GatedRobot
 
 _GATE = {
@@ -66,8 +66,8 @@ class Supervisor:
         self.rights = Authorization()
         self.problem = ""
         """What is wrong with this period's readings; empty: nothing..."""
-        self.reported = ""
-        """... the fault that the robot reports in them; empty: none..."""
+        self.unsound = ""
+        """... why there is no reset by the fault that they report; empty: they report none..."""
         self.seen: Seen | None = None
         """... and what perception makes of them."""
         self.awaits_route = False
@@ -225,25 +225,24 @@ class Supervisor:
             self.alarms.off("driver")
         if not driving(self.gated.gate.mode):
             return
-        name = "stick" if stick else "driver"
-        why = stick or quiet
-        if why and self._carry_on and (not stick or self.mode == Mode.SHARED):
-            if self.alarms.on(name, f"the {name} is lost: {why}") or stick:
-                self._log.event(f"{why}: the controller continues alone", True)
-            why = ""
-        lost = f"the {name} is lost: {why}" if why else ""
+        lost = Loss("stick", stick) if stick else Loss("driver", quiet) if quiet else None
+        if lost and self._carry_on and (not stick or self.mode == Mode.SHARED):
+            if self.alarms.on(lost.what, lost.text) or stick:
+                self._log.event(f"{lost.why}: the controller continues alone", True)
+            lost = None
         before = self._dropout
         self._dropout, action = stepped(before, lost, self.stick_state, now)
+        lost = before.lost or lost
         if action == DropoutAction.STOP:
-            lost = before.why or lost
-            self.alarms.on("driver" if lost.startswith("the driver") else "stick", lost)
-            self.gated.stop(lost)
+            assert lost is not None  # or there would be nothing to stop for
+            self.alarms.on(lost.what, lost.text)
+            self.gated.stop(lost.text)
             self._pauses.pop("stick", "")  # it does not resume
         elif action == DropoutAction.GO_ON:
             self.resume("stick")
-        elif self._dropout.why:
+        elif self._dropout.lost:
             waiting = math.isfinite(self._dropout.back)
-            self.pause("stick", WAITING if waiting else self._dropout.why)
+            self.pause("stick", WAITING if waiting else self._dropout.lost.text)
 
     def _forget_dropout(self) -> None:
         """A mode was ended or chosen: an earlier dropout no longer counts."""
@@ -303,7 +302,7 @@ class Supervisor:
 
     def _broken(self) -> str:
         """What is wrong with the robot: what it reports is the cause of readings that are old."""
-        return still(self.reported) if self.reported else self.problem
+        return self.unsound or self.problem
 
     def _stop(self, name: str) -> None:
         before = self.gated.gate

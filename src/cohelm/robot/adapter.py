@@ -28,7 +28,16 @@ from cohelm.robot.achievable import achievable
 from cohelm.robot.base import Robot
 from cohelm.robot.limits import unbraked
 from cohelm.robot.model import RobotModel
-from cohelm.robot.port import Contact, Frame, Health, Odometry, Readings, RobotPort, Scan
+from cohelm.robot.port import (
+    Contact,
+    FailedCall,
+    Frame,
+    Health,
+    Odometry,
+    Readings,
+    RobotPort,
+    Scan,
+)
 
 Make = Callable[[RobotModel], Robot] | Robot
 """A class or function that makes a robot of its model; or a robot that can be pickled."""
@@ -70,7 +79,8 @@ class RobotAdapter:
         self._calls = threading.Lock()  # into the robot: one at a time
         self._commanded = self._stopped = -math.inf
         self._moves = False
-        self._failed: dict[str, str] = {}
+        self._failed: dict[str, FailedCall] = {}
+        self._faults: dict[str, str] = {}  # the same, a sentence each
         self._raised: set[tuple[object, ...]] = set()
         self._tracebacks: deque[tuple[str, BaseException]] = deque()
         self._closed = threading.Event()
@@ -115,8 +125,10 @@ class RobotAdapter:
                 self._fails("read", error)
             self._alone()
         health = self._newest.health or Health(self._robot.now(), math.nan, ())
-        faults, self._failed = (*health.faults, *self._failed.values())[:_MOST], {}
-        return self._newest._replace(health=health._replace(faults=tuple(map(_brief, faults))))
+        faults = tuple(map(_brief, (*health.faults, *self._faults.values())[:_MOST]))
+        failed = None if health.faults else next(iter(self._failed.values()), None)
+        self._failed, self._faults = {}, {}
+        return self._newest._replace(health=health._replace(faults=faults, failed=failed))
 
     def send(self, twist: Twist) -> Twist:
         """Send a twist, limited to the speeds; one that is not finite is a stop."""
@@ -167,7 +179,10 @@ class RobotAdapter:
     def _fails(self, call: str, error: BaseException) -> None:
         """An exception in the robot's code becomes a fault; its traceback is kept, once for each
         kind and place."""
-        self._failed[call] = _said(call, error)
+        ours = isinstance(error, CohelmError)  # a sentence already
+        why = str(error) if ours else _named(error)
+        self._failed[call] = FailedCall(call, _brief(why))
+        self._faults[call] = why if ours else f"{call} failed: {why}"
         at = error.__traceback__
         while at is not None and at.tb_next is not None:
             at = at.tb_next
@@ -319,12 +334,6 @@ def _traceback(call: str, error: BaseException) -> str:
 def _print(text: str) -> None:
     with contextlib.suppress(Exception):  # the driver may have closed it
         print(text, file=sys.stderr, flush=True)
-
-
-def _said(method: str, error: BaseException) -> str:
-    if isinstance(error, CohelmError):  # a sentence already
-        return str(error)
-    return f"{method} failed: {_named(error)}"
 
 
 def _named(error: BaseException) -> str:

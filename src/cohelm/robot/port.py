@@ -93,6 +93,14 @@ class Encoded(NamedTuple):
     """A file of JPEG or another kind that is common."""
 
 
+class FailedCall(NamedTuple):
+    """A call of a robot's driver that failed."""
+
+    call: str
+    """read, send, stop or close."""
+    why: str
+
+
 class Health(NamedTuple):
     """The robot's own report of its state."""
 
@@ -101,6 +109,8 @@ class Health(NamedTuple):
     """Share of its charge, NaN if not known."""
     faults: tuple[str, ...]
     """Faults, a sentence each; the robot does not drive while there is one."""
+    failed: FailedCall | None = None
+    """The call that the first of them is of; None: the robot reports it itself."""
 
 
 class Readings(NamedTuple):

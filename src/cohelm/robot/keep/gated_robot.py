@@ -16,13 +16,12 @@ from cohelm.robot.keep.record_pipe import Event, RecordLine
 from cohelm.robot.keep.watch import monitors
 from cohelm.robot.model import RobotModel
 from cohelm.robot.monitor import UNRESTRICTED, Monitor, Restriction, strictest
-from cohelm.robot.port import DrawnCamera, Odometry, Readings, RobotPort, Traced
+from cohelm.robot.port import DrawnCamera, Health, Odometry, Readings, RobotPort, Traced
 
 QUIET = 1.0
 """A refusal or limit is logged again once it has been absent for this long [s]."""
 STANDS_V, STANDS_OMEGA = 0.02, 0.03
 """A robot with less measured speed than this stands [m/s, rad/s]."""
-_CALLS = ("read", "send", "stop")
 _FADES = 0.8  # of how long a call took, from one period to the next
 _FARTHEST, _FASTEST = 1e6, 1e3
 """Bounds of plausible odometry: pose [m, rad] and twist [m/s, rad/s]."""
@@ -60,8 +59,8 @@ class LocalGatedRobot:
         self._robot, self._rules, self._calling = robot, rules, calling
         self._traced = robot if isinstance(robot, Traced) else None
         self._monitors = monitors(robot.model, rules) if watched_by is None else watched_by
-        self._fault = ""
-        """Fault that the robot reports in its newest readings."""
+        self._unsound = ""
+        """Why there is no reset, by the robot's newest readings; empty: it reports no fault."""
         self._restriction = UNRESTRICTED
         """The monitors' restriction by the newest readings, for any proposal."""
         self.monitor_share = 1.0
@@ -102,10 +101,9 @@ class LocalGatedRobot:
         """The newest of everything; a fault that the robot reports is latched."""
         begun = self._robot.now()
         readings = _bounded_odometry(self._called("read"))
-        faults = () if readings.health is None else readings.health.faults
-        self._fault = faults[0] if faults else ""
-        if self._fault:
-            self.fault(f"the robot reports: {self._fault}")
+        self._unsound = still(readings.health)
+        if readings.health is not None and readings.health.faults:
+            self.fault(f"the robot reports: {readings.health.faults[0]}")
         self._check_wait("read", begun)
         self._log_traceback()
         if self._monitors:
@@ -153,8 +151,8 @@ class LocalGatedRobot:
     def reset(self) -> str:
         """Clear a stop or fault, into IDLE; not while the robot reports a fault, which would latch
         again at once."""
-        if self._fault and latched(self._gate.mode):
-            return still(self._fault)
+        if self._unsound and latched(self._gate.mode):
+            return self._unsound
         gate, refusal = gates.reset(self._gate, self._robot.now(), self._rules)
         self._apply(gate)
         return refusal
@@ -276,12 +274,13 @@ class LocalGatedRobot:
             self._latched_at = math.nan
 
 
-def still(fault: str) -> str:
-    """Why there is no reset: what a robot reported stays. fault: as it reports it."""
-    call, failed, what = fault.partition(" failed: ")
-    if failed and call in _CALLS:
-        return f"{call} still fails: {what}"
-    return f"the robot reports: {fault}"
+def still(health: Health | None) -> str:
+    """Why there is no reset: what a robot reported stays. Empty: it reports no fault."""
+    if health is None or not health.faults:
+        return ""
+    if health.failed is not None:
+        return f"{health.failed.call} still fails: {health.failed.why}"
+    return f"the robot reports: {health.faults[0]}"
 
 
 def standing(twist: Twist) -> bool:
