@@ -11,7 +11,7 @@ from cohelm.perceive.pipeline import Perception
 from cohelm.perceive.scan.deskew import NO_SWEEP
 from cohelm.perceive.space.assumed import ASSUMED_FREE, turning_ground
 from cohelm.perceive.space.cell_window import cell, holds
-from cohelm.perceive.space.unobserved import (
+from cohelm.perceive.space.observed_cells import (
     KEPT,
     assumed_free,
     extent,
