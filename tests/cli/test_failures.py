@@ -46,12 +46,18 @@ def test_a_successful_drive_reports_no_failure():
     assert failures(SOUND) == []
 
 
+@pytest.mark.parametrize("share", [0.3, 0.5, None])
+def test_a_robot_found_again_has_not_failed_unless_it_was_lost_most_of_the_time(share):
+    assert failures(SOUND | {"lost_share": share}) == []
+
+
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
         ({"faulted": True, "reason": "the scan is 372 ms old"}, "372 ms old"),
         ({"not_begun": "there is no odometry"}, "it never drove: there is no odometry"),
         ({"lost": True, "lost_share": 1.0}, "was not localized on the map (100% of"),
+        ({"lost_share": 0.6}, "for most of the drive the robot was not localized on the map (60%"),
         (
             {"docked": False, "docking": "its corridor is occupied"},
             "has not docked: its corridor is",

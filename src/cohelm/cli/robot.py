@@ -328,9 +328,11 @@ def failures(summary: dict[str, Any]) -> list[str]:
         found.append(f"the robot stopped itself: {summary['reason']}")
     if summary["not_begun"]:
         found.append(f"it never drove: {summary['not_begun']}")
-    if summary["lost"]:
-        share, cure = summary["lost_share"] or 0.0, ": does the map fit, and the start?"
-        lost = f"at the end the robot was not localized on the map ({share:.0%} of the time)"
+    share = summary["lost_share"] or 0.0
+    if summary["lost"] or share > 0.5:  # found again, but lost for longer than it was localized
+        when = "at the end" if summary["lost"] else "for most of the drive"
+        lost = f"{when} the robot was not localized on the map ({share:.0%} of the time)"
+        cure = ": does the map fit, and the start?"
         found.append(lost if summary["faulted"] or summary["not_begun"] else lost + cure)
     if summary["record_whole"] is False:
         found.append(f"the record is not whole: {summary['record_fault']}")
