@@ -130,7 +130,7 @@ class Listeners:
         band = lidar.model_copy(update={"height_band_m": (0.1, 0.5)})
         seen = depth.described(test_depth.CAM, body, test_depth.GIVEN, "/depth")
         self._readers: dict[str, Callable[[Any], object]] = {
-            SCAN: Ranges(lidar, flat).of, CLOUD: CloudRanges(band, np.eye(4), "/cloud").of,
+            SCAN: Ranges(lidar, flat, "/scan").of, CLOUD: CloudRanges(band, np.eye(4), "/cloud").of,
             IMAGE: depth.DepthRanges(seen, test_depth.CAM, body, "/depth").of,
             CAMERA_INFO: lambda message: depth.camera(message, "/camera_info"),
             TF: lambda message: StaticTransforms().add(message),

@@ -32,7 +32,7 @@ def around(scan, mount) -> dict[int, float]:
     """Range by bearing in the body [deg]."""
     model = lidar_model(scan, "/scan", mount, 10.0, 0.0, None)
     numbers = model.lidar()
-    got = Ranges(model, mount).of(scan)
+    got = Ranges(model, mount, "/scan").of(scan)
     bearings = np.degrees(numbers.mount.psi + numbers.first + numbers.step * np.arange(len(got)))
     return {round(b) % 360: r for b, r in zip(bearings, got, strict=True)}
 
@@ -77,7 +77,7 @@ def test_a_scan_with_other_beams_than_the_first_keeps_the_nearest():
     model = lidar_model(message(0.0, STEP, np.full(360, 5.0)), "/scan", UPRIGHT, 10.0, 0.0, None)
     finer = np.full(720, 3.0)
     finer[100] = 1.0
-    got = Ranges(model, UPRIGHT).of(message(0.0, 0.5 * STEP, finer))
+    got = Ranges(model, UPRIGHT, "/scan").of(message(0.0, 0.5 * STEP, finer))
     assert len(got) == 360
     assert np.nanmin(got) == 1.0
     assert (got == 1.0).sum() == 1
@@ -99,3 +99,12 @@ def test_invalid_scans_are_refused(wrong):
     with pytest.raises(CohelmError, match="/scan"):
         lidar_model(wrong, "/scan", UPRIGHT, 10.0, 0.0, None)
     assert laser.NOISE > 0.0
+
+
+def test_a_damaged_scan_is_refused_by_the_name_of_its_topic():
+    scan = message(-1.0, 0.1, np.ones(21))
+    ranges = Ranges(
+        lidar_model(scan, "/rear/scan", UPRIGHT, 10.0, 0.0, None), UPRIGHT, "/rear/scan"
+    )
+    with pytest.raises(CohelmError, match=r"^/rear/scan holds no scan"):
+        ranges.of(message(-1.0, 0.0, np.ones(21)))

@@ -105,10 +105,10 @@ def taken(scan: Any, mount: Mount) -> tuple[float, float]:
 
 
 class Ranges:
-    """Maps ranges onto the beams of a model."""
+    """Maps ranges of the scans of a topic onto the beams of a model."""
 
-    def __init__(self, model: LidarModel, mount: Mount) -> None:
-        self.model, self._mount = model, mount
+    def __init__(self, model: LidarModel, mount: Mount, topic: str) -> None:
+        self.model, self._mount, self._topic = model, mount, topic
         numbers = model.lidar()
         self._first, self._step = numbers.first, numbers.step
         self._yaw = model.mount.psi - mount.pose.psi
@@ -120,7 +120,7 @@ class Ranges:
         """(beams,) [m]: NaN where nothing was measured, which drivers also report as 0; -inf too
         near, inf nothing there. Several on one beam: the nearest. CohelmError for an invalid
         scan."""
-        found = layout(scan, "the message")
+        found = layout(scan, self._topic)
         if found != self._layout:
             self._layout, self._beams = found, self._beams_of(found)
         with np.errstate(invalid="ignore"):  # bytes may be any kind of NaN

@@ -262,7 +262,7 @@ def _ranges(
         return DepthRanges(model, found.camera, found.cloud, found.topic)
     if found.cloud is not None:
         return CloudRanges(model, found.cloud, found.topic)
-    return laser.Ranges(model, found.mount)
+    return laser.Ranges(model, found.mount, found.topic)
 
 
 class Ros2Make:

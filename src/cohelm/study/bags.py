@@ -101,7 +101,7 @@ def _read(
     wrong: list[str] = []
     for stamp, m in seen:
         try:
-            on_beams = on_beams or Ranges(_lidar(m, scans_from, mount), mount)
+            on_beams = on_beams or Ranges(_lidar(m, scans_from, mount), mount, scans_from)
             ranges = on_beams.of(m)
         except CohelmError as error:
             wrong.append(str(error))
