@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SOURCES = ROOT / "src" / "cohelm"
 TEXT = " ".join((ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8").split())
-RAISING = {"on", "trouble", "over_already", "_alarm_while", "_notice"}
+RAISING = {"on", "trouble", "over_already", "_alarm_while", "_notice", "Loss"}
 SENTENCES = (
     "drive/path_check.py", "drive/progress_watch.py", "drive/rerouting.py", "link/lease.py",
     "loop/authorization.py", "loop/docking.py", "loop/sensor_watchdog.py", "loop/supervisor.py",
@@ -25,7 +25,7 @@ ONLY_LOGGED = {
     "{requested.name} requests {what.name} {value}: {refusal or 'done'}",
     "{math.copysign(way, motion[0]):.2f} m and {math.degrees(float(motion[2])):.0f} deg",
     "continues: {name}", "stands: {why}", "mode {mode.name}",
-    "{why}: the controller continues alone",
+    "{lost.why}: the controller continues alone",
     "the driver who chose the mode has changed: hold", "{docking.activity}: {ended.why}",
     "{self.docking.activity} ended: {ended.why}", "replaced by another request",
     "{dock.name} is left",

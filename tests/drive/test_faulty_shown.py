@@ -87,7 +87,7 @@ def test_the_log_has_the_lines_of_a_traceback_below_each_other(tmp_path):
     log = Log(tmp_path / "drive.mcap")
     log(Event(1.0, "gate", "read failed:\nTraceback\n  here", True))
     log(Event(2.0, "gate", "next"))
-    log.close()
+    log.close(kept=True)
     lines = (tmp_path / "drive.log").read_text().splitlines()
     assert lines[0] == "     1.000 ! gate: read failed:"
     assert [line.strip() for line in lines[1:3]] == ["Traceback", "here"]
