@@ -60,8 +60,8 @@ class LocalizerParams(NamedTuple):
     has not [m]: else it may be the map of another building, and a place must hold for as long as
     none did. So far the one who gave map and start is trusted,"""
     most_trust: float = 10.0
-    """and no way explained counts for more than this, so that a wrong map is noticed in the end
-    [m]."""
+    """and no way explained counts for more than this, so that a wrong map is noticed in the end;
+    nor does one that was not, as long as a place was believed: that map may be out of date [m]."""
     refused: float = 16.0
     """Squared Mahalanobis distance from the prediction beyond which a match is rejected."""
     good: float = 0.9

@@ -144,7 +144,8 @@ class Localizer:
                 fit, judged, pushed = wider_fit, wider_judged, True
                 fits = self._judge.fits(wider_judged, self._alarm.raised)
         check.held(fits, distance)
-        self._trust = min(self._trust + (distance if fits else -distance), PARAMS.most_trust)
+        trust = self._trust + (distance if fits else -distance)
+        self._trust = min(max(trust, -PARAMS.most_trust), PARAMS.most_trust)
         long_unfitted = check.long_unfitted
         doubtful = long_unfitted and not self._judge.fair(judged, PARAMS.poor)
         if may_have_moved and not fits:
