@@ -17,7 +17,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -49,7 +49,7 @@ from tests.perceive.buildings import (  # noqa: E402
     surveying,
     tour,
 )
-from tests.perceive.drives import DT, LIDAR, Shift, along, drive, shifted  # noqa: E402
+from tests.perceive.drives import DT, LIDAR, Moment, Shift, along, drive, shifted  # noqa: E402
 
 DATA = ROOT.parent / "shared" / "data" / "maps"
 SALLY = robot("sally").model_copy(update={"lidar": LIDAR})
@@ -616,6 +616,21 @@ def mirrored(made: OccupancyMap) -> OccupancyMap:
     return replace(made, cells=made.cells[:, ::-1].copy())
 
 
+def sure_again(
+    perception: Perception, moments: Iterable[Moment], start: Pose | None
+) -> tuple[bool, float, float]:
+    """Whether the robot was lost, for how long it then believed a pose all the same, and when it
+    began to [s]. The start, which is believed at first, does not count."""
+    believed, was_lost, sure, began = start is None, False, 0.0, math.inf
+    for moment in moments:
+        lost = perception.take(moment.now, moment.readings).lost
+        believed = believed or not lost
+        was_lost = was_lost or (believed and lost)
+        if was_lost and not lost:
+            sure, began = sure + DT, min(began, moment.now)
+    return was_lost, sure, began
+
+
 def foreign(given: argparse.Namespace, first: int, last: int) -> None:
     """Driven with a map of somewhere else, or of the same place mirrored: without a start, and from
     one somewhere on that map. Whatever pose is believed once it was lost is wrong."""
@@ -637,17 +652,9 @@ def foreign(given: argparse.Namespace, first: int, last: int) -> None:
             for start in (None, Pose(*known.places[rng.integers(len(known.places))][:2], 0.0)):
                 k = int(rng.integers(0, len(poses) - 1 - steps))
                 seed = int(rng.integers(1_000_000))
-                perception = Perception(SALLY, known, start)
-                believed, was_lost, sure, began = start is None, False, 0.0, math.inf
-                on = poses[k : k + steps + 1]
-                for moment in drive(
-                    on, twists[k : k + steps], seed, NO_DISCS, world.walls, grid=world.grid
-                ):
-                    seen = perception.take(moment.now, moment.readings)
-                    believed = believed or not seen.lost  # the start, at first
-                    was_lost = was_lost or (believed and seen.lost)
-                    if was_lost and not seen.lost:
-                        sure, began = sure + DT, min(began, moment.now)
+                on, by = poses[k : k + steps + 1], twists[k : k + steps]
+                moments = drive(on, by, seed, NO_DISCS, world.walls, grid=world.grid)
+                was_lost, sure, began = sure_again(Perception(SALLY, known, start), moments, start)
                 drives, sure_ones, all_sure = drives + 1, sure_ones + (sure > 0.0), all_sure + sure
                 how = "no start" if start is None else "started"
                 row = {"name": world.name, "kind": f"foreign, {how}", "map": name, "sure": sure}

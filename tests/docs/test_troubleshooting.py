@@ -35,7 +35,7 @@ ONLY_LOGGED = {
 """Neither alarm nor refusal: what the log alone has, and why a command was cut."""
 
 
-def strings(node: ast.AST, documented: bool = False) -> Iterator[tuple[str, str]]:
+def strings(node: ast.AST) -> Iterator[tuple[str, str]]:
     """Each text that is no docstring: as written, and its longest constant piece."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant):

@@ -123,7 +123,7 @@ def test_where_it_left_off_is_believed_though_a_third_of_the_map_is_wrong():
     own, far = at(0.0, -28.0, agree=0.79), at(9.0, -28.5, agree=0.76)
     for one in (own, far):
         one.prior = found._prior(one)
-    verdict = found.verdict([own, far], PARAMS.trust)
+    verdict = found.verdict([own, far], -PARAMS.trust)
     assert verdict.best is own
     assert verdict.why == ""
 
@@ -144,7 +144,7 @@ def test_along_a_wall_the_last_pose_is_known_as_well_as_by_odometry():
     own, beside, far = along_a_wall(0.1, -3.2), along_a_wall(-0.55, -4.0), at(5.0, 5.0, 1.0, 105)
     for one in (own, beside, far):
         one.prior = found._prior(one)
-    said = [found.verdict([own, beside, far], PARAMS.trust) for _ in range(PARAMS.steady)]
+    said = [found.verdict([own, beside, far], -PARAMS.trust) for _ in range(PARAMS.steady)]
     assert said[0].why  # and not at once
     assert said[-1].why == ""
     assert abs(said[-1].best.pose.x) < 0.02
@@ -157,7 +157,7 @@ def test_a_place_far_off_that_looks_better_than_where_it_left_off_by_as_much_kee
     own, far = along_a_wall(0.1, -3.2), at(5.0, 8.0, 1.0, 105)
     for one in (own, far):
         one.prior = found._prior(one)
-    assert all(found.verdict([own, far], PARAMS.trust).why for _ in range(2 * PARAMS.steady))
+    assert all(found.verdict([own, far], -PARAMS.trust).why for _ in range(2 * PARAMS.steady))
 
 
 def test_people_about_speak_no_less_against_where_it_stands_than_against_its_twin():

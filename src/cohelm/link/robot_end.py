@@ -186,7 +186,7 @@ class RobotEnd(IoThread):
                 if source[:2] != client.address[:2]:
                     continue
                 if client.decrypted.take(self.clock()):
-                    self._datagram(client.merged, datagram)
+                    self._datagram(client, datagram)
                 else:
                     self._not_used(client, "a flood")
         for guest in self._listener.turn():
@@ -217,20 +217,22 @@ class RobotEnd(IoThread):
             client = self._clients.add(guest, self.clock())
         self._log_line(client, f"{client.name} is connected from {guest.address[0]}")
         for message in guest.first:
-            self._message(client.merged, message)
+            self._message(client, message)
 
     def _datagram(self, client: Client, datagram: bytes) -> None:
+        client = client.merged
         try:
             messages = client.channel.take(datagram)
         except HandshakeRefused as refused:
             self._remove(client, str(refused))
             return
         for message in messages:
-            if client.merged.number in self._clients:
-                self._message(client.merged, message)
+            self._message(client, message)
 
     def _message(self, client: Client, data: bytes) -> None:
-        now = self.clock()
+        client, now = client.merged, self.clock()
+        if client.number not in self._clients:
+            return
         too_many = not client.datagrams.take(now)
         if too_many:
             self._not_used(client, "too many")

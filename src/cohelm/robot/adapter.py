@@ -79,8 +79,7 @@ class RobotAdapter:
         self._calls = threading.Lock()  # into the robot: one at a time
         self._commanded = self._stopped = -math.inf
         self._moves = False
-        self._failed: dict[str, FailedCall] = {}
-        self._faults: dict[str, str] = {}  # the same, a sentence each
+        self._failed: dict[str, tuple[FailedCall, str]] = {}  # by call, each with its sentence
         self._raised: set[tuple[object, ...]] = set()
         self._tracebacks: deque[tuple[str, BaseException]] = deque()
         self._closed = threading.Event()
@@ -125,10 +124,10 @@ class RobotAdapter:
                 self._fails("read", error)
             self._alone()
         health = self._newest.health or Health(self._robot.now(), math.nan, ())
-        faults = tuple(map(_brief, (*health.faults, *self._faults.values())[:_MOST]))
-        failed = None if health.faults else next(iter(self._failed.values()), None)
-        self._failed, self._faults = {}, {}
-        return self._newest._replace(health=health._replace(faults=faults, failed=failed))
+        failed, self._failed = tuple(self._failed.values()), {}
+        faults = tuple(map(_brief, (*health.faults, *(said for _, said in failed))[:_MOST]))
+        first = failed[0][0] if failed and not health.faults else None
+        return self._newest._replace(health=health._replace(faults=faults, failed=first))
 
     def send(self, twist: Twist) -> Twist:
         """Send a twist, limited to the speeds; one that is not finite is a stop."""
@@ -181,8 +180,8 @@ class RobotAdapter:
         kind and place."""
         ours = isinstance(error, CohelmError)  # a sentence already
         why = str(error) if ours else _named(error)
-        self._failed[call] = FailedCall(call, _brief(why))
-        self._faults[call] = why if ours else f"{call} failed: {why}"
+        said = why if ours else f"{call} failed: {why}"
+        self._failed[call] = FailedCall(call, _brief(why)), said
         at = error.__traceback__
         while at is not None and at.tb_next is not None:
             at = at.tb_next

@@ -290,19 +290,16 @@ class Hypotheses:
 
     @property
     def held(self) -> float:
-        """Way for which places that fit have been followed, as far as it is known that they do
-        [m]."""
-        return self._since.driven if self.all else 0.0
+        """`travel` for which places that fit have been followed [m]."""
+        return self._since.all_travel if self.all else 0.0
 
-    def verdict(self, kept: list[Hypothesis], trust: float) -> PlaceVerdict:
-        """Whether the best of the ranked hypotheses can be believed. trust: way that the map has
-        explained, less what it has not, all of it since the robot became lost being the latter
-        [m]."""
+    def verdict(self, kept: list[Hypothesis], vain: float) -> PlaceVerdict:
+        """Whether the best of the ranked hypotheses can be believed. vain: see `SearchContext`."""
         since = self._since
         driven = since.way >= PARAMS.travelled or since.turned >= 2.0 * PARAMS.travelled
         about = SearchContext(
             self.cold_start, self._whole, bool(kept) and self._complete(kept), self.whole_map,
-            self.moved, -(trust + 2.0 * self.held), since.views, driven, self.left,
+            self.moved, vain, since.views, driven, self.left,
             self.before.pose if self.before else None,
         )  # fmt: skip
         found = self._belief.verdict(kept, about)

@@ -23,6 +23,7 @@ from cohelm.perceive.localize.hypotheses import Hypotheses
 from cohelm.perceive.localize.hypothesis import Departure
 from cohelm.perceive.localize.kidnap_alarm import KidnapAlarm
 from cohelm.perceive.localize.localization_map import LocalizationMap
+from cohelm.perceive.localize.past_views import travel
 from cohelm.perceive.localize.pose_check import PoseCheck
 from cohelm.perceive.localize.scan_judge import ScanJudge
 from cohelm.perceive.match.odometry_covariance import (
@@ -207,7 +208,7 @@ class Localizer:
         pose, self._joint = predict(self.located.pose, self._joint, step)
         self.located = self.located._replace(pose=pose, covariance=self._joint[:3, :3].copy())
         self._hypotheses.follow(step, sweep, flat, self._joint)
-        self._trust -= math.hypot(step.x, step.y) + 0.5 * abs(step.psi)
+        self._trust -= travel(step)  # unless a place is found that has held for some of it
         if self._hypotheses.has_results:
             self._decide()
         if self.located.lost and self._hypotheses.search_due:
@@ -227,14 +228,14 @@ class Localizer:
         kept = self._hypotheses.ranked()
         if self._check.on and self._pose_holds():
             return
-        held = self._hypotheses.held
-        best, lead, proven, why = self._hypotheses.verdict(kept, self._trust)
+        trust = self._trust + 2.0 * self._hypotheses.held  # if what has held is right
+        best, lead, proven, why = self._hypotheses.verdict(kept, -trust)
         if best is None:
             self.located = self.located._replace(lost=True, reason=why)
         elif why:
             self.located = Localization(best.pose, best.covariance, best.judged.agree, True, why)
         else:
-            self._trust = min(self._trust + 2.0 * held, PARAMS.most_trust)
+            self._trust = min(trust, PARAMS.most_trust)
             self._reset_search()
             self._accept(best.pose, best.covariance, best.judged.agree, lead, proven)
 

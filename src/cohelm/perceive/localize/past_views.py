@@ -16,6 +16,11 @@ NEAR = 0.15
 _HERE = Pose(0.0, 0.0, 0.0)
 
 
+def travel(step: Pose) -> float:
+    """How far a step leads to another view: distance, half of the angle added [m]."""
+    return math.hypot(step.x, step.y) + 0.5 * abs(step.psi)
+
+
 class PastView(NamedTuple):
     """An earlier scan, whose body pose is `back` as seen from now, and its weight."""
 
@@ -53,10 +58,7 @@ class LastMetres:
 
     def use(self) -> list[PastView]:
         """The independent views, for a search that begins."""
-        self.used = [
-            view for view in self.views
-            if math.hypot(view.back.x, view.back.y) + 0.5 * abs(view.back.psi) > NEAR
-        ]  # fmt: skip
+        self.used = [view for view in self.views if travel(view.back) > NEAR]
         return self.used
 
     def forget(self) -> None:
@@ -90,12 +92,12 @@ class SinceLost:
 
     @property
     def off(self) -> float:
-        """Distance from the last one kept, half of the angle added [m]."""
-        return math.hypot(self.leg.x, self.leg.y) + 0.5 * abs(self.leg.psi)
+        """`travel` since the last one kept [m]."""
+        return travel(self.leg)
 
     @property
-    def driven(self) -> float:
-        """Distance over all, half of the angle added [m]."""
+    def all_travel(self) -> float:
+        """`travel` over all [m]."""
         return self.way + 0.5 * self.turned + self.off
 
     def keep(self, step: Pose, share: float) -> None:

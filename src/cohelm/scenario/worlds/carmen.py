@@ -89,11 +89,10 @@ def read_log(path: Path | str) -> RecordedDrive:
     Scans of another number of beams than most, and lines that are cut short or hold no numbers,
     or have a time a minute from those around them, are left out, and so said. A log that ends in
     the middle of a line, or its archive before its end, is read as far as it goes, and not whole.
-    Time is when a line
-    was written down, or when it was sent; where neither goes on from scan to scan, but each scan
-    has its pose in its line, they count as ten a second, in their order. Raises CohelmError where
-    there is no such file, no scan with a pose in it, no time, or where times are in milliseconds
-    or the like, ranges in millimetres or centimetres, or headings in degrees.
+    Time is when a line was written down, or when it was sent; where neither goes on from scan to
+    scan, but each scan has its pose in its line, they count as ten a second, in their order. Raises
+    CohelmError where there is no such file, no scan with a pose in it, no time, or where times are
+    in milliseconds or the like, ranges in millimetres or centimetres, or headings in degrees.
     """
     unpacked, whole = contents_as_far(path, "a CARMEN log", _LARGEST)
     lines: list[_Line] = []

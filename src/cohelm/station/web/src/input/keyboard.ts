@@ -51,10 +51,11 @@ export function listenToKeys(): void {
       return
     }
     // the space bar, which ticks a box elsewhere, stops the robot here
-    if (event.code === 'Enter' && event.target instanceof HTMLInputElement && event.target.type === 'checkbox') event.target.click()
+    const field = event.target instanceof HTMLInputElement ? event.target : null
+    if (event.code === 'Enter' && !event.repeat && field?.type === 'checkbox') field.click()
     if (KEYS[event.code] === undefined || typing(event.target, event.code)) return
     event.preventDefault()
-    if (event.target instanceof HTMLInputElement && event.target.type === 'number') event.target.blur()
+    if (field?.type === 'number') field.blur()
     // a key that was released by us and is still held must be pressed again
     if (!event.repeat) held.add(event.code)
   })
